@@ -35,11 +35,12 @@ def journal(folder):
 def test_a_plan_is_captured(tmp_path):
     """Every sample is in the journal when it is told of, with its picture, states near its plan, and what was seen."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        sketch, plan = planned(world, tmp_path, 3)
+        sketch, plan = planned(world, tmp_path, 5)
         for count, step in enumerate(capture(Taker(rig, sketch, tmp_path, FAST), plan), start=1):
-            assert (step.sample, step.why_not, step.taken, step.planned) == (count - 1, "", count, 3)
+            assert (step.sample, step.why_not, step.taken, step.planned) == (count - 1, "", count, 5)
             assert len(journal(tmp_path)) == count
         assert step.sigma is not None
+        assert step.doubts == ()
         assert unfinished(tmp_path, world.cell) == ()
     recording = read_recording(tmp_path)
     for sample, wanted in zip(recording.samples, plan, strict=True):

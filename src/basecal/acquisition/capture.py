@@ -14,7 +14,8 @@ from typing import Any
 
 from basecal.acquisition.coverage import Coverage, coverage_of
 from basecal.acquisition.freedrive import Key, Led, led_elsewhere
-from basecal.acquisition.running_estimate import RunningEstimate, running_estimate
+from basecal.acquisition.running.background import BackgroundCheck
+from basecal.acquisition.running.check import Doubt
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import Taker
 from basecal.bounded_file import read_bounded
@@ -46,7 +47,8 @@ class Step:
         taken: How many samples there are now.
         planned: How many the plan has.
         coverage: Of all of them.
-        sigma: Of the transform asked for, along [m] and about [rad] its axes; None while a direction is open.
+        sigma: Of the requested transform, 3-D norms [m] and [rad] as in the report; None while a direction is open.
+        doubts: What disagrees, as far as it was not reported before.
     """
 
     sample: int
@@ -55,6 +57,7 @@ class Step:
     planned: int
     coverage: Coverage
     sigma: tuple[float, float] | None
+    doubts: tuple[Doubt, ...] = ()
 
 
 def unfinished(folder: Path, cell: Cell) -> tuple[Sample, ...]:
@@ -89,31 +92,37 @@ def capture(by: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> 
         plan: What is to be taken.
         replan: What else is to be taken instead of what is left, after each sample; nothing changes where None.
 
+    A sample that disagrees with those before it is taken once more at the same place.
+
     Raises:
         InputError: if a file cannot be written, or no camera has a driver.
         DriverError: if a robot or camera does not answer.
     """
-    captured = _begun(by, len(plan))
-    led_from: dict[str, RobotState] = {}
-    left = list(plan)
-    while left:
-        wanted, why_not = left.pop(0), ""
-        try:
-            led_from = led_elsewhere(by.rig, led_from, by.settings.lead_patience_s)
-            found = by.take(wanted, captured.taken)
-        except Unfit as why:
-            why_not = str(why)
-            told = {**sample_to_dict(wanted, ""), "why": why_not}
-            append_durably(by.folder / GIVEN_UP, json.dumps(told) + "\n", within=by.folder)
-        else:
-            append_sample(by.folder, replace(found, observations=()))
-            captured.add(found)
-        if replan is not None:
-            by.tell("planning anew")
-            instead = replan(captured.taken, given_up(by.folder, by.sketch.cell))
-            left = list(store_plan(by.folder, by.sketch.cell, instead))
-            captured.planned = len(captured.taken) + len(left)
-        yield captured.step(wanted.sample, why_not)
+    with BackgroundCheck(by.sketch.cell) as check:
+        captured = _begun(by, len(plan), check)
+        led_from: dict[str, RobotState] = {}
+        left = list(plan)
+        while left:
+            wanted, why_not = left.pop(0), ""
+            try:
+                led_from = led_elsewhere(by.rig, led_from, by.settings.lead_patience_s)
+                found = by.take(wanted, captured.undoubted)
+            except Unfit as why:
+                why_not = str(why)
+                told = {**sample_to_dict(wanted, ""), "why": why_not}
+                append_durably(by.folder / GIVEN_UP, json.dumps(told) + "\n", within=by.folder)
+            else:
+                append_sample(by.folder, replace(found, observations=()))
+                captured.add(found)
+            if replan is not None:
+                by.tell("planning anew")
+                instead = replan(captured.taken, given_up(by.folder, by.sketch.cell))
+                left = list(store_plan(by.folder, by.sketch.cell, instead))
+                captured.planned = len(captured.taken) + len(left)
+            step = captured.step(wanted.sample, why_not, is_last=not left)
+            if replan is None:
+                left = captured.repeated(step, plan, left)
+            yield step
 
 
 def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
@@ -128,49 +137,64 @@ def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
         InputError: if a file cannot be written, or no camera has a driver.
         DriverError: if a robot or camera does not answer.
     """
-    captured = _begun(by, samples)
-    last = max((sample.sample for sample in captured.taken), default=-1)
-    number, end = last + 1, last + 1 + samples
-    led = Led(by.rig, key, by.tell)
-    while number < end and led.wait():
-        try:
-            found = by.take(Sample(number), captured.taken)
-        except Unfit as why:
-            yield captured.step(number, str(why))
-            continue
-        append_sample(by.folder, replace(found, observations=()))
-        captured.add(found)
-        yield captured.step(number)
-        number += 1
+    with BackgroundCheck(by.sketch.cell) as check:
+        captured = _begun(by, samples, check)
+        last = max((sample.sample for sample in captured.taken), default=-1)
+        number, end = last + 1, last + 1 + samples
+        led = Led(by.rig, key, by.tell)
+        while number < end and led.wait():
+            try:
+                found = by.take(Sample(number), captured.undoubted)
+            except Unfit as why:
+                yield captured.step(number, str(why))
+                continue
+            append_sample(by.folder, replace(found, observations=()))
+            captured.add(found)
+            yield captured.step(number, is_last=number + 1 == end)
+            number += 1
 
 
 class _Captured:
     """Samples taken so far, and what they say."""
 
-    def __init__(self, by: Taker, planned: int, taken: Sequence[Sample]) -> None:
-        self.taken = list(taken)
+    def __init__(self, by: Taker, planned: int, taken: Sequence[Sample], check: BackgroundCheck) -> None:
+        self.taken: list[Sample] = []
         self.planned = planned
-        self._by = by
-        self._estimate: RunningEstimate = running_estimate(by.sketch)
+        self._by, self._check = by, check
+        self._doubted: set[int] = set()
         for sample in taken:
-            self._estimate = self._estimate.added(sample)
+            self.add(sample)
+
+    @property
+    def undoubted(self) -> list[Sample]:
+        """Samples that need not be taken again."""
+        return [sample for sample in self.taken if sample.sample not in self._doubted]
 
     def add(self, sample: Sample) -> None:
-        """Count a sample among those taken, and in the running estimate."""
+        """Count a sample among those taken, and have it checked."""
         self.taken.append(sample)
-        self._estimate = self._estimate.added(sample)
+        self._check.add(sample)
 
-    def step(self, sample: int, why_not: str = "") -> Step:
+    def step(self, sample: int, why_not: str = "", is_last: bool = False) -> Step:
         """What there is to tell once a sample is taken, or is not and why."""
-        covered = coverage_of(self._by.sketch, self.taken)
-        return Step(sample, why_not, len(self.taken), self.planned, covered, self._estimate.sigma())
+        covered, checked = coverage_of(self._by.sketch, self.taken), self._check.found(waits=is_last)
+        return Step(sample, why_not, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
+
+    def repeated(self, step: Step, plan: Sequence[Sample], left: Sequence[Sample]) -> list[Sample]:
+        """What is left, after the samples of a step's doubts that are worth taking again."""
+        again = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
+        number = max(sample.sample for sample in (*plan, *self.taken, *left)) + 1
+        places = [sample for sample in plan if sample.sample in again]
+        self._doubted |= again
+        self.planned += len(places)
+        return [*(replace(sample, sample=number + k) for k, sample in enumerate(places)), *left]
 
 
-def _begun(by: Taker, planned: int) -> _Captured:
+def _begun(by: Taker, planned: int, check: BackgroundCheck) -> _Captured:
     if not by.rig.cameras:
         raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
     recording = Recording(_taken(by.folder, by.sketch.cell), folder=str(by.folder))
-    return _Captured(by, planned, detect(by.sketch.cell, recording).samples)
+    return _Captured(by, planned, detect(by.sketch.cell, recording).samples, check)
 
 
 def _taken(folder: Path, cell: Cell) -> tuple[Sample, ...]:

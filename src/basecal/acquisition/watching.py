@@ -15,7 +15,7 @@ _LINES = 8  # of what has become of samples
 
 @dataclass(frozen=True)
 class Sigma:
-    """How well the base is known after so many `samples`: along [m] and about [rad] its axes."""
+    """How well the base is known after so many `samples`: 3-D norms of the sigmas [m] and [rad]."""
 
     samples: int
     t_m: float
@@ -31,6 +31,7 @@ class Glance:
         step: What has become of the last sample; None before the first.
         sigmas: After each sample since all directions were seen.
         said: What has become of the last samples, a line each.
+        doubts: What disagrees for the rest of the capture, a line each.
         pictures: The last one of each camera.
         states: The last one of each robot.
         is_over: Whether nothing follows.
@@ -40,6 +41,7 @@ class Glance:
     step: Step | None = None
     sigmas: tuple[Sigma, ...] = ()
     said: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     pictures: tuple[tuple[str, Grey], ...] = ()
     states: tuple[tuple[str, RobotState], ...] = ()
     is_over: bool = False
@@ -76,8 +78,9 @@ class Watch:
             sigmas = before.sigmas
             if step.sigma is not None and not step.why_not:
                 sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
-            said = (*before.said, line)[-_LINES:]
-            self._glance = replace(before, step=step, sigmas=sigmas, said=said)
+            said = (*before.said, line, *(doubt.message for doubt in step.doubts))[-_LINES:]
+            doubts = (*before.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
+            self._glance = replace(before, step=step, sigmas=sigmas, said=said, doubts=doubts)
 
     def report(self, words: str) -> None:
         """Note what a person should know."""

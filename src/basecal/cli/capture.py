@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -32,6 +32,32 @@ if TYPE_CHECKING:
     from basecal.planning.sketch import Sketch
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Moving:
+    """How arms may move.
+
+    Attributes:
+        speed_limit_deg_s: The fastest that any joint may turn.
+        tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move, in mm/s.
+        accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
+    """
+
+    speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0
+    tool_speed_limit: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=2000))] = 250.0
+    accept_no_watchdog: bool = False
+
+    @property
+    def limits(self) -> SpeedLimits:
+        """The limits, as a plan is checked with them."""
+        from basecal.planning.plan_check import SpeedLimits
+
+        return SpeedLimits(radians(self.speed_limit_deg_s), 1e-3 * self.tool_speed_limit)
+
+
+_USUAL = Moving()
+
+
 def capture(
     cell: Path,
     /,
@@ -46,10 +72,9 @@ def capture(
     freedrive: bool = False,
     dry_run: bool = False,
     more: bool = False,
-    accept_no_watchdog: bool = False,
-    speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0,
-    tool_speed_limit: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=2000))] = 250.0,
+    moving: Moving = _USUAL,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
+    stop_on_disagreement: bool = False,
     web: bool = False,
     port: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**16))] = 0,
     json: bool = False,
@@ -70,6 +95,10 @@ def capture(
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
+
+    From the fourth sample on each is compared with those before it. One that
+    disagrees is reported, and taken once more at the same place. A disagreement
+    that lasts, such as a base that moved, ends the command with 1.
 
     Ends with 0 where every sample was taken, or the tolerance is reached, else
     with 1.
@@ -98,37 +127,33 @@ def capture(
         freedrive: Take samples where a person leads the arms to.
         dry_run: Check the whole plan as --go does, ask the controllers, and print each way; nothing moves.
         more: Record other samples after a plan that is finished.
-        accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
-        speed_limit_deg_s: The fastest that any joint may turn.
-        tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move, in mm/s.
+        moving: How arms may move.
         seed: Another number makes another plan.
+        stop_on_disagreement: End the capture at a disagreement that lasts.
         web: Show the capture as a page as well, on this machine alone; the extra web.
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
-    from basecal.acquisition.rig import check_guarantees, open_rig
+    from basecal.acquisition.rig import open_rig
     from basecal.cell.files import read_cell
-    from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import sketch_of
 
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
     sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
-    limits = SpeedLimits(radians(speed_limit_deg_s), 1e-3 * tool_speed_limit)
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
-        shifts = ShiftsForTask(task, samples) if task and pattern == _SHIFTS else None
+        shifts = ShiftsForTask(task, samples) if task and replanned is None else None
         if not freedrive:
             wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
-            _check(rig, sketch, wanted, is_new, limits, replanned, go=go, dry_run=dry_run, quiet=json)
+            _check(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)
-            check_guarantees(rig, accept_no_watchdog)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        by = replace(_taker(view.rig(rig), sketch, cell, limits, view.tell), report=view.report)
-        steps = _taken(by, wanted, count if freedrive else None, replanned, view)
+        by = replace(_taker(view.rig(rig), sketch, cell, moving.limits, view.tell), report=view.report)
+        steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
 
 
@@ -137,7 +162,7 @@ def _check(
     sketch: Sketch,
     plan: Sequence[Sample],
     is_new: bool,
-    limits: SpeedLimits,
+    moving: Moving,
     replanned: Replanned | None,
     *,
     go: bool,
@@ -147,9 +172,14 @@ def _check(
     """Check the whole plan before anything moves, and print it.
 
     Raises:
+        UsageError: if arms are to move that nothing stops, and the person does not accept that.
         InputError: if any sample or way of it is refused.
     """
-    found = checked_plan(rig, sketch, plan, limits, asks_controllers=go or dry_run)
+    from basecal.acquisition.rig import check_guarantees
+
+    if go:
+        check_guarantees(rig, moving.accept_no_watchdog)
+    found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     if not quiet:
         if dry_run:
             say_ways(found)
@@ -189,7 +219,12 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
 
 
 def _taken(
-    taker: Taker, plan: Sequence[Sample], led: int | None, replan: Replan | None, view: CaptureView
+    taker: Taker,
+    plan: Sequence[Sample],
+    led: int | None,
+    replan: Replan | None,
+    view: CaptureView,
+    stops: bool = False,
 ) -> list[Step]:
     """What becomes of each sample of a plan, or of so many that a person leads the arms to; told when it is done."""
     from basecal.acquisition.capture import capture as captured
@@ -199,6 +234,8 @@ def _taken(
     for step in captured(taker, plan, replan) if led is None else capture_led(taker, led, view.key):
         found.append(step)
         view.note(step, len(found))
+        if stops and any(doubt.is_lasting for doubt in step.doubts):
+            break
     return found
 
 
@@ -223,6 +260,7 @@ def _only_planned(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
 def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
     taken = {step.sample for step in steps if not step.why_not}
     given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.sample not in taken]
+    doubts = [doubt for step in steps for doubt in step.doubts]
     if json:
         last = steps[-1] if steps else None
         sigma = None if last is None or last.sigma is None else {"t_m": last.sigma[0], "r_rad": last.sigma[1]}
@@ -234,13 +272,17 @@ def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, j
                 "given_up": given_up,
                 "covered": None if last is None else last.coverage.share,
                 "sigma": sigma,
+                "doubts": [vars(doubt) for doubt in doubts],
                 **({} if replanned is None else replanned.as_dict()),
             }
         )
     else:
         if replanned is not None:
             say(replanned.words())
+        for doubt in (doubt for doubt in doubts if doubt.is_lasting):
+            say(f"WARNING: {doubt.message}")
         say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {pasted(cell)}")
+    is_doubtful = any(doubt.is_lasting for doubt in doubts)
     if replanned is not None:
-        return 0 if replanned.is_reached else 1
-    return 1 if given_up else 0
+        return 0 if replanned.is_reached and not is_doubtful else 1
+    return 1 if given_up or is_doubtful else 0

@@ -100,5 +100,7 @@ def say_step(step: Step, place: int) -> None:
     said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the picture"
     advice = step.coverage.advice(step.taken)
     say(f"{place:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
+    for doubt in step.doubts:
+        say(f"  {'WARNING' if doubt.is_lasting else 'check'}: {doubt.message}")
     if sys.stdout is not None:
         sys.stdout.flush()

@@ -125,9 +125,15 @@ def solve_from(
         return integrated(found)
 
 
-def integrated(solution: Solution) -> Solution:
-    """A solution whose covariance holds how well its sigmas are known, where these were estimated jointly."""
-    noise = integrate_sigmas(solution.problem, solution.state, solution.noise)
+def integrated(solution: Solution, is_quick: bool = False, near: NoiseEstimate | None = None) -> Solution:
+    """A solution whose covariance holds how well its sigmas are known, where these were estimated jointly.
+
+    Args:
+        solution: At the most likely sigmas.
+        is_quick: Whether a covariance that is good to a tenth will do.
+        near: The integrated sigmas of nearly the same views, to start from.
+    """
+    noise = integrate_sigmas(solution.problem, solution.state, solution.noise, is_quick, near)
     if noise.covariance is None:
         return solution
     seen = solution.observability

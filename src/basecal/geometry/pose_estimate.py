@@ -58,3 +58,8 @@ class PoseEstimate:
     def sigma_r(self) -> Array:
         """Standard deviation of the rotation per axis of b, (3,) [rad]."""
         return np.sqrt(np.diag(self.covariance)[3:])
+
+    @property
+    def sigma_norms(self) -> tuple[float, float]:
+        """Standard deviation of the translation [m] and the rotation [rad], 3-D norms: roots of the traces."""
+        return float(np.linalg.norm(self.sigma_t)), float(np.linalg.norm(self.sigma_r))

@@ -107,7 +107,8 @@ def _cross_validation_error(validation: Validation | None) -> str:
 
 def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
     """Root of the trace of both halves of the covariance, [mm] and [deg]."""
-    return float(np.linalg.norm(estimate.sigma_t)) * 1e3, float(np.degrees(np.linalg.norm(estimate.sigma_r)))
+    sigma_m, sigma_rad = estimate.sigma_norms
+    return sigma_m * 1e3, float(np.degrees(sigma_rad))
 
 
 def _first_reason(findings: Iterable[Finding]) -> str:

@@ -17,8 +17,12 @@ from scipy.special import chdtri, chndtr, fdtrc, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.systematic_errors.score_tests import log_chance_of
+from basecal.accuracy.systematic_errors.table import larger
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
+
+SIZE = "size"
+"""Stands for the transform of a shift that is a target's size."""
 
 _HIDDEN = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
 _DIRECTIONS = 100  # over which the chance to see a shift is averaged, to a thousandth
@@ -33,9 +37,9 @@ class Shift:
 
     Attributes:
         frame: What moved: a base, a camera, a target, or the flange of a robot whose joint's zero did.
-        transform: The transform that is no longer true; empty for a joint.
+        transform: The transform that is no longer true; empty for a joint, `SIZE` for the size of a target.
         joint: Number of the joint whose zero moved, from 0; None for a frame.
-        size: (k,) the best shift, a right tangent of the transform [m, rad], or the joint's [rad].
+        size: (k,) the best shift, a right tangent of the transform [m, rad], the joint's [rad], or a fraction.
         covariance: (k, k); directions that are not seen hold nothing.
         information: (k, k) of the shift.
         statistic: Chi-square where it did not move.
@@ -91,6 +95,15 @@ def joint_shifts(of: Innovations) -> Iterator[Shift]:
         by_joints = of.by_joints(robot)
         for joint in range(by_joints.shape[-1]):
             yield _shift(of, f"{robot}_flange", "", joint, by_joints[..., joint : joint + 1])
+
+
+def size_shifts(of: Innovations) -> Iterator[Shift]:
+    """The size of each target that is no single point, by a fraction: another board shows as larger or smaller."""
+    problem = of.situation.problem
+    for target in sorted({g.target for g in problem.groups if g.target_mount not in problem.point_mounts}):
+        groups = enumerate(problem.groups)
+        moves = [larger(of.situation, k) * float(group.target == target) for k, group in groups]
+        yield _shift(of, target, SIZE, None, np.concatenate(moves))
 
 
 def _shift(of: Innovations, frame: str, transform: str, joint: int | None, moves: Array) -> Shift:

@@ -15,7 +15,7 @@ from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import confirmed
-from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score
+from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.systematic_errors.table import TABLE
 from basecal.accuracy.widening import step_between
@@ -132,6 +132,37 @@ def systematic_error(
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
     is_certain = bool(chances[k] < np.log(CONFIRMED_SIGNIFICANCE))
     return replace(_described(situation, suspects[k], solution, after[k]), is_certain=is_certain)
+
+
+def running_error(solution: Solution, stamps: Mapping[int, float], settings: Settings) -> SystematicError | None:
+    """The likeliest systematic error while samples are still taken, its size and the answer's shift to first order.
+
+    Only an error that is not certain at the noise of the answer is solved for, to see the noise without it.
+
+    Args:
+        solution: The answer, with its noise.
+        stamps: Time of each sample by number [s].
+        settings: How the answer was solved.
+
+    Returns:
+        The error that held-out blocks confirm; None where there is none, or robots' kinematics are estimated.
+    """
+    if not solution.converged or not solution.problem.groups or solution.problem.models:
+        return None
+    situation = _situation(solution, solution.problem, stamps)
+    suspects = (suspect for suspect in _suspects(situation) if confirmed(situation, suspect.candidate))
+    suspect = next(suspects, None)
+    if suspect is None:
+        return None
+    across = sums(situation.about, suspect.candidate).across[0]
+    moved = -situation.about.inverse @ across.T @ suspect.size
+    least = np.log(CONFIRMED_SIGNIFICANCE)
+    is_certain = suspect.log_chance < least
+    if not is_certain:
+        after = _solved_again(_without(solution, situation, suspect), settings)
+        is_certain = _log_chance(suspect, solution, after) < least
+    described = _described(situation, replace(suspect, size=0 * suspect.size), solution, solution)
+    return replace(described, moved=moved, is_certain=bool(is_certain))
 
 
 def _reconciling(

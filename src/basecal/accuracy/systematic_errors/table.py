@@ -31,7 +31,7 @@ def length_scales(of: Situation) -> Iterator[Candidates]:
     if len(of.robots) < 2:
         return  # a robot too short is then all else too long
     for target in sorted({g.target for g in of.problem.groups if g.target_mount not in of.problem.point_mounts}):
-        seen = (_larger(of, k) if g.target == target else None for k, g in enumerate(of.problem.groups))
+        seen = (larger(of, k) if g.target == target else None for k, g in enumerate(of.problem.groups))
         yield _one("length-scale", target, "", tuple(seen))
 
 
@@ -42,8 +42,11 @@ def _shorter(of: Situation, k: int, robot: str) -> Array:
     return of.by_flange(k, robot) @ outward
 
 
-def _larger(of: Situation, k: int) -> Array:
-    """A target that is larger than stated is seen nearer than it stands, since its image is larger."""
+def larger(of: Situation, k: int) -> Array:
+    """How views of a group move with the size of their target by a fraction, (n, 6, 1).
+
+    A target that is larger than stated is seen nearer than it stands, since its image is larger.
+    """
     nearer = np.zeros((len(of.problem.groups[k]), 6, 1))
     nearer[:, :3] = of.links[k].target_from_camera.translation[..., None]
     return nearer

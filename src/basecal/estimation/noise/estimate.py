@@ -49,6 +49,7 @@ class NoiseEstimate:
         plain_surprise: The same of the model without terms in common alone.
         shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
+        logs_by_model: Likewise of each model of what stops have in common, where the sigmas were integrated over.
         robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
         jitter_s: Of stamps of cameras that state none [s].
     """
@@ -65,6 +66,7 @@ class NoiseEstimate:
     plain_surprise: float = 0.0
     shapes: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
+    logs_by_model: Mapping[str, Array] = field(default_factory=dict)
     robot_variances: Mapping[str, Array] = field(default_factory=dict)
     jitter_s: Mapping[str, float] = field(default_factory=dict)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -163,34 +164,42 @@ def _shaped_enough(of: SigmaPosterior) -> bool:
     return max(off, default=0.0) < _SETTLED
 
 
-def integrate_sigmas(problem: Problem, state: State, noise: NoiseEstimate) -> NoiseEstimate:
+def integrate_sigmas(
+    problem: Problem, state: State, noise: NoiseEstimate, is_quick: bool = False, near: NoiseEstimate | None = None
+) -> NoiseEstimate:
     """What was estimated jointly, with the covariance over all that the sigmas, and terms in common, may be.
 
     Args:
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas.
+        is_quick: Whether a covariance that is good to a tenth will do.
+        near: The integrated sigmas of nearly the same views, to start from.
     """
     if noise.logs is None:
         return noise
-    models = sigma_models(problem, state, noise)
+    models = sigma_models(problem, state, noise, {} if near is None else near.logs_by_model)
     likeliest = min(models, key=lambda name: models[name].surprise)
     is_sure = any(noise_terms()[name].IS_SURE for name in models if name)
     counted = [of for name, of in models.items() if name or not is_sure]
     with np.errstate(all="ignore"):
-        covariance = integrated_covariance(counted, np.zeros(problem.width))
+        covariance = integrated_covariance(counted, np.zeros(problem.width), is_quick)
     best = models[likeliest]
     common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
-    return replace(noise, common=common, covariance=covariance, surprise=best.surprise)
+    logs = {name: of.logs for name, of in models.items()}
+    return replace(noise, common=common, covariance=covariance, surprise=best.surprise, logs_by_model=logs)
 
 
-def sigma_models(problem: Problem, state: State, noise: NoiseEstimate) -> dict[str, SigmaPosterior]:
+def sigma_models(
+    problem: Problem, state: State, noise: NoiseEstimate, near: Mapping[str, Array] = MappingProxyType({})
+) -> dict[str, SigmaPosterior]:
     """The sigmas of single stops and views alone, by "", and with each term that stops may have in common, by name.
 
     Args:
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
+        near: The logarithms to start from, by model; those of `noise` for the other models.
     """
     robots = open_robots(problem)
     with np.errstate(all="ignore"):
@@ -200,7 +209,8 @@ def sigma_models(problem: Problem, state: State, noise: NoiseEstimate) -> dict[s
             found = {robot: term.errors(problem, robot) for robot in robots}
             shared = {robot: errors for robot, errors in found.items() if errors is not None}
             if shared:
-                models[name] = _sigma_posterior(problem, state, robots, noise.logs, shared, term.EXPECTED, estimates)
+                logs = near.get(name, noise.logs)
+                models[name] = _sigma_posterior(problem, state, robots, logs, shared, term.EXPECTED, estimates)
     return models
 
 

@@ -40,6 +40,7 @@ _FEW_STOPS = 40
 _PAIRS, _TAILS, _WIDER = 64, 5.0, 1.2
 _SEED = 20240422
 _LEAST_SHARE = 1e-6  # of a model: with a smaller one a hundred times the covariance adds a ten-thousandth
+_LIKELY_SHARE = 0.1  # of a model, for the quick integral: less likely ones change a sigma by some hundredths
 _LEAST_CURVATURE = 0.1  # of a logarithm no prior leaves so wide, a factor of 20: keeps saddles from endless steps
 _MOST_OFF = float(np.log(400.0))  # how far a sigma is looked for from what is expected: any device's is within
 _LEAST_OF_VIEWS = float(np.log(20.0))  # how far below that those of views: less is rounding of made-up data
@@ -144,17 +145,19 @@ def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
     return prior.start - down, prior.start + _MOST_OFF
 
 
-def integrated_covariance(models: Sequence[SigmaPosterior], about: Array) -> Array:
+def integrated_covariance(models: Sequence[SigmaPosterior], about: Array, is_quick: bool = False) -> Array:
     """Covariance of the unknowns about `about`, (p,) from the models' common state, their sigmas and models integrated.
 
-    Models count by their evidence.
+    Models count by their evidence. The quick integral uses the nodes of the cubature alone, and the likely models.
     """
     least = min(of.surprise for of in models)
     shares = np.exp(-0.5 * np.array([of.surprise - least for of in models]))
+    shares /= shares.sum()
+    shares = np.where(shares > (_LIKELY_SHARE if is_quick else _LEAST_SHARE), shares, 0.0)
     total = np.zeros((len(about), len(about)))
-    for share, of in zip(shares / shares.sum(), models, strict=True):
-        if share > _LEAST_SHARE:
-            nodes = [(weight, known.covariance, known.step - about) for weight, known in _weighed_nodes(of)]
+    for share, of in zip(shares / shares.sum() if is_quick else shares, models, strict=True):
+        if share:
+            nodes = [(weight, known.covariance, known.step - about) for weight, known in _weighed_nodes(of, is_quick)]
             total += share * sum(weight * (covariance + np.outer(off, off)) for weight, covariance, off in nodes)
     return total
 
@@ -179,11 +182,12 @@ def moments(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]
     return mean, products - np.outer(mean, mean), squares
 
 
-def _weighed_nodes(of: SigmaPosterior) -> list[tuple[float, Columns]]:
+def _weighed_nodes(of: SigmaPosterior, is_quick: bool = False) -> list[tuple[float, Columns]]:
     """Sigmas that stand for all that they may be, by their weights, which add up to 1, and what is known at each."""
     if np.sqrt(np.diag(of.covariance)).max(initial=0.0) < _KNOWN:
         return [(1.0, columns_given(of.model, of.logs))]
-    tails = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
+    is_wide = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
+    tails = is_wide and not is_quick
     nodes, drawn = _drawn(of) if tails else _cubature(of)
     known = [columns_given(of.model, node) for node in nodes]
     values = np.array([each.value + of.prior.value(each.logs)[0] for each in known])

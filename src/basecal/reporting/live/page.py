@@ -44,6 +44,7 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
     with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
         doing = ui.label().style("font-size: 1.4rem; font-weight: 600")
         advice = ui.label().style("color: #b35c00; font-size: 1.1rem")
+        doubts = ui.label().style("color: #b00020; font-weight: 600; white-space: pre-line")
         with ui.row().style("width: 100%"):
             pictures = {name: ui.interactive_image().style("width: 100%; max-width: 640px") for name in cell.cameras}
             with ui.column():
@@ -59,6 +60,7 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
         glance = watch.glance
         step = glance.step
         doing.text, advice.text, said.text = glance.doing, glance.advice, "\n".join(reversed(glance.said))
+        doubts.text = "\n".join(glance.doubts)
         if step is not None:
             share = 100 * step.coverage.share
             counted.text = f"{step.taken} taken, {step.planned} planned; {share:.0f} % of the picture"

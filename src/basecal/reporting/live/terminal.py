@@ -33,6 +33,7 @@ def terminal_view(glance: Glance) -> RenderableType:
     table.add_row(Text(coverage_rows(glance.step.coverage)), Text(sigma_row(glance.sigmas)), Text(turned))
     title = f"{glance.step.taken} taken, {glance.step.planned} planned"
     parts: list[RenderableType] = [Panel(table, title=title, expand=False), said]
+    parts += [Text(doubt, style="bold red") for doubt in glance.doubts]
     if glance.advice:
         parts.append(Text(f"next: {glance.advice}", style="yellow"))
     return Group(*parts, now)

@@ -1,0 +1,68 @@
+"""The running check in a thread of its own: the capture goes on while samples are checked."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import TimeoutError as Unfinished
+from dataclasses import dataclass
+from time import monotonic
+from types import TracebackType
+
+from basecal.acquisition.running.check import Doubt, RunningCheck
+from basecal.cell import Cell, Sample
+
+_PATIENCE_S = 0.3  # a check usually takes 0.2 s: waiting for it lets a sample be repeated before the arms leave
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What the check found since it was last asked.
+
+    Attributes:
+        sigma: Of the requested transform, 3-D norms [m] and [rad]; None while a direction is open.
+        doubts: Disagreements that were not reported before.
+    """
+
+    sigma: tuple[float, float] | None = None
+    doubts: tuple[Doubt, ...] = ()
+
+
+class BackgroundCheck:
+    """Checks samples one after another in a thread."""
+
+    def __init__(self, cell: Cell) -> None:
+        self._check = RunningCheck(cell)
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="running-check")
+        self._running: list[Future[Checked]] = []
+        self._sigma: tuple[float, float] | None = None
+
+    def __enter__(self) -> BackgroundCheck:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+    def add(self, sample: Sample) -> None:
+        """Have a sample checked."""
+        self._running.append(self._thread.submit(self._checked, sample))
+
+    def found(self, waits: bool = False) -> Checked:
+        """What is known by now; of all samples where it `waits`."""
+        doubts: list[Doubt] = []
+        until = monotonic() + _PATIENCE_S
+        while self._running:
+            try:
+                checked = self._running[0].result(None if waits else max(until - monotonic(), 0.0))
+            except Unfinished:
+                break
+            del self._running[0]
+            self._sigma = checked.sigma
+            doubts += checked.doubts
+        return Checked(self._sigma, tuple(doubts))
+
+    def _checked(self, sample: Sample) -> Checked:
+        doubts = self._check.add(sample)
+        estimate = self._check.estimate
+        return Checked(None if estimate is None else estimate.sigma, doubts)

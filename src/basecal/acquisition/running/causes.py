@@ -1,0 +1,58 @@
+"""Causes of disagreement in words: what moved, what is off, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.accuracy.drift.shifts import SIZE, Shift
+from basecal.accuracy.systematic_errors.search import SystematicError
+
+_MOST = 3  # causes that are named where several explain the samples equally
+
+
+def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
+    """What happened at a sample, and what to do.
+
+    Args:
+        causes: What explains the samples, the likeliest first.
+        sample: Number of the first sample that has it.
+    """
+    named = list(dict.fromkeys(_moved(each, sample) for each in causes))[:_MOST]
+    return f"{', or '.join(named)}. Check what was bumped, loosened or exchanged, and capture again."
+
+
+def _moved(cause: Shift, sample: int) -> str:
+    if cause.joint is not None:
+        robot = cause.frame.removesuffix("_flange")
+        return f"joint {cause.joint + 1} of {robot} slipped by {np.degrees(cause.shift_rad):.2g} deg at sample {sample}"
+    if cause.transform == SIZE:
+        percent = 100 * float(cause.size[0])
+        larger = "larger" if percent > 0 else "smaller"
+        return f"{cause.frame} is another board since sample {sample}, {abs(percent):.2g} % {larger}"
+    size = f"{1e3 * cause.shift_m:.2g} mm and {np.degrees(cause.shift_rad):.2g} deg"
+    verb = "moved" if cause.frame.endswith("_base") else "was remounted or moved"
+    return f"{cause.frame} {verb} at sample {sample} by {size}"
+
+
+def cause_of_error(error: SystematicError) -> str | None:
+    """What the samples have in common that noise does not explain, and what to do; None of what the report judges."""
+    words = _ERRORS.get(error.code)
+    return words and words.format(
+        about=error.about.rpartition("_from_")[2],
+        since=error.since,
+        joint=1 + (error.joint or 0),
+        deg=float(np.degrees(np.linalg.norm(error.size))),
+        percent=100 * float(np.linalg.norm(error.size)),
+        mm=1e3 * float(np.linalg.norm(error.size[:3])),
+    )
+
+
+_ERRORS = {
+    "base-moved": "{about} moved at about sample {since} by {mm:.2g} mm. Check what was bumped, and capture again.",
+    "joint-offset": "Joint {joint} of {about} is off by {deg:.2g} deg. Check its zero, or estimate `joint_offsets`.",
+    "joint-offsets": "Joints of {about} are off by {deg:.2g} deg. Check their zeros, or estimate `joint_offsets`.",
+    "length-scale": "The scale of {about} is off by {percent:.2g} %: another board, or links of another length. "
+    "Measure the board.",
+}

@@ -1,0 +1,142 @@
+"""The running check: each sample against what the samples before it predict.
+
+A sample that disagrees is held back until the next one. If that one agrees, the picture of the first belongs to another
+pose. If both disagree alike, something moved. Causes that last for the whole recording, such as a joint that is off,
+are those of the systematic errors; they are reported when two checks in a row find them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from basecal.accuracy.drift.disagreement import Disagreement, disagreement
+from basecal.accuracy.systematic_errors.search import SystematicError
+from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
+from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
+from basecal.cell import Cell, Recording, Sample
+
+LEVEL = 1e-3
+"""Chance by which a sample is reported that agrees: one in forty captures of 25 samples."""
+
+_WINDOW = 3  # samples that are compared together, to see what is too small to see in one
+_EXPLAINED = 1e-3  # chance of what a cause leaves, above which it explains the samples
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A disagreement between a sample and those before it.
+
+    Attributes:
+        sample: Number of the first sample that disagrees.
+        message: What disagrees, why, and what to do.
+        is_lasting: Whether it affects the samples that follow, too.
+        repeats: Whether the sample is worth taking again at the same place.
+    """
+
+    sample: int
+    message: str
+    is_lasting: bool
+    repeats: bool = False
+
+
+class RunningCheck:
+    """The samples of a capture, and what is estimated from them.
+
+    Attributes:
+        estimate: From the samples that agree; None before there are enough.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        self.estimate: RunningEstimate | None = None
+        self._cell = cell
+        self._agreeing: list[Sample] = []
+        self._pending: list[Sample] = []
+        self._before: list[RunningEstimate | None] = []
+        self._suspected: tuple[str, ...] = ()
+        self._reported: set[tuple[str, ...]] = set()
+
+    def add(self, sample: Sample) -> tuple[Doubt, ...]:
+        """Count a sample, and report what disagrees."""
+        doubts = self._compare(sample) if sample.observations else ()
+        if not self._pending:
+            self._before.append(self.estimate)
+            self.estimate = running_estimate(self._cell, self._agreeing, self.estimate) or self.estimate
+            doubts = (*doubts, *self._systematic())
+        return doubts
+
+    def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
+        """Whether a sample agrees with the estimate before it; it joins the samples that agree, or is held back."""
+        alone = self._against(self.estimate, [sample])
+        if alone is None or alone.chance > LEVEL:
+            odd, self._pending = self._pending, []
+            self._agreeing.append(sample)
+            return (*map(_odd, odd), *self._window())
+        self._pending.append(sample)
+        if len(self._pending) == 1:
+            return (_first(sample, alone),)
+        return self._together(alone)
+
+    def _together(self, alone: Disagreement) -> tuple[Doubt, ...]:
+        """What several samples in a row that disagree have in common."""
+        held, self._pending = self._pending, []
+        both = self._against(self.estimate, held)
+        if both is None or both.chance_left < _EXPLAINED:
+            self._pending = held[-1:]
+            return tuple(map(_odd, held[:-1]))
+        self._agreeing += held
+        return self._lasting(held[0].sample, both)
+
+    def _window(self) -> tuple[Doubt, ...]:
+        """Whether the last samples together disagree with the estimate before them."""
+        if len(self._before) < _WINDOW:
+            return ()
+        recent = self._agreeing[-_WINDOW:]
+        found = self._against(self._before[1 - _WINDOW], recent)
+        if found is None or found.chance > LEVEL or found.chance_left < _EXPLAINED:
+            return ()
+        return self._lasting(recent[0].sample, found)
+
+    def _lasting(self, sample: int, found: Disagreement) -> tuple[Doubt, ...]:
+        return self._once(("moved",), Doubt(sample, cause_of_shifts(found.causes, sample), is_lasting=True))
+
+    def _systematic(self) -> tuple[Doubt, ...]:
+        """The systematic error that this check and the one before it found."""
+        error = None if self.estimate is None else self.estimate.error
+        before, self._suspected = self._suspected, _name(error)
+        cause = None if error is None or not error.is_certain else cause_of_error(error)
+        if error is None or cause is None or before != self._suspected:
+            return ()
+        kind = ("moved",) if error.since is not None else before
+        last = self._agreeing[-1].sample
+        return self._once(kind, Doubt(error.since or last, cause, is_lasting=True))
+
+    def _once(self, kind: tuple[str, ...], doubt: Doubt) -> tuple[Doubt, ...]:
+        if kind in self._reported:
+            return ()
+        self._reported.add(kind)
+        return (doubt,)
+
+    def _against(self, estimate: RunningEstimate | None, samples: Sequence[Sample]) -> Disagreement | None:
+        if estimate is None or ("moved",) in self._reported:
+            return None
+        return disagreement(self._cell, estimate.calibration, Recording(tuple(samples)))
+
+
+def _name(error: SystematicError | None) -> tuple[str, ...]:
+    return () if error is None else (error.code, error.about)
+
+
+def _first(sample: Sample, alone: Disagreement) -> Doubt:
+    """A sample that disagrees, before another tells why."""
+    message = (
+        f"Sample {sample.sample} disagrees with the samples before it (chance {alone.chance:.1g}). Its picture and its "
+        f"pose do not belong together, or {cause_of_shifts(alone.causes, sample.sample)}"
+    )
+    return Doubt(sample.sample, message, is_lasting=False, repeats=True)
+
+
+def _odd(sample: Sample) -> Doubt:
+    """A sample whose successors agree with its predecessors."""
+    message = f"The picture of sample {sample.sample} does not belong to its pose. Check the stamps of its camera."
+    return Doubt(sample.sample, message, is_lasting=False)

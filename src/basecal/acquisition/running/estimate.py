@@ -1,0 +1,113 @@
+"""The estimate of a cell from the samples taken so far, with the covariance that the report would have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.accuracy.noise_summary import noise_summary
+from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.accuracy.systematic_errors.search import SystematicError, running_error
+from basecal.accuracy.widening import widened
+from basecal.cell import Calibration, Cell, Recording, Sample
+from basecal.errors import BasecalError
+from basecal.estimation.noise.estimate import NoiseEstimate
+from basecal.estimation.noise.robot_noise import without_errors
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, integrated, solve_at_mode, solve_packed
+
+FEWEST = 4
+"""Samples from which on the cell is estimated."""
+
+_OPEN = 0.3  # [m, rad] of a sigma: above, a direction has not been seen
+_ESTIMATED = Settings(robot_noise="estimated")
+_STATED = Settings(robot_noise="stated")
+
+
+@dataclass(frozen=True, eq=False)
+class RunningEstimate:
+    """A cell as the samples so far determine it.
+
+    Attributes:
+        solution: Transforms and noise.
+        calibration: The same, to predict new samples by.
+        error: The likeliest systematic error of all samples; None where there is none.
+        sigma: Of the requested transform, 3-D norms [m] and [rad] as in the report; None while a direction is open.
+    """
+
+    solution: Solution
+    calibration: Calibration
+    error: SystematicError | None
+    sigma: tuple[float, float] | None
+
+
+def running_estimate(
+    cell: Cell, samples: Sequence[Sample], near: RunningEstimate | None = None
+) -> RunningEstimate | None:
+    """The estimate of a cell from its samples.
+
+    Args:
+        cell: The cell.
+        samples: What was taken.
+        near: The estimate of nearly the same samples, to start from.
+
+    Returns:
+        None if the samples are too few, or the solve fails.
+    """
+    if sum(bool(sample.observations) for sample in samples) < FEWEST:
+        return None
+    recording = Recording(tuple(samples))
+    try:
+        problem, _ = build_problem(cell, recording)
+        at_mode, before = _at_mode(cell, problem, near)
+        solution = integrated(at_mode, is_quick=True, near=before)
+        stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
+        error = running_error(at_mode, stamps, _ESTIMATED)
+    except (BasecalError, np.linalg.LinAlgError):
+        return None
+    if not solution.converged:
+        return None
+    return RunningEstimate(solution, _calibration(cell, recording, solution), error, _sigma(cell, solution, error))
+
+
+def _at_mode(cell: Cell, problem: Problem, near: RunningEstimate | None) -> tuple[Solution, NoiseEstimate | None]:
+    """The optimum with the most likely noise, and the noise that was near it."""
+    if near is not None and _structure(near.solution.problem) == _structure(problem):
+        start, noise = without_errors(problem, near.solution.state), near.solution.noise
+        found = solve_at_mode(problem, start, _ESTIMATED, near=noise)
+        if found.converged:
+            return found, noise
+    exact = solve_packed(problem, cell, _STATED)
+    return solve_at_mode(exact.problem, exact.state, _ESTIMATED), None
+
+
+def _structure(problem: Problem) -> tuple[object, ...]:
+    views = sorted((group.camera, group.target) for group in problem.groups)
+    return views, problem.columns, sorted(problem.unstated)
+
+
+def _calibration(cell: Cell, recording: Recording, solution: Solution) -> Calibration:
+    known = [name for name in solution.transforms if name not in solution.observability.unobservable]
+    order = tuple(name for name in known if solution.problem.unknowns[name].status != "fixed")
+    return Calibration(
+        "doubtful",
+        {name: solution.transforms[name] for name in known},
+        cameras={name: (lens, solution.lens_covariance(name)) for name, lens in solution.state.cameras.items()},
+        robot_parameters=robot_parameters(solution),
+        noise=noise_summary(cell, recording, solution),
+        order=order,
+        joint_covariance=solution.covariance_of(list(order)) if order else None,
+    )
+
+
+def _sigma(cell: Cell, solution: Solution, error: SystematicError | None) -> tuple[float, float] | None:
+    name = next(iter(cell.asked), "")
+    if name not in solution.problem.columns or name in solution.observability.unobservable:
+        return None
+    of = solution if error is None else widened(solution, error.moved)
+    sigmas = of.transforms[name].sigma_norms
+    return sigmas if max(sigmas) < _OPEN else None

@@ -1,0 +1,61 @@
+"""What the running check reports of samples, one after another."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.acquisition.running.check import RunningCheck
+from shared.running_samples import recorded, with_hand_base_moved, with_joint_off, with_views_of
+
+
+def reported(cell, samples):
+    """Each doubt with the place of the sample after which it came."""
+    check = RunningCheck(cell)
+    return [(place, doubt) for place, sample in enumerate(samples) for doubt in check.add(sample)]
+
+
+def test_samples_in_order_are_not_reported():
+    """Nothing is reported where nothing is wrong."""
+    assert reported(*recorded()) == []
+
+
+def test_a_picture_of_another_pose_is_named():
+    """The sample is reported at once and worth repeating; the next one tells that its picture is of another pose."""
+    cell, samples = recorded()
+    (first, at_once), (second, later) = reported(cell, with_views_of(samples, 7, 6))
+    assert (first, at_once.sample, at_once.repeats, at_once.is_lasting) == (7, 7, True, False)
+    assert "picture and its pose do not belong together" in at_once.message
+    assert (second, later.sample, later.is_lasting) == (8, 7, False)
+    assert later.message.startswith("The picture of sample 7 does not belong to its pose.")
+
+
+@pytest.mark.slow
+def test_a_picture_of_another_pose_leaves_the_estimate_as_it_was():
+    """The sigma is that of the same samples without it, to a tenth."""
+    cell, samples = recorded()
+    wrong, without = RunningCheck(cell), RunningCheck(cell)
+    for sample in with_views_of(samples, 7, 6):
+        wrong.add(sample)
+    for sample in (*samples[:7], *samples[8:]):
+        without.add(sample)
+    assert wrong.estimate.sigma == pytest.approx(without.estimate.sigma, rel=0.1)
+
+
+def test_a_base_that_moved_is_named_with_its_sample():
+    """The second sample after it tells what moved, and since when."""
+    cell, samples = recorded()
+    found = reported(cell, with_hand_base_moved(samples, 5e-3, since=7))
+    assert [place for place, _ in found] == [7, 8]
+    lasting = found[1][1]
+    assert lasting.is_lasting
+    assert lasting.sample == 7
+    assert "hand_base moved at sample 7 by 5" in lasting.message
+
+
+@pytest.mark.slow
+def test_a_joint_that_is_off_is_named():
+    """Its robot is named with the number of the joint and its offset, once."""
+    cell, samples = recorded(20, joints=True)
+    found = [doubt for _, doubt in reported(cell, with_joint_off(samples, "eye", 2, 5e-3)) if doubt.is_lasting]
+    assert len(found) == 1
+    assert "Joint 3 of eye is off by 0.3" in found[0].message
