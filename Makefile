@@ -9,13 +9,14 @@ BENCHMARKS := held_out two_arms semi_synthetic few_pictures real sag calibrate m
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-slow torment wheels lint docs bench mutants clean
+.PHONY: help setup demo test test-slow safety torment wheels lint docs bench mutants clean
 .NOTPARALLEL:
 
 help:
 	@echo "make setup      .venv with the package (editable) and what the tests need"
 	@echo "make demo       run two simulated arms, capture, calibrate, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
+	@echo "make safety     links, controllers and processes that fail while arms move; deadlines: run nothing else beside it"
 	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
 	@echo "make wheels     the wheel in empty environments: the lowest versions allowed, and each Python from 3.11"
 	@echo "make lint       ruff and mypy;    make docs        the documents, in site/"
@@ -32,6 +33,9 @@ test: $(VENV)/.test
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -m slow
+
+safety: $(VENV)/.test
+	$(BIN)/python -m pytest tests/safety
 
 torment: $(VENV)/.test
 	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RECORD),--record)

@@ -10,9 +10,9 @@ import pytest
 
 from basecal.acquisition import driver_modules
 from basecal.acquisition.driver_modules import GROUP, driver_names
-from basecal.acquisition.rig import open_rig
+from basecal.acquisition.rig import Rig, check_guarantees, open_rig
 from basecal.cell import Cell, CellCamera, Driver, Robot
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, UsageError
 
 
 class Arm:
@@ -85,3 +85,15 @@ def test_unknown_drivers_are_named(tmp_path):
     )
     with pytest.raises(DatasetError, match="driver 'typed' is for robots only"), open_rig(with_camera, tmp_path):
         pass
+
+
+def test_arms_that_nothing_stops_are_not_moved_unless_accepted():
+    """The error names the arm and what it would do; an arm with a watchdog, or one that is not sent, needs no word."""
+    for guarantee, refused in (("none", True), ("watchdog", False), ("short-horizon", False)):
+        rig = Rig({"eye": Arm(None)}, {}, guarantees={"eye": guarantee})
+        check_guarantees(rig, True)
+        if refused:
+            with pytest.raises(UsageError, match="eye: no watchdog stops this arm"):
+                check_guarantees(rig, False)
+        else:
+            check_guarantees(rig, False)

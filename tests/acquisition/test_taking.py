@@ -8,12 +8,14 @@ from dataclasses import replace
 import pytest
 
 from basecal.acquisition import taking as module
+from basecal.acquisition.driver import Reading
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.stillness import Moving, Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker, targets_before
-from basecal.cell import Sample
+from basecal.cell import RobotState, Sample
 from basecal.planning.sketch import sketch_of
 from basecal.vision.image_file import grey_image, read_bytes
+from shared.facing_arms import facing_arms
 from shared.running_cell import running
 
 FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
@@ -83,3 +85,46 @@ def test_the_picture_without_the_light_was_exposed_without_it(tmp_path):
 
 def read_grey(path):
     return grey_image(read_bytes(path), None)
+
+
+class Asked:
+    """An arm whose controller is asked before it is sent."""
+
+    is_live = True
+
+    def __init__(self, name, joints, said, why=""):
+        self.name, self.joints, self.said, self.why = name, joints, said, why
+
+    def state(self):
+        return Reading(0.0, RobotState(joints_rad=self.joints))
+
+    def goal_refusal(self, to):
+        self.said.append(f"ask {self.name}")
+        return self.why
+
+    def move(self, to, speed_rad_s):
+        self.said.append(f"move {self.name} {speed_rad_s:.3f}")
+
+    def stop(self):
+        self.said.append(f"stop {self.name}")
+
+    def close(self):
+        pass
+
+
+def test_all_arms_are_asked_before_any_is_sent(tmp_path):
+    """One that refuses keeps both where they are; else both are sent, each as fast as its way allows."""
+    world = facing_arms("charuco")
+    goals = {name: RobotState(joints_rad=[*joints, 0, 0, 0, 0, 0, 0.2]) for name, joints in world.home.items()}
+    for why in ("beyond its limits", ""):
+        said = []
+        robots = {name: Asked(name, world.home[name], said, why if name == "hand" else "") for name in world.home}
+        by = Taker(Rig(robots, {}), sketch_of(world.cell), tmp_path, CaptureSettings(0.5, 0.25))
+        if why:
+            with pytest.raises(Unfit, match="hand: beyond its limits; nothing was sent"):
+                module._send(by, Sample(0, robots=goals))
+            assert said == ["ask eye", "ask hand"]
+        else:
+            module._send(by, Sample(0, robots=goals))
+            assert [words.rpartition(" ")[0] for words in said] == ["ask", "ask", "move eye", "move hand"]
+            assert said[2:] == ["move eye 0.500", "move hand 0.500"]

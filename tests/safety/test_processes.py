@@ -16,7 +16,10 @@ import pytest
 from safety.installed_driver import installed_driver
 from shared.second_process import TESTS, second_process
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are found by /proc")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are found by /proc"),
+]
 TOLD_S = 0.3
 WATCHDOG_S = 0.5
 
@@ -56,7 +59,7 @@ def halts(controllers, since_s):
     }
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGHUP, marks=pytest.mark.slow), signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGTERM])
 def test_signals_stop_both_arms_at_once(tmp_path, number):
     """Ctrl-C, a terminal that is closed, and `kill`: both arms are told, and the capture ends within two seconds."""
     with moving(tmp_path) as (controllers, capture, _):
@@ -68,9 +71,8 @@ def test_signals_stop_both_arms_at_once(tmp_path, number):
     assert max(at for at, _ in found.values()) < TOLD_S
 
 
-@pytest.mark.parametrize("victim", ["capture", pytest.param("supervisor", marks=pytest.mark.slow), "left", "right"])
-@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.slow)])
-@pytest.mark.slow
+@pytest.mark.parametrize("victim", ["capture", "supervisor", "left", "right"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_any_process_may_die_or_hang(tmp_path, victim, number):
     """Killed or stopped, whichever it is: every arm is at rest within half a second, or 1.3 s if one hangs."""
     with moving(tmp_path) as (controllers, capture, numbers):
@@ -99,7 +101,6 @@ def kill(pid):
         os.kill(pid, signal.SIGKILL)
 
 
-@pytest.mark.slow
 def test_a_second_ctrl_c_ends_a_capture_that_hangs(tmp_path):
     """The first stops the arms, though the capture holds Python's lock; the second ends it within two seconds."""
     with moving(tmp_path, "hang") as (controllers, capture, _):

@@ -55,9 +55,8 @@ def _move_until_stopped(cell, fail):
                 robot.state()
 
 
-@pytest.mark.parametrize(
-    "fault", [name if name == "freeze_link" else pytest.param(name, marks=pytest.mark.slow) for name in FAULTS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS)
 def test_the_other_arm_is_told(fault):
     """While both move one fails: the other is stopped in time, no program is sent again, the reason is the true one."""
     why, allowed_s = FAULTS[fault]

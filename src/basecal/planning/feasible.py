@@ -21,6 +21,7 @@ _CLEAR_M = 0.16  # between the middles of two arms' links: twice the radius of a
 _STEP_M = 0.05  # between points on a link
 _STEP_RAD = 0.1  # between places on a way: a link of half a metre moves by its points' distance
 _ROUNDING = 1e-6  # of a link's length in steps: a link has as many points in every posture
+_CHORD = 1.02  # of an arc of a tenth of a radian and its change of speed over its chord, at most
 _LINK_M = 0.08  # radius of a link, and some air
 _STANDING = 2  # corners of an arm's middle line, its base and first joint, which stand on what it is mounted on
 
@@ -114,7 +115,7 @@ def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float
     bodies = [_body(sketch, _at(end, robot, q), robot) for q in np.linspace(places[0], places[-1], 2 * len(places))]
     points = np.stack([body for body in bodies if body is not None])
     steps = np.linalg.norm(np.diff(points, axis=0), axis=-1)
-    return float(steps.max()) * (len(points) - 1) / leading
+    return _CHORD * float(steps.max()) * (len(points) - 1) / leading
 
 
 def way_is_clear(sketch: Sketch, start: Sample, end: Sample) -> bool:

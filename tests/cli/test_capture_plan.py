@@ -1,0 +1,65 @@
+"""The plan of a capture, through the command: what is refused, and what --dry-run prints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cli import main
+from basecal.simulation.running.protocol import connect, read_address
+from shared.running_cell import running
+
+
+def plan_of(folder: Path, *joints: dict[str, list[float]]) -> str:
+    """A file of samples that send robots to joints."""
+    lines = [
+        {"sample": number, "robots": {name: {"joints_rad": list(values)} for name, values in robots.items()}}
+        for number, robots in enumerate(joints)
+    ]
+    path = folder / "plan.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return str(path)
+
+
+def where(folder: Path, robot: str) -> np.ndarray:
+    """Where an arm of a running cell is."""
+    line = connect(read_address(folder))
+    found = np.array(line.ask(do="state", robot=robot)["joints_rad"])
+    line.close()
+    return found
+
+
+def test_a_plan_with_one_bad_sample_is_refused_as_a_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The second sample of the second robot is beyond a limit: a line says so, exit code 3, and no arm has moved."""
+    with running(tmp_path) as world:
+        home = {name: joints.tolist() for name, joints in world.home.items()}
+        sound = {**home, "eye": [*home["eye"][:5], home["eye"][5] + 0.2]}
+        bad = {**home, "hand": [*home["hand"][:2], 3.4, *home["hand"][3:]]}
+        words = ["capture", str(tmp_path), "--plan", plan_of(tmp_path, sound, bad), "--go"]
+        assert main(words) == 3
+        told = capsys.readouterr().err
+        assert "sample 1: joint elbow of hand is 3.4 rad, but its limits are -3.142 to 3.142 rad" in told
+        assert "1 of 2 samples of the plan are refused: nothing was moved" in told
+        for name, joints in world.home.items():
+            np.testing.assert_array_equal(where(tmp_path, name), joints)
+    assert not (tmp_path / "recording").exists()
+
+
+def test_dry_run_prints_each_way_and_moves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the speed of its leading joint, slowed down for the tool; --go beside it is refused."""
+    with running(tmp_path) as world:
+        home = {name: joints.tolist() for name, joints in world.home.items()}
+        far = {**home, "eye": [home["eye"][0] + 0.05, *home["eye"][1:]]}
+        words = ["capture", str(tmp_path), "--plan", plan_of(tmp_path, far), "--dry-run", "--tool-speed-limit", "20"]
+        assert main(words) == 0
+        told = capsys.readouterr().out
+        (line,) = (line for line in told.splitlines() if line.split()[:2] == ["0", "eye"])
+        joint, tool = map(float, line.split()[2:])
+        assert (tool, joint < 5) == (20.0, True)
+        assert "nothing has moved: add --go" in told
+        assert main([*words, "--go"]) == 2
+        assert "--dry-run moves nothing" in capsys.readouterr().err
+        np.testing.assert_array_equal(where(tmp_path, "eye"), world.home["eye"])
