@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from basecal.acquisition import taking as module
@@ -115,7 +116,8 @@ class Asked:
 def test_all_arms_are_asked_before_any_is_sent(tmp_path):
     """One that refuses keeps both where they are; else both are sent, each as fast as its way allows."""
     world = facing_arms("charuco")
-    goals = {name: RobotState(joints_rad=[*joints, 0, 0, 0, 0, 0, 0.2]) for name, joints in world.home.items()}
+    turn = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.2])
+    goals = {name: RobotState(joints_rad=joints + turn) for name, joints in world.home.items()}
     for why in ("beyond its limits", ""):
         said = []
         robots = {name: Asked(name, world.home[name], said, why if name == "hand" else "") for name in world.home}

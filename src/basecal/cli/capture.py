@@ -135,12 +135,10 @@ def capture(
         json: Print what was captured as JSON.
     """
     from basecal.acquisition.rig import open_rig
-    from basecal.cell.files import read_cell
-    from basecal.planning.sketch import sketch_of
 
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
-    sketch, count = sketch_of(read_cell(cell)), samples or _SAMPLES
+    sketch, count = _sketch(cell), samples or _SAMPLES
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
@@ -155,6 +153,13 @@ def capture(
         by = replace(_taker(view.rig(rig), sketch, cell, moving.limits, view.tell), report=view.report)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
+
+
+def _sketch(cell: Path) -> Sketch:
+    from basecal.cell.files import read_cell
+    from basecal.planning.sketch import sketch_of
+
+    return sketch_of(read_cell(cell))
 
 
 def _check(
@@ -207,11 +212,9 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
     """What becomes of each sample of a pattern, while a cell is captured."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
-    from basecal.cell.files import read_cell
     from basecal.planning.plan_check import SpeedLimits
-    from basecal.planning.sketch import sketch_of
 
-    sketch = sketch_of(read_cell(folder))
+    sketch = _sketch(folder)
     with open_rig(sketch.cell, folder) as rig:
         plan = _stored(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
         limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody

@@ -81,6 +81,7 @@ def test_joints_need_a_urdf(tmp_path):
         open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), tmp_path, {"url": "opc.tcp://10.0.0.2"}))
 
 
+@pytest.mark.slow
 def test_a_session_that_is_lost_is_begun_again(opcua_robot):
     """Cut, it is begun anew and states go on; if it cannot be, the error comes after as long as it is tried."""
     with network("127.0.0.1", opcua_robot.port) as (net, port):

@@ -204,7 +204,7 @@ def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
     models = {name: SimpleNamespace(surprise=10.0 * len(name), name=name) for name in ("", *terms)}
     integrated = []
     monkeypatch.setattr(joint_estimate, "sigma_models", lambda *of: models)
-    monkeypatch.setattr(joint_estimate, "integrated_covariance", lambda of, about: integrated.extend(of) or np.eye(2))
+    monkeypatch.setattr(joint_estimate, "integrated_covariance", lambda of, *how: integrated.extend(of) or np.eye(2))
     noise = NoiseEstimate(Noise(), 1.0, (), True, logs=np.zeros(1))
     found = joint_estimate.integrate_sigmas(SimpleNamespace(width=2), None, noise)
     assert [each.name for each in integrated] == counted
