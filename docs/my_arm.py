@@ -36,5 +36,6 @@ class MyArm(ReconnectingRobot):
     def stop(self) -> None:  # called by another thread
         self.ask("stop")
 
+
 def open_robot(place: Place) -> MyArm:
     return MyArm(place.name, place.options["address"])

@@ -201,7 +201,7 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
 )
 def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
     """Where links or zeros are modelled, the model without any of them does not count, however likely it is."""
-    models = {name: SimpleNamespace(surprise=10.0 * len(name), name=name) for name in ("", *terms)}
+    models = {name: SimpleNamespace(surprise=10.0 * len(name), name=name, logs=np.zeros(1)) for name in ("", *terms)}
     integrated = []
     monkeypatch.setattr(joint_estimate, "sigma_models", lambda *of: models)
     monkeypatch.setattr(joint_estimate, "integrated_covariance", lambda of, *how: integrated.extend(of) or np.eye(2))
