@@ -16,7 +16,14 @@ from typing import Any
 
 from basecal.acquisition.driver import Place, Reading, Robot
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
-from basecal.acquisition.supervision.limits import CLOSE_S, HEARTBEAT_S, PARENT_SILENT_S, STOP_S, TICK_S
+from basecal.acquisition.supervision.limits import (
+    CLOSE_S,
+    HEARTBEAT_S,
+    PARENT_SILENT_S,
+    START_S,
+    STOP_S,
+    TICK_S,
+)
 from basecal.acquisition.supervision.signals import interrupt_main_thread
 from basecal.cell import RobotState
 from basecal.errors import DriverError
@@ -151,7 +158,8 @@ class Arms:
 
     def _listen(self) -> None:
         """Take what the supervisor sends until it ends, and tell it that this process runs."""
-        heard_s = beat_s = time.monotonic()
+        beat_s = time.monotonic()
+        heard_s = beat_s + START_S
         while True:
             select.select([self._channel.read_fd], [], [], TICK_S)
             now = time.monotonic()

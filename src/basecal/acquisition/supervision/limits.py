@@ -15,6 +15,9 @@ HUNG_AT_REST_S = 10.0
 PARENT_SILENT_S = 1.0
 """The same of the capture itself while an arm moves; it computes, and its heartbeat may be late."""
 
+START_S = 10.0
+"""How much longer the supervisor may be silent at first: a busy machine takes its time to start a process."""
+
 STALE_S = 0.45
 """Without a new state for so long while any arm moves, a link counts as lost."""
 
