@@ -19,8 +19,7 @@ class MyArm(ReconnectingRobot):
         super().__init__(name)
 
     def ask(self, path: str, **said: object) -> dict:
-        data = json.dumps(said).encode()
-        with urllib.request.urlopen(f"{self.address}/{path}", data, timeout=1) as answer:
+        with urllib.request.urlopen(f"{self.address}/{path}", json.dumps(said).encode(), timeout=1) as answer:
             return json.load(answer)
 
     def connect(self) -> None:  # HTTP connects with each request: ask once

@@ -58,6 +58,15 @@ def test_a_joint_that_is_not_a_number_is_named():
     assert why.startswith("sample 1: joint wrist_2 of eye is nan rad")
 
 
+def test_a_joint_without_limits_does_not_turn_round_and_round():
+    """Degrees that were given as radians to a joint that turns for ever are refused before its way is walked."""
+    free = replace(WORLD.cell.robots["eye"].chain, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
+    robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
+    endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
+    for wild in (50.0, 1e3, np.inf):
+        assert words([turned("eye", 5, wild)], sketch=endless)
+
+
 def test_a_controller_is_asked_for_every_sample():
     """What it refuses is refused; robots that nobody sends are not asked."""
     asked = []

@@ -18,6 +18,7 @@ Ask = Callable[[RobotState], str]
 """Why a controller would not go somewhere, in words; empty if it would."""
 
 _LIMIT_RAD = 1e-9  # beyond a limit that is rounding
+_TURN_RAD = 4.1 * np.pi  # of a joint on one way: from one limit of a usual arm to the other, rounded up
 _REACHES = 3.0  # sum of a point's distances from all axes of an arm, in units of the flange's farthest from its base
 _ARM_M = 0.3  # what an arm carries beyond its flange, and the least reach
 
@@ -102,8 +103,8 @@ def check_plan(
 def way_of(sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits) -> Way:
     """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
 
-    Of a robot that is sent to poses the joints are not known: no point of it moves faster than three times its reach
-    for each radian of its leading joint, the sum of a point's distances from all axes.
+    Of a robot that is sent to poses the joints are not known. Its speed is estimated: three times its reach at both ends
+    for each radian of its leading joint, about the sum of a point's distances from all axes.
     """
     metres = path_length(sketch, start, end, robot)
     if metres is None:
@@ -123,6 +124,11 @@ def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, a
             bounds = f"{chain.lower[worst]:.4g} to {chain.upper[worst]:.4g} rad"
             what = f"joint {name} of {robot} is {value:.4g} rad, but its limits are {bounds}"
             return [Refusal(end.sample, what, "Change the plan, or the limits in the URDF if they are wrong")]
+    if state.joints_rad is not None and here.joints_rad is not None:
+        turn = float(np.abs(state.joints_rad - here.joints_rad).max())
+        if not turn <= _TURN_RAD:  # a continuous joint has no limits
+            what = f"a joint of {robot} would turn by {turn:.4g} rad, more than two turns"
+            return [Refusal(end.sample, what, "State joints in rad, within two turns of the sample before")]
     if state.base_from_flange is not None and chain is not None and here.joints_rad is not None:
         try:
             inverse(chain, state.base_from_flange, here.joints_rad)
