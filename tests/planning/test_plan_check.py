@@ -63,7 +63,7 @@ def test_a_joint_without_limits_does_not_turn_round_and_round():
     free = replace(WORLD.cell.robots["eye"].chain, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
     robots = {**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=free)}
     endless = replace(SKETCH, cell=replace(WORLD.cell, robots=robots))
-    for wild in (50.0, 1e3, np.inf):
+    for wild in (50.0, 1e3):
         assert words([turned("eye", 5, wild)], sketch=endless)
 
 

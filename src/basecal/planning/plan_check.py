@@ -103,7 +103,7 @@ def check_plan(
 def way_of(sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits) -> Way:
     """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
 
-    Of a robot that is sent to poses the joints are not known. Its speed is estimated: three times its reach at both ends
+    Of a robot that is sent to poses joints are not known. Its speed is estimated: three times its reach at both ends
     for each radian of its leading joint, about the sum of a point's distances from all axes.
     """
     metres = path_length(sketch, start, end, robot)
