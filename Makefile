@@ -29,13 +29,13 @@ demo: $(VENV)/.core
 	$(BIN)/basecal demo
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not timed"
 
 test-slow: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto -m slow
+	$(BIN)/python -m pytest -n auto -m "slow and not timed"
 
 safety: $(VENV)/.test
-	$(BIN)/python -m pytest tests/safety || $(BIN)/python -m pytest tests/safety --last-failed  # a stalled machine misses once
+	$(BIN)/python -m pytest -m "timed and not slow" || $(BIN)/python -m pytest -m "timed and not slow" --last-failed  # a stalled machine misses once
 
 torment: $(VENV)/.test
 	PYTHONPATH=.:tests $(BIN)/python -m torment.run --seed $(or $(SEED),0) $(if $(SECONDS),--seconds $(SECONDS)) $(if $(RECORD),--record)

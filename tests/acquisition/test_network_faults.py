@@ -25,6 +25,8 @@ from shared.second_process import own_host, second_process
 from shared.ur_place import controller
 from shared.wire import DEVICE, wire
 
+pytestmark = pytest.mark.timed
+
 FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 LOSS = "<Internal><Test><XmitLossiness>200</XmitLossiness></Test></Internal>"  # of a thousand packets
 

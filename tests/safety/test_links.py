@@ -8,6 +8,8 @@ from safety.installed_driver import installed_driver
 from shared.second_process import TESTS
 from tests.safety.link_trial import ARMS, FAULTS, PHASES, Trial, attempt, faults_found
 
+pytestmark = pytest.mark.timed
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _frail(tmp_path_factory):
@@ -16,7 +18,6 @@ def _frail(tmp_path_factory):
         yield
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_fault_in_every_phase(fault, phase):

@@ -20,6 +20,8 @@ from basecal.planning.plan_check import SpeedLimits, check_plan
 from basecal.planning.sketch import sketch_of
 from shared.facing_arms import facing_arms
 
+pytestmark = pytest.mark.timed
+
 pin = pytest.importorskip("pinocchio")
 
 WORLD = facing_arms("charuco")
@@ -80,7 +82,6 @@ def changed(plan, place, robot, joints):
     return (*plan[:place], replace(sample, robots=robots), *plan[place + 1 :])
 
 
-@pytest.mark.slow
 def test_plans_with_a_bad_joint_are_refused():
     """A hundred plans, each with one joint beyond a limit of one robot in one sample by a milliradian or more."""
     rng = np.random.default_rng(1)
@@ -93,7 +94,6 @@ def test_plans_with_a_bad_joint_are_refused():
         assert any("its limits are" in each.what for each in refusals(changed(plan, place, robot, joints)))
 
 
-@pytest.mark.slow
 def test_plans_through_a_post_are_refused():
     """A hundred plans, each with a thin post where Pinocchio says that the eye's flange passes, between samples too."""
     rng = np.random.default_rng(2)
@@ -119,7 +119,6 @@ def reaching(robot, there, start):
     return joints
 
 
-@pytest.mark.slow
 def test_plans_whose_arms_meet_are_refused():
     """A hundred plans, in one sample of which both flanges go to one point between the bases."""
     rng = np.random.default_rng(3)
@@ -132,7 +131,6 @@ def test_plans_whose_arms_meet_are_refused():
         assert refusals(plan)
 
 
-@pytest.mark.slow
 def test_sound_plans_are_not_refused_and_are_slow_enough():
     """Three hundred plans: none is refused, and by Pinocchio's Jacobians no flange is faster than allowed."""
     fastest = 0.0

@@ -17,7 +17,7 @@ from safety.installed_driver import installed_driver
 from shared.second_process import TESTS, second_process
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.timed,
     pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="processes are found by /proc"),
 ]
 TOLD_S = 0.3

@@ -18,6 +18,8 @@ from shared.ur_place import CELL, controller
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.timed
+
 FAR = RobotState(joints_rad=np.array([2.0, -1.5, 1.5, 0.0, 0.5, 0.0]))
 FAULTS = {
     "freeze_link": ("no state came", 0.6),
@@ -55,7 +57,6 @@ def _move_until_stopped(cell, fail):
                 robot.state()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_other_arm_is_told(fault):
     """While both move one fails: the other is stopped in time, no program is sent again, the reason is the true one."""

@@ -10,6 +10,8 @@ import pytest
 
 from basecal.acquisition.driver_check.measuring import Arrivals, stale_images
 
+pytestmark = pytest.mark.timed
+
 
 def test_arrivals_are_summed_up():
     """A clock 2 % fast with one repeated stamp and one late state is measured as such."""

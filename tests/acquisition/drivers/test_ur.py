@@ -18,6 +18,8 @@ from shared.ur_place import CELL, controller
 
 pytest.importorskip("rtde_receive")
 
+pytestmark = pytest.mark.timed
+
 
 def test_two_controllers_each_with_its_own_clock(tmp_path):
     """A cell of two controllers is opened by its cell file, and each says where it is."""

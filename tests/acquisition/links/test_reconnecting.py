@@ -12,6 +12,8 @@ from basecal.acquisition.links.reconnecting import LostLink, ReconnectingRobot
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 
+pytestmark = pytest.mark.timed
+
 
 class Arm(ReconnectingRobot):
     """An arm whose connection gives what a test lines up: a stamp, or an error to raise."""

@@ -19,6 +19,8 @@ from basecal.cell import Cell, Robot
 from basecal.errors import DriverError
 from basecal.vision import stream as module
 
+pytestmark = pytest.mark.timed
+
 
 @pytest.mark.parametrize(
     "source",

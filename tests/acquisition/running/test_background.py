@@ -5,10 +5,14 @@ from __future__ import annotations
 import threading
 import time
 
+import pytest
+
 from basecal.acquisition.running import background as module
 from basecal.acquisition.running.background import BackgroundCheck
 from basecal.acquisition.running.check import Doubt
 from shared.running_samples import recorded
+
+pytestmark = pytest.mark.timed
 
 
 class Slow:

@@ -16,6 +16,8 @@ from basecal.errors import DatasetError, DriverError
 from safety.installed_driver import installed_driver
 from shared.second_process import TESTS, second_process
 
+pytestmark = pytest.mark.timed
+
 
 @pytest.fixture(scope="module")
 def frail(tmp_path_factory):

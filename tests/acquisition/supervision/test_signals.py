@@ -12,6 +12,8 @@ import pytest
 from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.errors import DriverError
 
+pytestmark = pytest.mark.timed
+
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_signals_interrupt_and_are_written_down(number):

@@ -10,8 +10,12 @@ import sys
 import time
 from contextlib import contextmanager
 
+import pytest
+
 from basecal.acquisition.supervision.frames import Channel, Kind
 from basecal.acquisition.supervision.limits import CLOSE_S, STOP_S
+
+pytestmark = pytest.mark.timed
 
 MODULE = "basecal.acquisition.supervision.supervisor"
 

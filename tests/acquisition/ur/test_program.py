@@ -12,6 +12,8 @@ from basecal.errors import DriverError
 
 pytest.importorskip("rtde_control")
 
+pytestmark = pytest.mark.timed
+
 
 def program(place):
     """The program of a controller."""

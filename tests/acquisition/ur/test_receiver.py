@@ -18,6 +18,8 @@ from shared.ur_place import CELL, controller
 
 pytest.importorskip("rtde_receive")
 
+pytestmark = pytest.mark.timed
+
 
 def take(robot, count):
     """So many states of a robot."""
