@@ -11,7 +11,7 @@ import numpy as np
 from basecal.cell import RobotState, Sample
 from basecal.errors import NotConverged
 from basecal.kinematics.inverse import inverse
-from basecal.planning.feasible import boxes_on_way, path_length, way_is_clear
+from basecal.planning.clearance import Clearance, clearances, path_length
 from basecal.planning.sketch import Sketch
 
 Ask = Callable[[RobotState], str]
@@ -40,12 +40,14 @@ class Way:
         robot: Name of the robot.
         joint_rad_s: Speed of its leading joint.
         tool_m_s: Speed that the fastest of its points then has, or a bound of it.
+        gaps: How near it comes to other robots and to boxes, if that is known.
     """
 
     sample: int
     robot: str
     joint_rad_s: float
     tool_m_s: float
+    gaps: tuple[Clearance, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,12 +97,15 @@ def check_plan(
         ]
         refusals += found
         if not found:
-            refusals += _way_refusals(sketch, before, end, sent)
-            ways += [way_of(sketch, before, end, name, limits) for name in sent]
+            gaps = list(clearances(sketch, before, end, sent))
+            refusals += _way_refusals(end, gaps)
+            ways += [way_of(sketch, before, end, name, limits, gaps) for name in sent]
     return PlanCheck(tuple(ways), tuple(refusals))
 
 
-def way_of(sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits) -> Way:
+def way_of(
+    sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits, gaps: Sequence[Clearance] = ()
+) -> Way:
     """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
 
     Of a robot that is sent to poses joints are not known. Its speed is estimated: three times its reach at both ends
@@ -111,7 +116,8 @@ def way_of(sketch: Sketch, start: Sample, end: Sample, robot: str, limits: Speed
         places = [sketch.base_from_flange(robot, each.robots[robot]).translation for each in (start, end)]
         metres = _REACHES * (max(float(np.linalg.norm(place)) for place in places) + _ARM_M)
     speed = min(limits.joint_rad_s, limits.tool_m_s / metres) if metres else limits.joint_rad_s
-    return Way(end.sample, robot, speed, speed * metres)
+    own = tuple(gap for gap in gaps if robot in (gap.robot, gap.other))
+    return Way(end.sample, robot, speed, speed * metres, own)
 
 
 def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, ask: Ask) -> list[Refusal]:
@@ -138,12 +144,14 @@ def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, a
     return [Refusal(end.sample, f"{robot}: {why}", "Change the plan, or the limits on its controller")] if why else []
 
 
-def _way_refusals(sketch: Sketch, start: Sample, end: Sample, sent: Sequence[str]) -> list[Refusal]:
-    boxes = [(robot, name) for robot in sent for name in boxes_on_way(sketch, start, end, robot)]
-    found = [
-        Refusal(end.sample, f"{robot} comes into or near {name!r} on its way", "Leave it out, or go around it")
-        for robot, name in boxes
+def _way_refusals(end: Sample, gaps: Sequence[Clearance]) -> list[Refusal]:
+    return [
+        Refusal(
+            end.sample,
+            f"{gap.robot} comes within {1e3 * max(gap.gap_m, 0.0):.0f} mm of {gap.other!r} on its way, "
+            f"{1e3 * gap.needed_m:.0f} mm are required",
+            "Leave it out, or go around it",
+        )
+        for gap in gaps
+        if not gap.is_enough
     ]
-    if not found and not way_is_clear(sketch, start, end):
-        found.append(Refusal(end.sample, "the arms may meet on the way", "Leave it out, or begin elsewhere"))
-    return found
