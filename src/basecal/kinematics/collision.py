@@ -1,10 +1,9 @@
-"""Bodies of an arm's links as capsules: from the <collision> elements of a URDF, else lines between joints."""
+"""Capsules that enclose bodies: the <collision> elements of a URDF, and boxes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,10 +16,6 @@ from basecal.kinematics.mesh import mesh_bounds
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-    from basecal.kinematics.chain import SerialChain
-
-PADDING_M = 0.06
-"""Radius of a link whose body is unknown, and about what an arm carries."""
 
 _ROD_M, _MOST_RODS = 0.08, 8  # widest part of a box that one capsule encloses; most of them across it
 _LARGEST = 1e3  # [m, rad] of any number
@@ -67,27 +62,8 @@ class Capsules:
     def joined(parts: Sequence[Capsules], problems: tuple[str, ...] = ()) -> Capsules:
         """All capsules of some parts."""
         rows = zip(*((part.frame, part.ends, part.radius, part.padding) for part in parts), strict=True)
-        return Capsules(*map(np.concatenate, rows), problems)
-
-
-@lru_cache(maxsize=64)
-def link_capsules(chain: SerialChain) -> Capsules:
-    """Capsules that enclose the links of an arm.
-
-    A frame without bodies, or with one that cannot be read, has a line from its joint to the next.
-    """
-    parts, problems, lines = list[Capsules](), list[str](), set(range(chain.n + 1))
-    lines -= {body.frame for body in chain.collisions}
-    for body in chain.collisions:
-        try:
-            parts.append(_body_capsules(body))
-        except InputError as error:
-            problems.append(f"link {body.link!r}: {error}")
-            lines.add(body.frame)
-    steps = [*(chain.origins[k].translation for k in range(chain.n)), chain.tip.translation]
-    ends = np.stack([np.zeros((len(steps), 3)), steps], axis=1)[sorted(lines)]
-    skeleton = Capsules(np.array(sorted(lines), dtype=int), ends, np.zeros(len(ends)), np.full(len(ends), PADDING_M))
-    return Capsules.joined([skeleton, *parts], tuple(problems))
+        frame, ends, radius, padding = map(np.concatenate, rows)
+        return Capsules(frame, ends, radius, padding, problems)
 
 
 def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -> Capsules:
@@ -111,7 +87,7 @@ def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -
     return Capsules(np.full(len(ends), frame), ends, radius, padding)
 
 
-def _body_capsules(body: Collision) -> Capsules:
+def body_capsules(body: Collision) -> Capsules:
     """Capsules that enclose a body.
 
     Raises:

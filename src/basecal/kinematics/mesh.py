@@ -12,9 +12,9 @@ from basecal.errors import DatasetError
 from basecal.geometry import Array
 
 _LARGEST_BYTES = 2**26  # 64 MB: collision meshes have some hundred kB
-_HEADER_BYTES = 84  # of a binary STL, the number of its triangles last
+_HEADER_BYTES = 84  # of a binary STL, of which the last four are the number of triangles
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_ROW = {".stl": rb"^\s*vertex\s+(.*)$", ".obj": rb"^v\s+(\S+\s+\S+\s+\S+)"}
+_VERTEX = re.compile(rb"^\s*v(?:ertex)?\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)  # of a text STL, and of an OBJ
 
 
 def mesh_bounds(path: Path) -> Array:
@@ -24,20 +24,16 @@ def mesh_bounds(path: Path) -> Array:
         path: An STL file, binary or text, or an OBJ file.
 
     Raises:
-        DatasetError: if the file is of another kind, cannot be read, or holds a vertex that is not finite.
+        DatasetError: if it cannot be read, or has no vertices, or one that is not finite.
     """
-    row = _ROW.get(path.suffix.lower())
-    if row is None:
-        raise DatasetError(str(path), "is neither STL nor OBJ; convert it")
     data = read_bounded(path, _LARGEST_BYTES)
-    count = int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
-    if path.suffix.lower() == ".stl" and len(data) == _HEADER_BYTES + count * _TRIANGLE.itemsize:
-        points = np.frombuffer(data, _TRIANGLE, offset=_HEADER_BYTES)["corners"].reshape(-1, 3)
-    else:
-        try:
-            points = np.array([words.split() for words in re.findall(row, data, re.MULTILINE)], dtype=np.float64)
-        except ValueError:
-            points = np.full((1, 3), np.nan)
-    if points.ndim != 2 or points.shape[1:] != (3,) or not (len(points) and np.isfinite(points).all()):
-        raise DatasetError(str(path), "expected vertices of three finite numbers")
-    return np.stack([points.min(0), points.max(0)]).astype(np.float64)
+    count, odd = divmod(len(data) - _HEADER_BYTES, _TRIANGLE.itemsize)
+    is_binary = not odd and count == int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
+    found = np.frombuffer(data, _TRIANGLE, offset=_HEADER_BYTES)["corners"] if is_binary else _VERTEX.findall(data)
+    try:
+        points = np.array(found, dtype=np.float64).reshape(-1, 3)
+    except ValueError:
+        points = np.full((1, 3), np.nan)
+    if not (len(points) and np.isfinite(points).all()):
+        raise DatasetError(str(path), "expected finite vertices of an STL or OBJ file")
+    return np.stack([points.min(0), points.max(0)])

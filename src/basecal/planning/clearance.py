@@ -11,12 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from basecal.cell import KeepOut, Sample
-from basecal.geometry import SE3, Array, BoolArray, IntArray
-from basecal.kinematics.collision import PADDING_M, Capsules, box_capsules, link_capsules
+from basecal.cell import CellCamera, CellTarget, KeepOut, Sample
+from basecal.errors import InputError
+from basecal.geometry import SE3, Array, IntArray
+from basecal.kinematics.collision import Capsules, body_capsules, box_capsules
 from basecal.planning.sketch import Sketch
 
 _AIR_M = 0.02  # about each arm: as far as its points move from the nearest place on a way that is looked at
+_PADDING_M = 0.06  # radius of a link whose body is unknown, and about what an arm carries
 _STEP_RAD = 0.05  # between places at which the speed of points is looked at
 _CHORD = 1.02  # of an arc of a tenth of a radian and its change of speed over its chord, at most
 _STANDING = 2  # frames of an arm, its base and first joint, which stand on what it is mounted on
@@ -63,10 +65,10 @@ def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[st
     ways = {name: way for name in end.robots if (way := _way(sketch, start, end, name)) is not None}
     for one, other in combinations(ways, 2):
         if one in moving or other in moving:
-            yield Clearance(one, other, _arms_gap(ways[one], ways[other]), 2 * _AIR_M)
+            yield Clearance(one, other, _arms_gap(_swept(*ways[one]), _swept(*ways[other])), 2 * _AIR_M)
     for name in [name for name in ways if name in moving]:
         for box in sketch.cell.keep_out.values():
-            yield Clearance(name, box.name, _box_gap(ways[name], box), _AIR_M)
+            yield Clearance(name, box.name, _box_gap(_swept(*ways[name], first=_STANDING), box), _AIR_M)
 
 
 def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float | None:
@@ -83,36 +85,51 @@ def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float
     count = int(leading / _STEP_RAD) + 2
     rotation, segments = _placed(sketch, robot, np.linspace(*ends, count))
     turned = np.linalg.norm(np.diff(rotation, axis=0), axis=(-2, -1)) / np.sqrt(2)  # chord of the unit circle
-    steps = np.linalg.norm(np.diff(segments, axis=0), axis=-1).max(-1) + turned * _body(sketch, robot).radius
+    steps = np.linalg.norm(np.diff(segments, axis=0), axis=-1).max(-1) + turned * robot_capsules(sketch, robot).radius
     return _CHORD * float(steps.max()) * (count - 1) / leading
 
 
 def _ends(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Array, Array] | None:
     """Joints at both ends of a way; None of a robot that is sent to poses."""
     here, there = (sample.robots[robot].joints_rad if robot in sample.robots else None for sample in (start, end))
-    unknown = here is None or there is None or sketch.cell.robots[robot].chain is None
-    return None if unknown else (here, there)
+    if here is None or there is None or sketch.cell.robots[robot].chain is None:
+        return None
+    return here, there
 
 
 @lru_cache(maxsize=16)
-def _body(sketch: Sketch, robot: str) -> Capsules:
-    """Links of a robot, and the cameras and targets that it carries."""
+def robot_capsules(sketch: Sketch, robot: str) -> Capsules:
+    """Capsules that enclose the links of a robot with joints, and the cameras and targets that it carries.
+
+    A frame without bodies, or with one that cannot be read, has a line from its joint to the next.
+    """
     chain = sketch.cell.robots[robot].chain
     assert chain is not None
-    parts, flange = [link_capsules(chain)], chain.n + 1
-    for thing in (*sketch.cell.cameras.values(), *sketch.cell.targets.values()):
+    parts, problems, lines = list[Capsules](), list[str](), {*range(chain.n + 1)}
+    lines -= {body.frame for body in chain.collisions}
+    for body in chain.collisions:
+        try:
+            parts.append(body_capsules(body))
+        except InputError as error:
+            problems.append(f"link {body.link!r}: {error}")
+            lines.add(body.frame)
+    steps = [*chain.origins.translation, chain.tip.translation]
+    for frame in lines:
+        ends = np.stack([np.zeros(3), steps[frame]])[None]
+        parts.append(Capsules(np.array([frame]), ends, np.zeros(1), np.array([_PADDING_M])))
+    carried: list[CellCamera | CellTarget] = [*sketch.cell.cameras.values(), *sketch.cell.targets.values()]
+    for thing in carried:
         if thing.on == robot:
-            points = np.zeros((1, 3))
-            if thing is sketch.target and sketch.target.target is not None:
-                points = np.concatenate([points, sketch.target.target.points])
+            shape = thing.target if isinstance(thing, CellTarget) else None
+            points = np.concatenate([np.zeros((1, 3)), *([] if shape is None else [shape.points])])
             mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
-            parts.append(box_capsules(flange, mount, np.stack([points.min(0), points.max(0)]), PADDING_M))
-    return Capsules.joined(parts)
+            parts.append(box_capsules(chain.n + 1, mount, np.stack([points.min(0), points.max(0)]), _PADDING_M))
+    return Capsules.joined(parts, tuple(problems))
 
 
 def _placed(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
     """Rotations of capsules, (m, k, 3, 3), and their ends in the world, (m, k, 2, 3), at joints, (m, n)."""
-    chain, body = sketch.cell.robots[robot].chain, _body(sketch, robot)
+    chain, body = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)
     assert chain is not None
     turning = chain.joint_frames(joints)
     base = sketch.world_from_base(robot)
@@ -123,29 +140,31 @@ def _placed(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
 
 
 class _Swept(NamedTuple):
-    """Segments, (n, 2, 3), and radii, (n,), of a robot's capsules at all places of a way; which may be near boxes."""
+    """Segments, (n, 2, 3), and radii, (n,), of capsules of a robot at all places of a way."""
 
     ends: Array
     radius: Array
-    is_standing: BoolArray
 
 
-def _way(sketch: Sketch, start: Sample, end: Sample, robot: str) -> _Swept | None:
+def _way(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Capsules, Array] | None:
+    """Capsules of a robot, and their ends at places on its way, (m, k, 2, 3)."""
     ends = _ends(sketch, start, end, robot)
     if ends is None:
         return None
     metres = (path_length(sketch, start, end, robot) or 0.0) * np.abs(ends[1] - ends[0]).max()
     joints = np.linspace(*ends, int(metres / (2 * _AIR_M)) + 2) if metres else ends[0][None]
-    body = _body(sketch, robot)
-    segments = _placed(sketch, robot, joints)[1].reshape(-1, 2, 3)
-    return _Swept(
-        segments, np.tile(body.radius + body.padding, len(joints)), np.tile(body.frame < _STANDING, len(joints))
-    )
+    return robot_capsules(sketch, robot), _placed(sketch, robot, joints)[1]
+
+
+def _swept(body: Capsules, ends: Array, first: int = 0) -> _Swept:
+    """Capsules at all places of a way, from one frame on."""
+    free = body.frame >= first
+    return _Swept(ends[:, free].reshape(-1, 2, 3), np.tile((body.radius + body.padding)[free], len(ends)))
 
 
 def _arms_gap(one: _Swept, other: _Swept) -> float:
-    rows_at_once = np.array_split(np.arange(len(one.ends)), len(one.ends) * len(other.ends) // _PAIRS + 1)
-    return min(_rows_gap(_Swept(*(each[rows] for each in one)), other) for rows in rows_at_once)
+    parts = np.array_split(np.arange(len(one.ends)), len(one.ends) * len(other.ends) // _PAIRS + 1)
+    return min(_rows_gap(_Swept(one.ends[rows], one.radius[rows]), other) for rows in parts)
 
 
 def _rows_gap(one: _Swept, other: _Swept) -> float:
@@ -153,24 +172,23 @@ def _rows_gap(one: _Swept, other: _Swept) -> float:
 
     def gap(rows: IntArray, columns: IntArray) -> Array:
         between = _segment_distance(one.ends[rows], other.ends[columns])
-        return between - one.radius[rows] - other.radius[columns]
+        return np.asarray(between - one.radius[rows] - other.radius[columns])
 
     return _least(cdist(middles, other_middles) - reach[:, None] - other_reach, gap)
 
 
 def _box_gap(way: _Swept, box: KeepOut) -> float:
     """Least distance of a box; inside it, minus the radius of what is inside."""
-    free = _Swept(*(each[~way.is_standing] for each in way))
-    middles, reach = _balls(free)
+    middles, reach = _balls(way)
 
     def gap(rows: IntArray) -> Array:
-        starts, ends = np.moveaxis(free.ends[rows], 1, 0)
+        starts, ends = np.moveaxis(way.ends[rows], 1, 0)
         low, high = np.zeros((len(rows), 1)), np.ones((len(rows), 1))
         for _ in range(_THIRDS):  # the distance is convex along a segment
             thirds = low + (high - low) / 3, high - (high - low) / 3
             first, second = (box.distance(starts + share * (ends - starts))[:, None] for share in thirds)
             low, high = np.where(first < second, low, thirds[0]), np.where(first < second, thirds[1], high)
-        return box.distance(starts + low * (ends - starts)) - free.radius[rows]
+        return np.asarray(box.distance(starts + low * (ends - starts)) - way.radius[rows])
 
     return _least(box.distance(middles) - reach, gap)
 
@@ -195,4 +213,4 @@ def _segment_distance(one: Array, other: Array) -> Array:
     s = np.clip((uv * vw - uw * vv) / np.maximum(uu * vv - uv**2, _TINY**2), 0, 1)
     t = np.clip((uv * s + vw) / vv, 0, 1)
     s = np.clip((uv * t - uw) / uu, 0, 1)
-    return np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1)
+    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1))
