@@ -30,14 +30,16 @@ class Collision:
         frame: What carries it: 0 is the base, k the frame that turns with joint k.
         frame_from_link: Pose of the link.
         element: The element.
-        folders: Where meshes are looked for, the URDF's folder first; the last holds all files of the cell.
+        urdf: The file.
+        folder: That holds all meshes.
     """
 
     link: str
     frame: int
     frame_from_link: SE3
     element: Element
-    folders: tuple[Path, ...]
+    urdf: Path
+    folder: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ def body_capsules(body: Collision) -> Capsules:
     pose = SE3.from_rpy(_numbers(words.get("rpy", "0 0 0"), 3), _numbers(words.get("xyz", "0 0 0"), 3))
     pose = body.frame_from_link @ pose
     if shape.tag == "mesh":
-        bounds = mesh_bounds(_mesh_file(shape.get("filename", ""), body.folders))
+        bounds = mesh_bounds(_mesh_file(shape.get("filename", ""), body))
         return box_capsules(body.frame, pose, np.sort(bounds * _numbers(shape.get("scale", "1 1 1"), 3), axis=0))
     if shape.tag == "box":
         return box_capsules(body.frame, pose, 0.5 * np.outer([-1, 1], _numbers(shape.get("size", ""), 3)))
@@ -120,12 +122,12 @@ def _numbers(text: str, count: int) -> Array:
     return numbers
 
 
-def _mesh_file(name: str, folders: tuple[Path, ...]) -> Path:
-    """The file of a mesh, below one of the folders, with or without the name of its package."""
+def _mesh_file(name: str, body: Collision) -> Path:
+    """The file of a mesh, with or without its package's name, in the URDF's folder or one above it."""
     whole = Path(name.removeprefix("package://").removeprefix("file://"))
-    for folder in folders:
+    for folder in body.urdf.resolve().parents:
         for part in (whole, Path(*whole.parts[1:])):
             path = (folder / part).resolve()
-            if path.is_file() and path.is_relative_to(folders[-1].resolve()):
+            if path.is_file() and path.is_relative_to(body.folder.resolve()):
                 return path
     raise InputError(f"mesh {name!r} is not in the cell's folder; copy it there")

@@ -73,18 +73,15 @@ def read_chain(path: str | Path, base_link: str, flange_link: str, folder: str |
     root = _xml(text, str(path))
     if root.tag == "mujoco":
         return chain_of_mjcf(root, base_link, flange_link, str(path))
-    above = Path(path).resolve().parents
-    within = Path(folder or above[0]).resolve()
-    folders = tuple(each for each in above if each.is_relative_to(within))
-    return parse_chain(text, base_link, flange_link, str(path), folders)
+    return parse_chain(text, base_link, flange_link, str(path), Path(folder or Path(path).parent))
 
 
 def parse_chain(
-    text: str | bytes, base_link: str, flange_link: str, path: str = "<text>", folders: tuple[Path, ...] = ()
+    text: str | bytes, base_link: str, flange_link: str, path: str = "<text>", folder: Path | None = None
 ) -> SerialChain:
     """The chain of revolute joints from `base_link` to `flange_link` in the text of a URDF.
 
-    Bodies of links are read if `folders` are given, in which meshes are looked for.
+    Bodies of links are kept if a `folder` is given, which holds their meshes.
 
     Raises:
         DatasetError: as `read_chain`, naming `path`.
@@ -106,7 +103,7 @@ def parse_chain(
     axes = np.array([_axis(joint) for joint in turning])
     names = tuple(joint.name for joint in turning)
     chain = SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
-    bodies = _collisions(chain.joint_names, above, links, base_link, folders) if folders else ()
+    bodies = () if folder is None else _collisions(chain.joint_names, above, links, base_link, (Path(path), folder))
     masses = _masses(chain.joint_names, above, links, _down(above, base_link), path)
     return replace(chain, masses=masses, collisions=bodies)
 
@@ -330,7 +327,7 @@ def _masses(
 
 
 def _collisions(
-    turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], base_link: str, folders: tuple[Path, ...]
+    turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], base_link: str, files: tuple[Path, Path]
 ) -> tuple[Collision, ...]:
     """Bodies that are fixed to the base or to a turning joint, and all that the last joint carries."""
     carriers, found = {name: number for number, name in enumerate(turning)}, list[Collision]()
@@ -346,7 +343,7 @@ def _collisions(
             carrier = _joint_above(name, carriers, above, carried)
             if carrier.joint != len(turning) - 1:
                 continue
-        found += [Collision(name, carrier.joint + 1, carrier.joint_from_link, body, folders) for body in bodies]
+        found += [Collision(name, carrier.joint + 1, carrier.joint_from_link, body, *files) for body in bodies]
     return tuple(found)
 
 

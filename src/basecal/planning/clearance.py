@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -15,7 +14,7 @@ from basecal.cell import CellCamera, CellTarget, KeepOut, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics.collision import Capsules, body_capsules, box_capsules
-from basecal.planning.sketch import Sketch
+from basecal.planning.sketch import Sketch, points_of
 
 _AIR_M = 0.02  # about each arm: as far as its points move from the nearest place on a way that is looked at
 _PADDING_M = 0.06  # radius of a link whose body is unknown, and about what an arm carries
@@ -23,7 +22,7 @@ _STEP_RAD = 0.05  # between places at which the speed of points is looked at
 _CHORD = 1.02  # of an arc of a tenth of a radian and its change of speed over its chord, at most
 _STANDING = 2  # frames of an arm, its base and first joint, which stand on what it is mounted on
 _PAIRS = 500_000  # of capsules whose distances are in memory at once
-_THIRDS = 20  # of a segment that are left out, one after another
+_POINTS = 65  # on a segment that are held against a box
 _ROUNDING = 1e-9  # of a distance [m]
 _TINY = 1e-12  # square of a length that is none [m^2]
 
@@ -65,10 +64,11 @@ def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[st
     ways = {name: way for name in end.robots if (way := _way(sketch, start, end, name)) is not None}
     for one, other in combinations(ways, 2):
         if one in moving or other in moving:
-            yield Clearance(one, other, _arms_gap(_swept(*ways[one]), _swept(*ways[other])), 2 * _AIR_M)
+            yield Clearance(one, other, _arms_gap(ways[one], ways[other]), 2 * _AIR_M)
     for name in [name for name in ways if name in moving]:
         for box in sketch.cell.keep_out.values():
-            yield Clearance(name, box.name, _box_gap(_swept(*ways[name], first=_STANDING), box), _AIR_M)
+            free = robot_capsules(sketch, name).frame >= _STANDING
+            yield Clearance(name, box.name, _box_gap(ways[name][:, free], box), _AIR_M)
 
 
 def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float | None:
@@ -120,8 +120,7 @@ def robot_capsules(sketch: Sketch, robot: str) -> Capsules:
     carried: list[CellCamera | CellTarget] = [*sketch.cell.cameras.values(), *sketch.cell.targets.values()]
     for thing in carried:
         if thing.on == robot:
-            shape = thing.target if isinstance(thing, CellTarget) else None
-            points = np.concatenate([np.zeros((1, 3)), *([] if shape is None else [shape.points])])
+            points = points_of(thing.target if isinstance(thing, CellTarget) else None)
             mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
             parts.append(box_capsules(chain.n + 1, mount, np.stack([points.min(0), points.max(0)]), _PADDING_M))
     return Capsules.joined(parts, tuple(problems))
@@ -139,64 +138,48 @@ def _placed(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
     return rotation, body.ends @ rotation.mT + places[:, :, None]
 
 
-class _Swept(NamedTuple):
-    """Segments, (n, 2, 3), and radii, (n,), of capsules of a robot at all places of a way."""
-
-    ends: Array
-    radius: Array
-
-
-def _way(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Capsules, Array] | None:
-    """Capsules of a robot, and their ends at places on its way, (m, k, 2, 3)."""
+def _way(sketch: Sketch, start: Sample, end: Sample, robot: str) -> Array | None:
+    """Both ends and the radius of a robot's capsules at places on its way, (m, k, 7) [m]; None of one sent to poses."""
     ends = _ends(sketch, start, end, robot)
     if ends is None:
         return None
-    metres = (path_length(sketch, start, end, robot) or 0.0) * np.abs(ends[1] - ends[0]).max()
-    joints = np.linspace(*ends, int(metres / (2 * _AIR_M)) + 2) if metres else ends[0][None]
-    return robot_capsules(sketch, robot), _placed(sketch, robot, joints)[1]
+    body, metres = robot_capsules(sketch, robot), (path_length(sketch, start, end, robot) or 0.0)
+    metres *= np.abs(ends[1] - ends[0]).max()
+    segments = _placed(sketch, robot, np.linspace(*ends, int(metres / (2 * _AIR_M)) + 2 if metres else 1))[1]
+    radius = np.broadcast_to((body.radius + body.padding)[:, None], (*segments.shape[:2], 1))
+    return np.concatenate([segments.reshape(*segments.shape[:2], 6), radius], axis=-1)
 
 
-def _swept(body: Capsules, ends: Array, first: int = 0) -> _Swept:
-    """Capsules at all places of a way, from one frame on."""
-    free = body.frame >= first
-    return _Swept(ends[:, free].reshape(-1, 2, 3), np.tile((body.radius + body.padding)[free], len(ends)))
+def _arms_gap(way: Array, other: Array) -> float:
+    capsules, others = way.reshape(-1, 7), other.reshape(-1, 7)
+    parts = np.array_split(capsules, len(capsules) * len(others) // _PAIRS + 1)
+    return min(_capsules_gap(part, others) for part in parts)
 
 
-def _arms_gap(one: _Swept, other: _Swept) -> float:
-    parts = np.array_split(np.arange(len(one.ends)), len(one.ends) * len(other.ends) // _PAIRS + 1)
-    return min(_rows_gap(_Swept(one.ends[rows], one.radius[rows]), other) for rows in parts)
-
-
-def _rows_gap(one: _Swept, other: _Swept) -> float:
+def _capsules_gap(one: Array, other: Array) -> float:
     (middles, reach), (other_middles, other_reach) = _balls(one), _balls(other)
-
-    def gap(rows: IntArray, columns: IntArray) -> Array:
-        between = _segment_distance(one.ends[rows], other.ends[columns])
-        return np.asarray(between - one.radius[rows] - other.radius[columns])
-
-    return _least(cdist(middles, other_middles) - reach[:, None] - other_reach, gap)
+    bound = cdist(middles, other_middles) - reach[:, None] - other_reach
+    return _least(bound, lambda rows, columns: _gaps(one[rows], other[columns]))
 
 
-def _box_gap(way: _Swept, box: KeepOut) -> float:
-    """Least distance of a box; inside it, minus the radius of what is inside."""
-    middles, reach = _balls(way)
+def _box_gap(way: Array, box: KeepOut) -> float:
+    """Least distance of a box, up to 1 % of a link's length too small; inside it at most minus a radius."""
+    capsules = way.reshape(-1, 7)
+    middles, reach = _balls(capsules)
 
     def gap(rows: IntArray) -> Array:
-        starts, ends = np.moveaxis(way.ends[rows], 1, 0)
-        low, high = np.zeros((len(rows), 1)), np.ones((len(rows), 1))
-        for _ in range(_THIRDS):  # the distance is convex along a segment
-            thirds = low + (high - low) / 3, high - (high - low) / 3
-            first, second = (box.distance(starts + share * (ends - starts))[:, None] for share in thirds)
-            low, high = np.where(first < second, low, thirds[0]), np.where(first < second, thirds[1], high)
-        return np.asarray(box.distance(starts + low * (ends - starts)) - way.radius[rows])
+        starts, ends, radius = np.split(capsules[rows], (3, 6), axis=-1)
+        points = starts + np.linspace(0, 1, _POINTS)[:, None, None] * (ends - starts)
+        between = 0.5 * np.linalg.norm(points[1] - points[0], axis=-1)  # by which a point between two may be nearer
+        return np.asarray(box.distance(points).min(0) - between - radius[:, 0])
 
     return _least(box.distance(middles) - reach, gap)
 
 
-def _balls(way: _Swept) -> tuple[Array, Array]:
-    """Middles of balls that enclose capsules, and their radii."""
-    starts, ends = way.ends[:, 0], way.ends[:, 1]
-    return 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=-1) + way.radius
+def _balls(capsules: Array) -> tuple[Array, Array]:
+    """Middles of balls that enclose capsules, (n, 3), and their radii, (n,)."""
+    starts, ends, radius = np.split(capsules, (3, 6), axis=-1)
+    return 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=-1) + radius[:, 0]
 
 
 def _least(bound: Array, gap: Callable[..., Array]) -> float:
@@ -205,12 +188,12 @@ def _least(bound: Array, gap: Callable[..., Array]) -> float:
     return float(gap(*np.nonzero(bound <= gap(*nearest)[0] + _ROUNDING)).min())
 
 
-def _segment_distance(one: Array, other: Array) -> Array:
-    """Distances of segments, both (n, 2, 3). Source: Ericson 2005, Real-Time Collision Detection, 5.1.9."""
-    u, v, w = one[:, 1] - one[:, 0], other[:, 1] - other[:, 0], one[:, 0] - other[:, 0]
+def _gaps(one: Array, other: Array) -> Array:
+    """Distances of capsules, both (n, 7). Source: Ericson 2005, Real-Time Collision Detection, 5.1.9."""
+    u, v, w = one[:, 3:6] - one[:, :3], other[:, 3:6] - other[:, :3], one[:, :3] - other[:, :3]
     uu, vv = np.maximum(np.vecdot(u, u), _TINY), np.maximum(np.vecdot(v, v), _TINY)
     uv, uw, vw = np.vecdot(u, v), np.vecdot(u, w), np.vecdot(v, w)
     s = np.clip((uv * vw - uw * vv) / np.maximum(uu * vv - uv**2, _TINY**2), 0, 1)
     t = np.clip((uv * s + vw) / vv, 0, 1)
     s = np.clip((uv * t - uw) / uu, 0, 1)
-    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1))
+    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1) - one[:, 6] - other[:, 6])

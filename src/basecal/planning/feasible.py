@@ -44,8 +44,7 @@ def in_view(sketch: Sketch, sample: Sample) -> bool:
 
 def seen_whole(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
     """As `in_view`, of many poses of the target, (n,); of a camera without a lens, near its axis."""
-    points = np.zeros((1, 3)) if sketch.target.target is None else sketch.target.target.points
-    turned: Array = points @ camera_from_target.rotation.mT
+    turned: Array = sketch.target_points @ camera_from_target.rotation.mT
     in_camera = turned + camera_from_target.translation[:, None]
     depth = in_camera[..., 2]
     seen: BoolArray = np.all((depth > _NEAREST_M) & (depth < _FARTHEST_M), axis=-1)
