@@ -87,7 +87,9 @@ def test_boxes_are_kept_out_of_on_the_way_and_arms_may_stand_on_a_table():
     alone = replace(WORLD.cell, keep_out={"post": box_at(middle)})
     before = {**HOME, **start.robots}
     found = check_plan(replace(SKETCH, cell=alone), before, [end], LIMITS, {"eye": lambda state: ""})
-    assert [refusal.what for refusal in found.refusals] == ["eye comes within 0 mm of 'post' on its way, 20 mm are required"]
+    assert [refusal.what for refusal in found.refusals] == [
+        "eye comes within 0 mm of 'post' on its way, 20 mm are required"
+    ]
     table = KeepOut("table", SE3(np.eye(3), np.array([0.0, 0.0, -10.0])), np.full(3, 20.0))
     on_table = replace(WORLD.cell, keep_out={"table": table})
     assert words([turned("eye", 5, 0.3)], sketch=replace(SKETCH, cell=on_table)) == []

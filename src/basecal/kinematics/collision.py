@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os.path import isfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -105,8 +106,8 @@ def body_capsules(body: Collision) -> Capsules:
         bounds = mesh_bounds(_mesh_file(shape.get("filename", ""), body))
         return box_capsules(body.frame, pose, np.sort(bounds * _numbers(shape.get("scale", "1 1 1"), 3), axis=0))
     if shape.tag == "box":
-        return box_capsules(body.frame, pose, 0.5 * np.outer([-1, 1], _numbers(shape.get("size", ""), 3)))
-    radius = _numbers(shape.get("radius", ""), 1)
+        return box_capsules(body.frame, pose, 0.5 * np.outer([-1, 1], abs(_numbers(shape.get("size", ""), 3))))
+    radius = abs(_numbers(shape.get("radius", ""), 1))
     length = _numbers(shape.get("length", "0"), 1)
     ends = pose @ (np.outer([-0.5, 0.5], [0, 0, 1]) * length)
     return Capsules(np.array([body.frame]), ends[None], radius, np.zeros(1))
@@ -128,6 +129,6 @@ def _mesh_file(name: str, body: Collision) -> Path:
     for folder in body.urdf.resolve().parents:
         for part in (whole, Path(*whole.parts[1:])):
             path = (folder / part).resolve()
-            if path.is_file() and path.is_relative_to(body.folder.resolve()):
+            if isfile(path) and path.is_relative_to(body.folder.resolve()):
                 return path
     raise InputError(f"mesh {name!r} is not in the cell's folder; copy it there")

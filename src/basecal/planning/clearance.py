@@ -185,7 +185,7 @@ def _balls(capsules: Array) -> tuple[Array, Array]:
 def _least(bound: Array, gap: Callable[..., Array]) -> float:
     """Least gap, of which lower bounds are known: only gaps that may be the least are computed."""
     nearest = np.unravel_index([np.argmin(bound)], bound.shape)
-    return float(gap(*np.nonzero(bound <= gap(*nearest)[0] + _ROUNDING)).min())
+    return float(gap(*np.nonzero(bound <= max(bound.min(), gap(*nearest)[0]) + _ROUNDING)).min())
 
 
 def _gaps(one: Array, other: Array) -> Array:
