@@ -10,7 +10,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.kinematics import parse_chain, read_chain
-from basecal.kinematics.collision import Capsules, Collision, body_capsules, box_capsules
+from basecal.kinematics.collision import Collision, body_capsules, box_capsules
 from basecal.kinematics.mesh import mesh_bounds
 from shared.bodies import SIX_AXIS, arm_with_bodies, body
 
@@ -111,12 +111,3 @@ def test_another_arm_on_the_same_torso_is_no_body_of_this_one(tmp_path):
         (tmp_path / "two.urdf").write_text(text)
         found = read_chain(tmp_path / "two.urdf", "base_link", "tool0").collisions
         assert [each.link for each in found] == ["other"] * kept
-
-
-def test_parts_are_joined():
-    """In their order, with problems."""
-    parts = [box_capsules(k, SE3.identity(), np.array([[0.0, 0, 0], [1, 0.1, 0.1]]), 0.01 * k) for k in (1, 2)]
-    whole = Capsules.joined(parts, ("why",))
-    assert [*whole.frame] == [1] * 4 + [2] * 4
-    np.testing.assert_array_equal(whole.padding, np.repeat([0.01, 0.02], 4))
-    assert whole.problems == ("why",)

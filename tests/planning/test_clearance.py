@@ -76,7 +76,7 @@ def capsule(ends, radius):
 
 def coal_capsules(sketch, robot, joints, first=0):
     """Capsules of a robot at joints, from one frame on, as Coal has them."""
-    chain, body = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)
+    chain, (body, _) = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)
     frames = [SE3.identity(), *chain.joint_frames(joints), chain.forward(joints)]
     return [
         capsule(sketch.world_from_base(robot) @ frames[k] @ ends, radius)
@@ -143,14 +143,13 @@ def test_only_what_moves_is_judged(tmp_path):
 def test_a_body_that_cannot_be_read_is_named_and_replaced_by_a_line(tmp_path):
     """As long as the link, with a radius of 60 mm; other links keep their bodies."""
     path = arm_with_bodies(tmp_path)
-    whole = robot_capsules(two_arms(path), "two")
+    whole, _ = robot_capsules(two_arms(path), "two")
     (path.parent / "meshes/upper.stl").unlink()
     sketch = two_arms(path)
-    body = robot_capsules(sketch, "two")
-    assert body.problems == (
-        "link 'upper_arm': mesh 'package://arm_description/meshes/upper.stl' is not in the cell's folder; "
-        "copy it there",
-    )
+    body, problems = robot_capsules(sketch, "two")
+    assert problems == [
+        "link 'upper_arm': mesh 'package://arm_description/meshes/upper.stl' is not in the cell's folder; copy it there"
+    ]
     (line,) = body.ends[body.frame == 2]
     np.testing.assert_allclose(line, [np.zeros(3), sketch.cell.robots["two"].chain.origins.translation[2]])
     assert (body.radius + body.padding)[body.frame == 2] == [0.06]

@@ -133,7 +133,7 @@ def say_plan(
         f"with {target} in view of {camera} at every stop; {_ways(found)}"
     )
     for name in {way.robot for way in found.ways if way.gaps}:
-        for problem in robot_capsules(sketch, name).problems:
+        for problem in robot_capsules(sketch, name)[1]:
             say(f"WARNING: {name}: {problem}. A line with a radius of 60 mm is checked instead")
     if replanned is not None:
         say(replanned.words())

@@ -148,18 +148,14 @@ class SerialChain:
         of_origins, of_tip = SE3.exp(tangents[..., :-1, :]), SE3.exp(tangents[..., -1, :])
         return replace(self, origins=self.origins @ of_origins, tip=self.tip @ of_tip)
 
-    def joint_frames(self, joints: Array) -> list[SE3]:
-        """`base_from_joint` of each joint's own frame, which turns with it, n of (...).
+    def joint_frames(self, joints: Array) -> SE3:
+        """`base_from_joint` of each joint's own frame, which turns with it, (n, ...).
 
         Args:
             joints: (..., n) [rad]; of a single arm.
         """
-        turns = self._turns(np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0))
-        frame, frames = SE3.identity(turns.shape[1:-2]), []
-        for i, turn in enumerate(turns):
-            frame = frame @ self.origins[i] @ SE3.adopt(turn, np.zeros(turn.shape[:-1]))
-            frames.append(frame)
-        return frames
+        posture = self.at(joints)
+        return posture.base_from_flange @ posture.joint_from_flange.inverse()
 
 
 @dataclass(frozen=True, eq=False)

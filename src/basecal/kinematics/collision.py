@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from os.path import isfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,8 +42,7 @@ class Collision:
     folder: Path
 
 
-@dataclass(frozen=True, eq=False)
-class Capsules:
+class Capsules(NamedTuple):
     """Segments with a radius, k of them, that enclose what is known of bodies.
 
     Attributes:
@@ -52,21 +50,12 @@ class Capsules:
         ends: (k, 2, 3) [m] in that frame.
         radius: (k,) [m].
         padding: (k,) [m] by which a body may be larger than what is known.
-        problems: Bodies that cannot be read, in words.
     """
 
     frame: IntArray
     ends: Array
     radius: Array
     padding: Array
-    problems: tuple[str, ...] = ()
-
-    @staticmethod
-    def joined(parts: Sequence[Capsules], problems: tuple[str, ...] = ()) -> Capsules:
-        """All capsules of some parts."""
-        rows = zip(*((part.frame, part.ends, part.radius, part.padding) for part in parts), strict=True)
-        frame, ends, radius, padding = map(np.concatenate, rows)
-        return Capsules(frame, ends, radius, padding, problems)
 
 
 def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -> Capsules:

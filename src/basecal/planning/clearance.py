@@ -64,11 +64,14 @@ def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[st
     ways = {name: way for name in end.robots if (way := _way(sketch, start, end, name)) is not None}
     for one, other in combinations(ways, 2):
         if one in moving or other in moving:
-            yield Clearance(one, other, _arms_gap(ways[one], ways[other]), 2 * _AIR_M)
+            capsules, others = (ways[name].reshape(-1, 7) for name in (one, other))
+            parts = np.array_split(capsules, len(capsules) * len(others) // _PAIRS + 1)
+            gap_m = min(_arms_gap(part, others) for part in parts)
+            yield Clearance(one, other, gap_m, 2 * _AIR_M)
     for name in [name for name in ways if name in moving]:
         for box in sketch.cell.keep_out.values():
-            free = robot_capsules(sketch, name).frame >= _STANDING
-            yield Clearance(name, box.name, _box_gap(ways[name][:, free], box), _AIR_M)
+            free = robot_capsules(sketch, name)[0].frame >= _STANDING
+            yield Clearance(name, box.name, _box_gap(ways[name][free].reshape(-1, 7), box), _AIR_M)
 
 
 def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float | None:
@@ -84,8 +87,9 @@ def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float
         return 0.0
     count = int(leading / _STEP_RAD) + 2
     rotation, segments = _placed(sketch, robot, np.linspace(*ends, count))
-    turned = np.linalg.norm(np.diff(rotation, axis=0), axis=(-2, -1)) / np.sqrt(2)  # chord of the unit circle
-    steps = np.linalg.norm(np.diff(segments, axis=0), axis=-1).max(-1) + turned * robot_capsules(sketch, robot).radius
+    turned = np.linalg.norm(np.diff(rotation, axis=1), axis=(-2, -1)) / np.sqrt(2)  # chord of the unit circle
+    beside = turned * robot_capsules(sketch, robot)[0].radius[:, None]
+    steps = np.linalg.norm(np.diff(segments, axis=1), axis=-1).max(-1) + beside
     return _CHORD * float(steps.max()) * (count - 1) / leading
 
 
@@ -98,8 +102,8 @@ def _ends(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Array
 
 
 @lru_cache(maxsize=16)
-def robot_capsules(sketch: Sketch, robot: str) -> Capsules:
-    """Capsules that enclose the links of a robot with joints, and the cameras and targets that it carries.
+def robot_capsules(sketch: Sketch, robot: str) -> tuple[Capsules, list[str]]:
+    """Capsules that enclose the links of a robot with joints and what it carries, and bodies that cannot be read.
 
     A frame without bodies, or with one that cannot be read, has a line from its joint to the next.
     """
@@ -123,48 +127,43 @@ def robot_capsules(sketch: Sketch, robot: str) -> Capsules:
             points = points_of(thing.target if isinstance(thing, CellTarget) else None)
             mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
             parts.append(box_capsules(chain.n + 1, mount, np.stack([points.min(0), points.max(0)]), _PADDING_M))
-    return Capsules.joined(parts, tuple(problems))
+    frame, ends, radius, padding = map(np.concatenate, zip(*parts, strict=True))
+    return Capsules(frame, ends, radius, padding), problems
 
 
 def _placed(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
-    """Rotations of capsules, (m, k, 3, 3), and their ends in the world, (m, k, 2, 3), at joints, (m, n)."""
-    chain, body = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)
+    """Rotations of capsules, (k, m, 3, 3), and their ends in the world, (k, m, 2, 3), at joints, (m, n)."""
+    chain, body = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)[0]
     assert chain is not None
     turning = chain.joint_frames(joints)
-    base = sketch.world_from_base(robot)
-    frames = [SE3.stack([base] * len(joints)), *(base @ frame for frame in (*turning, turning[-1] @ chain.tip))]
-    rotation = np.stack([frame.rotation for frame in frames], axis=1)[:, body.frame]
-    places = np.stack([frame.translation for frame in frames], axis=1)[:, body.frame]
-    return rotation, body.ends @ rotation.mT + places[:, :, None]
+    parts = SE3.identity((1, len(joints))), turning, turning[-1:] @ chain.tip
+    frames = SE3(*(np.concatenate(each) for each in zip(*((p.rotation, p.translation) for p in parts), strict=True)))
+    world_from = sketch.world_from_base(robot) @ frames[body.frame]
+    return world_from.rotation, body.ends[:, None] @ world_from.rotation.mT + world_from.translation[:, :, None]
 
 
 def _way(sketch: Sketch, start: Sample, end: Sample, robot: str) -> Array | None:
-    """Both ends and the radius of a robot's capsules at places on its way, (m, k, 7) [m]; None of one sent to poses."""
+    """Both ends and the radius of a robot's capsules at places on its way, (k, m, 7) [m]; None of one sent to poses."""
     ends = _ends(sketch, start, end, robot)
     if ends is None:
         return None
-    body, metres = robot_capsules(sketch, robot), (path_length(sketch, start, end, robot) or 0.0)
+    body, metres = robot_capsules(sketch, robot)[0], (path_length(sketch, start, end, robot) or 0.0)
     metres *= np.abs(ends[1] - ends[0]).max()
     segments = _placed(sketch, robot, np.linspace(*ends, int(metres / (2 * _AIR_M)) + 2 if metres else 1))[1]
-    radius = np.broadcast_to((body.radius + body.padding)[:, None], (*segments.shape[:2], 1))
-    return np.concatenate([segments.reshape(*segments.shape[:2], 6), radius], axis=-1)
+    shape = segments.shape[:2]
+    radius = np.broadcast_to((body.radius + body.padding)[:, None, None], (*shape, 1))
+    return np.concatenate([segments.reshape(*shape, 6), radius], axis=-1)
 
 
-def _arms_gap(way: Array, other: Array) -> float:
-    capsules, others = way.reshape(-1, 7), other.reshape(-1, 7)
-    parts = np.array_split(capsules, len(capsules) * len(others) // _PAIRS + 1)
-    return min(_capsules_gap(part, others) for part in parts)
-
-
-def _capsules_gap(one: Array, other: Array) -> float:
+def _arms_gap(one: Array, other: Array) -> float:
+    """Least distance of capsules, (n, 7) and (m, 7)."""
     (middles, reach), (other_middles, other_reach) = _balls(one), _balls(other)
     bound = cdist(middles, other_middles) - reach[:, None] - other_reach
     return _least(bound, lambda rows, columns: _gaps(one[rows], other[columns]))
 
 
-def _box_gap(way: Array, box: KeepOut) -> float:
-    """Least distance of a box, up to 1 % of a link's length too small; inside it at most minus a radius."""
-    capsules = way.reshape(-1, 7)
+def _box_gap(capsules: Array, box: KeepOut) -> float:
+    """Least distance of capsules, (n, 7), from a box, up to 1 % of a link's length too small; inside -radius."""
     middles, reach = _balls(capsules)
 
     def gap(rows: IntArray) -> Array:
