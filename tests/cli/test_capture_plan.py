@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 
 from basecal.cli import main
 from basecal.simulation.running.protocol import connect, read_address
+from basecal.simulation.running.ur5e import BASE_LINK
+from basecal.simulation.running.world_file import write_world
+from shared.facing_arms import facing_arms
 from shared.running_cell import running
 
 
@@ -53,13 +57,43 @@ def test_dry_run_prints_each_way_and_moves_nothing(tmp_path: Path, capsys: pytes
     with running(tmp_path) as world:
         home = {name: joints.tolist() for name, joints in world.home.items()}
         far = {**home, "eye": [home["eye"][0] + 0.05, *home["eye"][1:]]}
-        words = ["capture", str(tmp_path), "--plan", plan_of(tmp_path, far), "--dry-run", "--tool-speed-limit", "20"]
+        words = [
+            "capture",
+            str(tmp_path),
+            "--plan",
+            plan_of(tmp_path, far),
+            "--dry-run",
+            "--tool-speed-limit",
+            "20mm/s",
+        ]
         assert main(words) == 0
         told = capsys.readouterr().out
         (line,) = (line for line in told.splitlines() if line.split()[:2] == ["0", "eye"])
-        joint, tool = map(float, line.split()[2:])
+        joint, tool = map(float, line.split()[2:4])
         assert (tool, joint < 5) == (20.0, True)
+        assert re.search(r" hand \d{3}$", line)  # mm
+        assert re.search(r"least clearance on the ways: \d{3} mm between eye and hand; nothing else is checked", told)
         assert "nothing has moved: add --go" in told
         assert main([*words, "--go"]) == 2
         assert "--dry-run moves nothing" in capsys.readouterr().err
         np.testing.assert_array_equal(where(tmp_path, "eye"), world.home["eye"])
+
+
+@pytest.mark.parametrize("speed", ["20", "20mm", "0mm/s", "3m/s"])
+def test_a_tool_speed_has_its_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str], speed: str) -> None:
+    """Without one, or above 2 m/s, it is refused before any robot is asked."""
+    write_world(facing_arms(), tmp_path)
+    assert main(["capture", str(tmp_path), "--tool-speed-limit", speed]) == 3
+    assert re.search(f"--tool-speed-limit '?{speed}'?: expected", capsys.readouterr().err)
+
+
+def test_a_mesh_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The plan is checked with a line in its place, which a warning says."""
+    with running(tmp_path) as world:
+        urdf = tmp_path / "eye.urdf"
+        body = '<collision><geometry><mesh filename="none.stl"/></geometry></collision>'
+        urdf.write_text(re.sub(f'<link name="({BASE_LINK})" ?/>', rf'<link name="\1">{body}</link>', urdf.read_text()))
+        home = {name: joints.tolist() for name, joints in world.home.items()}
+        assert main(["capture", str(tmp_path), "--plan", plan_of(tmp_path, home), "--dry-run"]) == 0
+    why = "mesh 'none.stl' is not in the cell's folder; copy it there. A line with a radius of 60 mm is checked"
+    assert why in capsys.readouterr().out

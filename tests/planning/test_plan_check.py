@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from basecal.cell import KeepOut, RobotState, Sample
+from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, Unknown
 from basecal.geometry import SE3
+from basecal.kinematics import read_chain
+from basecal.planning.clearance import path_length
 from basecal.planning.plan_check import SpeedLimits, check_plan, way_of
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import Sketch, sketch_of
 from shared.facing_arms import facing_arms
 
 WORLD = facing_arms("charuco")
@@ -87,7 +90,9 @@ def test_boxes_are_kept_out_of_on_the_way_and_arms_may_stand_on_a_table():
     alone = replace(WORLD.cell, keep_out={"post": box_at(middle)})
     before = {**HOME, **start.robots}
     found = check_plan(replace(SKETCH, cell=alone), before, [end], LIMITS, {"eye": lambda state: ""})
-    assert [refusal.what for refusal in found.refusals] == ["eye comes into or near 'post' on its way"]
+    assert [refusal.what for refusal in found.refusals] == [
+        "eye comes within 0 mm of 'post' on its way, 20 mm are required"
+    ]
     table = KeepOut("table", SE3(np.eye(3), np.array([0.0, 0.0, -10.0])), np.full(3, 20.0))
     on_table = replace(WORLD.cell, keep_out={"table": table})
     assert words([turned("eye", 5, 0.3)], sketch=replace(SKETCH, cell=on_table)) == []
@@ -123,3 +128,32 @@ def test_a_robot_without_kinematics_has_a_bound():
     way = way_of(replace(SKETCH, cell=bare), start, end, "eye", LIMITS)
     assert way.joint_rad_s == pytest.approx(0.25 / (3 * (np.hypot(0.5, 0.1) + 0.3)))
     assert way.tool_m_s == pytest.approx(0.25)
+    stated = replace(bare, robots={**bare.robots, "eye": replace(bare.robots["eye"], reach_m=0.85)})
+    way = way_of(replace(SKETCH, cell=stated), start, end, "eye", LIMITS)
+    assert way.joint_rad_s == pytest.approx(0.25 / (3 * (0.85 + 0.3)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["six_axis", "seven_axis"])
+def test_three_reaches_bound_the_fastest_point(name):
+    """Of an arm whose kinematics are hidden: the worst of many ways, made worse step by step, is slower than stated.
+
+    The reach is 0.7 of the farthest flange, about what a data sheet states, and a camera is 0.3 m from the flange.
+    """
+    ends = {"six_axis": ("base_link", "tool0"), "seven_axis": ("pedestal", "hand")}[name]
+    chain = read_chain(Path(__file__).parents[1] / f"data/urdf/{name}.urdf", *ends)
+    lower, upper = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
+    rng, camera = np.random.default_rng(0), CellCamera("wrist", "eye", Unknown(), "pinhole")
+    mounts = {"eye_flange_from_wrist": SE3(np.eye(3), np.array([0.1, 0, 0.28]))}
+    sketch = Sketch(Cell("eye", {"eye": Robot("eye", None, chain)}, cameras={"wrist": camera}), mounts, ("wrist", "x"))
+    reach = np.linalg.norm(chain.forward(rng.uniform(lower, upper, (20000, chain.n))).translation, axis=-1).max()
+
+    def length(way):
+        return path_length(sketch, *(Sample(0, robots={"eye": RobotState(joints_rad=q)}) for q in way), "eye")
+
+    worst = max((rng.uniform(lower, upper, (2, chain.n)) for _ in range(50)), key=length)
+    step = 0.8
+    for _ in range(600):
+        tried = np.clip(worst + step * rng.standard_normal(worst.shape) * (rng.random(worst.shape) < 0.4), lower, upper)
+        worst, step = (tried, step) if length(tried) > length(worst) else (worst, max(0.99 * step, 0.02))
+    assert 2 < length(worst) / (0.7 * reach + 0.3) < 3

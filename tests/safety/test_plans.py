@@ -30,7 +30,7 @@ CHAIN = WORLD.cell.robots["eye"].chain
 HOME = {name: RobotState(joints_rad=joints) for name, joints in WORLD.home.items()}
 LIMITS = SpeedLimits(np.radians(30.0), 0.25)
 WILLING = dict.fromkeys(HOME, lambda state: "")
-PLANS, SAMPLES = int(os.environ.get("PLANS", "60")), 6  # 300 take ten minutes
+PLANS, SAMPLES = int(os.environ.get("PLANS", "300")), 6
 HOLD_M = 0.1  # from a box's middle, or between wrists: far within what must be refused
 
 

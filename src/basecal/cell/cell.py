@@ -94,6 +94,7 @@ class Robot:
         frames: Names of `base` and `flange` in other programs, for export.
         clock: Of the stamps of its poses; None where nothing is stated.
         driver: What talks to it while a recording is made; None where nothing does.
+        reach_m: Farthest place of its flange from its base; None if it is not stated.
     """
 
     name: str
@@ -106,6 +107,7 @@ class Robot:
     frames: Mapping[str, str] = field(default_factory=dict)
     clock: Clock | None = None
     driver: Driver | None = None
+    reach_m: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

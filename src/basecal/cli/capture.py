@@ -15,11 +15,13 @@ from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, task_of
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
-from basecal.errors import UsageError
+from basecal.cli.typed_length import length_m
+from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
 _SAMPLES = 25  # where nobody says how many
 _SHIFTS = "shifts"
+_FASTEST_M_S = 2.0  # of any point of an arm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,20 +41,27 @@ class Moving:
 
     Attributes:
         speed_limit_deg_s: The fastest that any joint may turn.
-        tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move, in mm/s.
+        tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move.
         accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
     """
 
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0
-    tool_speed_limit: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=2000))] = 250.0
+    tool_speed_limit: str = "250mm/s"
     accept_no_watchdog: bool = False
 
     @property
     def limits(self) -> SpeedLimits:
-        """The limits, as a plan is checked with them."""
+        """The limits, as a plan is checked with them.
+
+        Raises:
+            InputError: if a speed has no unit, or is above 2 m/s.
+        """
         from basecal.planning.plan_check import SpeedLimits
 
-        return SpeedLimits(radians(self.speed_limit_deg_s), 1e-3 * self.tool_speed_limit)
+        tool_m_s = length_m(self.tool_speed_limit, "--tool-speed-limit", "250mm/s", per="/s")
+        if tool_m_s > _FASTEST_M_S:
+            raise InputError(f"--tool-speed-limit {self.tool_speed_limit}: expected at most {_FASTEST_M_S:g} m/s")
+        return SpeedLimits(radians(self.speed_limit_deg_s), tool_m_s)
 
 
 _USUAL = Moving()
@@ -138,7 +147,7 @@ def capture(
 
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
-    sketch, count = _sketch(cell), samples or _SAMPLES
+    sketch, count, limits = _sketch(cell), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
         wanted: Sequence[Sample] = ()
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
@@ -150,7 +159,7 @@ def capture(
                 return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        by = replace(_taker(view.rig(rig), sketch, cell, moving.limits, view.tell), report=view.report)
+        by = replace(_taker(view.rig(rig), sketch, cell, limits, view.tell), report=view.report)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
 

@@ -122,6 +122,7 @@ def say_plan(
 ) -> None:
     """Print what a capture would do, or is about to do."""
     from basecal.acquisition.rig import movers
+    from basecal.planning.clearance import robot_capsules
 
     moving = list(movers(rig))
     led = [name for name, robot in rig.robots.items() if robot.is_live and name not in moving]
@@ -129,8 +130,11 @@ def say_plan(
     begun = "" if is_new else "goes on with what was begun: "
     say(
         f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(found)}, "
-        f"with {target} in view of {camera} at every stop; {_ways(sketch, moving)}"
+        f"with {target} in view of {camera} at every stop; {_ways(found)}"
     )
+    for name in {way.robot for way in found.ways if way.gaps}:
+        for problem in robot_capsules(sketch, name)[1]:
+            say(f"WARNING: {name}: {problem}. A line with a radius of 60 mm is checked instead")
     if replanned is not None:
         say(replanned.words())
     if led:
@@ -148,19 +152,20 @@ def _speeds(found: PlanCheck) -> str:
     return f", no joint faster than {degrees(joint):.3g} deg/s and no point faster than {1e3 * tool:.0f} mm/s"
 
 
-def _ways(sketch: Sketch, moving: Sequence[str]) -> str:
-    """What is known of the ways between stops, in words."""
-    known = [name for name in moving if sketch.cell.robots[name].chain is not None]
-    boxes = f" and out of {', '.join(sketch.cell.keep_out)}" if sketch.cell.keep_out and known else ""
-    if len(known) < 2:
-        return f"on the way between stops {known[0]} stays{boxes[4:]}" if boxes else "the ways are not checked"
-    return f"on the way between stops the arms stay apart{boxes}, as far as the cell knows; nothing else is checked"
+def _ways(found: PlanCheck) -> str:
+    """How near robots come to one another and to boxes, in words."""
+    gaps = sorted((gap for way in found.ways for gap in way.gaps), key=lambda gap: -gap.gap_m)
+    least = {(gap.robot, gap.other): f"{1e3 * gap.gap_m:.0f} mm between {gap.robot} and {gap.other}" for gap in gaps}
+    known = ", ".join(least.values())
+    return f"least clearance on the ways: {known}; nothing else is checked" if known else "the ways are not checked"
 
 
 def say_ways(found: PlanCheck) -> None:
-    """Print how each robot would go to each sample, and what is refused."""
-    why = {refusal.sample: refusal.what for refusal in found.refusals}
-    say("sample  robot       joint deg/s  tool mm/s")
+    """Print how each robot would go to each sample, how near it comes to others, and what is refused."""
+    why = {refusal.sample for refusal in found.refusals}
+    say("sample  robot       joint deg/s  tool mm/s  clearance mm")
     for way in found.ways:
-        verdict = "" if way.sample not in why else "  refused"
-        say(f"{way.sample:6d}  {way.robot:10s}  {degrees(way.joint_rad_s):11.1f}  {1e3 * way.tool_m_s:9.0f}{verdict}")
+        gaps = [f"{gap.other if gap.robot == way.robot else gap.robot} {1e3 * gap.gap_m:.0f}" for gap in way.gaps]
+        speeds = f"{degrees(way.joint_rad_s):11.1f}  {1e3 * way.tool_m_s:9.0f}"
+        verdict = "  refused" if way.sample in why else ""
+        say(f"{way.sample:6d}  {way.robot:10s}  {speeds}  {', '.join(gaps)}{verdict}")

@@ -9,7 +9,8 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
-from basecal.geometry.rotation import hat, rotation_exp
+from basecal.geometry.rotation import hat
+from basecal.kinematics.collision import Collision
 from basecal.kinematics.masses import Masses
 
 
@@ -28,6 +29,7 @@ class SerialChain:
         lower: (n,) [rad], -inf where there is no limit.
         upper: (n,) [rad], inf where there is no limit.
         masses: What hangs on the joints; None where it is not known.
+        collisions: Bodies of its links, as a URDF states them.
 
     Raises:
         InputError: if a shape is not as above or an axis not a unit vector.
@@ -40,6 +42,7 @@ class SerialChain:
     lower: Array
     upper: Array
     masses: Masses | None = None
+    collisions: tuple[Collision, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -145,19 +148,14 @@ class SerialChain:
         of_origins, of_tip = SE3.exp(tangents[..., :-1, :]), SE3.exp(tangents[..., -1, :])
         return replace(self, origins=self.origins @ of_origins, tip=self.tip @ of_tip)
 
-    def joint_frames(self, joints: Array) -> list[SE3]:
-        """`base_from_joint` of each joint's own frame, which turns with it, n of (...).
+    def joint_frames(self, joints: Array) -> SE3:
+        """`base_from_joint` of each joint's own frame, which turns with it, (n, ...).
 
         Args:
             joints: (..., n) [rad]; of a single arm.
         """
-        over_joints = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
-        frame, frames = SE3.identity(over_joints.shape[1:]), []
-        for i, angle in enumerate(over_joints):
-            turn = SE3.adopt(rotation_exp(angle[..., None] * self.axes[i]), np.zeros((*angle.shape, 3)))
-            frame = frame @ self.origins[i] @ turn
-            frames.append(frame)
-        return frames
+        posture = self.at(joints)
+        return posture.base_from_flange @ posture.joint_from_flange.inverse()
 
 
 @dataclass(frozen=True, eq=False)

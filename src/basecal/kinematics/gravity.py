@@ -26,9 +26,9 @@ def gravity_torques(chain: SerialChain, joints: Array) -> Array:
     if chain.masses is None:
         raise InputError("the torques of gravity need masses: give the links of the URDF an <inertial>")
     frames = chain.joint_frames(joints)
-    places = np.stack([frame.translation for frame in frames], -2)
-    centres = np.stack([frame @ centre for frame, centre in zip(frames, chain.masses.centres, strict=True)], -2)
-    axes = np.stack([frame.rotation @ axis for frame, axis in zip(frames, chain.axes, strict=True)], -2)
+    rotation, places = np.moveaxis(frames.rotation, 0, -3), np.moveaxis(frames.translation, 0, -2)
+    centres = places + np.einsum("...nij,nj->...ni", rotation, chain.masses.centres)
+    axes = np.einsum("...nij,nj->...ni", rotation, chain.axes)
     moments = (chain.masses.kg[:, None] * centres)[..., ::-1, :]
     beyond = np.cumsum(moments, axis=-2)[..., ::-1, :]
     total = np.cumsum(chain.masses.kg[::-1])[::-1, None]

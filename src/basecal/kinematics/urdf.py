@@ -14,6 +14,7 @@ from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, FrameNotFound, listed
 from basecal.geometry import SE3, Array
 from basecal.kinematics.chain import SerialChain
+from basecal.kinematics.collision import Collision
 from basecal.kinematics.masses import Masses
 from basecal.kinematics.mjcf import chain_of_mjcf
 
@@ -51,13 +52,14 @@ class _Carrier(NamedTuple):
     joint_from_link: SE3
 
 
-def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChain:
+def read_chain(path: str | Path, base_link: str, flange_link: str, folder: str | Path = "") -> SerialChain:
     """The chain of revolute joints from `base_link` to `flange_link` in a URDF file, or in an MJCF.
 
     Args:
         path: An expanded URDF, not a xacro; of an MJCF bodies are its links, and a site may be the flange.
         base_link: Name of the link the chain starts at.
         flange_link: Name of the link it ends at.
+        folder: That holds the file, and the meshes of <collision> elements; the file's own if not given.
 
     Raises:
         DatasetError: if the file cannot be read, is no tree of links, or has on the way a joint that neither turns nor
@@ -71,11 +73,15 @@ def read_chain(path: str | Path, base_link: str, flange_link: str) -> SerialChai
     root = _xml(text, str(path))
     if root.tag == "mujoco":
         return chain_of_mjcf(root, base_link, flange_link, str(path))
-    return parse_chain(text, base_link, flange_link, str(path))
+    return parse_chain(text, base_link, flange_link, str(path), Path(folder or Path(path).parent))
 
 
-def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> SerialChain:
+def parse_chain(
+    text: str | bytes, base_link: str, flange_link: str, path: str = "<text>", folder: Path | None = None
+) -> SerialChain:
     """The chain of revolute joints from `base_link` to `flange_link` in the text of a URDF.
+
+    Bodies of links are kept if a `folder` is given, which holds their meshes.
 
     Raises:
         DatasetError: as `read_chain`, naming `path`.
@@ -97,7 +103,9 @@ def parse_chain(text: str | bytes, base_link: str, flange_link: str, path: str =
     axes = np.array([_axis(joint) for joint in turning])
     names = tuple(joint.name for joint in turning)
     chain = SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
-    return replace(chain, masses=_masses(chain.joint_names, above, links, _down(above, base_link), path))
+    bodies = () if folder is None else _collisions(chain.joint_names, above, links, base_link, (Path(path), folder))
+    masses = _masses(chain.joint_names, above, links, _down(above, base_link), path)
+    return replace(chain, masses=masses, collisions=bodies)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,6 +324,27 @@ def _masses(
             kg[joint] += mass
             moments[joint] += mass * (joint_from_link @ centre)
     return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down) if np.any(kg) else None
+
+
+def _collisions(
+    turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], base_link: str, files: tuple[Path, Path]
+) -> tuple[Collision, ...]:
+    """Bodies that are fixed to the base or to a turning joint, and all that the last joint carries."""
+    carriers, found = {name: number for number, name in enumerate(turning)}, list[Collision]()
+    fixed = {link: joint for link, joint in above.items() if joint.kind == "fixed" or joint.name in carriers}
+    held: dict[str, _Carrier] = {base_link: _Carrier(-1, SE3.identity())}
+    carried: dict[str, _Carrier] = {}
+    for link in links:
+        name, bodies = str(link.get("name")), link.findall("collision")
+        if not bodies:
+            continue
+        carrier = _joint_above(name, carriers, fixed, held)
+        if carrier.joint is None:
+            carrier = _joint_above(name, carriers, above, carried)
+            if carrier.joint != len(turning) - 1:
+                continue
+        found += [Collision(name, carrier.joint + 1, carrier.joint_from_link, body, *files) for body in bodies]
+    return tuple(found)
 
 
 def _joint_above(

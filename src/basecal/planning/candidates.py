@@ -12,6 +12,7 @@ from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics.inverse import inverse
 from basecal.planning.feasible import is_clear, seen_whole
+from basecal.planning.poses import in_ball
 from basecal.planning.sketch import Sketch
 
 Taught = Mapping[str, RobotState]
@@ -55,24 +56,16 @@ def _drawn(
     sketch: Sketch, taught: Sequence[Taught], near: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
 ) -> dict[str, SE3]:
     """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each by itself."""
-    shape = sketch.target.target
-    centre = np.zeros(3) if shape is None else shape.points.mean(0)
-    pivots = np.array([sketch.world_from(sketch.target.name, t) @ centre for t in taught])[near]
+    pivots = np.array([sketch.world_from(sketch.target.name, t) @ sketch.target_points.mean(0) for t in taught])[near]
     drawn = {}
     for robot in sketch.movers:
         known = sketch.cell.robots[robot].chain is not None
         most_rad, most_m = (_TURN_BY_JOINTS_RAD, _SHIFT_BY_JOINTS_M) if known else (_TURN_RAD, _SHIFT_M)
-        turn = rotation_exp(most_rad * _in_ball(rng, len(near)))
-        away = pivots + most_m * _in_ball(rng, len(near)) - (turn @ pivots[..., None])[..., 0]
+        turn = rotation_exp(most_rad * in_ball(rng, len(near)))
+        away = pivots + most_m * in_ball(rng, len(near)) - (turn @ pivots[..., None])[..., 0]
         world_from_base = sketch.world_from_base(robot)
         drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[robot][near]
     return drawn
-
-
-def _in_ball(rng: np.random.Generator, count: int) -> Array:
-    """Uniform in the unit ball, (n, 3)."""
-    direction = rng.standard_normal((count, 3))
-    return np.asarray(np.cbrt(rng.random((count, 1))) * direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
 def _feasible(sketch: Sketch, taught: Sequence[Taught], near: IntArray, drawn: Mapping[str, SE3]) -> list[Sample]:

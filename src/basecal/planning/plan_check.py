@@ -9,9 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from basecal.cell import RobotState, Sample
-from basecal.errors import NotConverged
-from basecal.kinematics.inverse import inverse
-from basecal.planning.feasible import boxes_on_way, path_length, way_is_clear
+from basecal.planning.clearance import Clearance, clearances, path_length
+from basecal.planning.reach import state_at
 from basecal.planning.sketch import Sketch
 
 Ask = Callable[[RobotState], str]
@@ -19,8 +18,8 @@ Ask = Callable[[RobotState], str]
 
 _LIMIT_RAD = 1e-9  # beyond a limit that is rounding
 _TURN_RAD = 4.1 * np.pi  # of a joint on one way: from one limit of a usual arm to the other, rounded up
-_REACHES = 3.0  # sum of a point's distances from all axes of an arm, in units of the flange's farthest from its base
-_ARM_M = 0.3  # what an arm carries beyond its flange, and the least reach
+_REACHES = 3.0  # at most 2.5 of data sheets' reaches, found by search over the ways of arms with six and seven axes
+_ARM_M = 0.3  # what an arm carries beyond its flange
 
 
 @dataclass(frozen=True)
@@ -40,12 +39,14 @@ class Way:
         robot: Name of the robot.
         joint_rad_s: Speed of its leading joint.
         tool_m_s: Speed that the fastest of its points then has, or a bound of it.
+        gaps: How near it comes to other robots and to boxes, if that is known.
     """
 
     sample: int
     robot: str
     joint_rad_s: float
     tool_m_s: float
+    gaps: tuple[Clearance, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,23 +96,28 @@ def check_plan(
         ]
         refusals += found
         if not found:
-            refusals += _way_refusals(sketch, before, end, sent)
-            ways += [way_of(sketch, before, end, name, limits) for name in sent]
+            gaps = list(clearances(sketch, before, end, sent))
+            refusals += _way_refusals(end, gaps)
+            ways += [way_of(sketch, before, end, name, limits, gaps) for name in sent]
     return PlanCheck(tuple(ways), tuple(refusals))
 
 
-def way_of(sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits) -> Way:
+def way_of(
+    sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits, gaps: Sequence[Clearance] = ()
+) -> Way:
     """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
 
-    Of a robot that is sent to poses joints are not known. Its speed is estimated: three times its reach at both ends
-    for each radian of its leading joint, about the sum of a point's distances from all axes.
+    Of a robot that is sent to poses joints are not known. Its speed is bounded: no point moves by more than three times
+    the robot's reach while its leading joint turns by one radian. A reach that is not stated is estimated by the poses.
     """
     metres = path_length(sketch, start, end, robot)
     if metres is None:
         places = [sketch.base_from_flange(robot, each.robots[robot]).translation for each in (start, end)]
-        metres = _REACHES * (max(float(np.linalg.norm(place)) for place in places) + _ARM_M)
+        reach_m = sketch.cell.robots[robot].reach_m or max(float(np.linalg.norm(place)) for place in places)
+        metres = _REACHES * (reach_m + _ARM_M)
     speed = min(limits.joint_rad_s, limits.tool_m_s / metres) if metres else limits.joint_rad_s
-    return Way(end.sample, robot, speed, speed * metres)
+    own = tuple(gap for gap in gaps if robot in (gap.robot, gap.other))
+    return Way(end.sample, robot, speed, speed * metres, own)
 
 
 def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, ask: Ask) -> list[Refusal]:
@@ -129,21 +135,21 @@ def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, a
         if not turn <= _TURN_RAD:  # a continuous joint has no limits
             what = f"a joint of {robot} would turn by {turn:.4g} rad, more than two turns"
             return [Refusal(end.sample, what, "State joints in rad, within two turns of the sample before")]
-    if state.base_from_flange is not None and chain is not None and here.joints_rad is not None:
-        try:
-            inverse(chain, state.base_from_flange, here.joints_rad)
-        except NotConverged:
-            return [Refusal(end.sample, f"{robot} does not reach the pose", "Bring the pose nearer to its base")]
+    pose = state.base_from_flange
+    if pose is not None and state_at(sketch.cell.robots[robot], pose, here) is None:
+        return [Refusal(end.sample, f"{robot} does not reach the pose", "Bring the pose nearer to its base")]
     why = ask(state)
     return [Refusal(end.sample, f"{robot}: {why}", "Change the plan, or the limits on its controller")] if why else []
 
 
-def _way_refusals(sketch: Sketch, start: Sample, end: Sample, sent: Sequence[str]) -> list[Refusal]:
-    boxes = [(robot, name) for robot in sent for name in boxes_on_way(sketch, start, end, robot)]
-    found = [
-        Refusal(end.sample, f"{robot} comes into or near {name!r} on its way", "Leave it out, or go around it")
-        for robot, name in boxes
+def _way_refusals(end: Sample, gaps: Sequence[Clearance]) -> list[Refusal]:
+    return [
+        Refusal(
+            end.sample,
+            f"{gap.robot} comes within {1e3 * max(gap.gap_m, 0.0):.0f} mm of {gap.other!r} on its way, "
+            f"{1e3 * gap.needed_m:.0f} mm are required",
+            "Leave it out, or go around it",
+        )
+        for gap in gaps
+        if not gap.is_enough
     ]
-    if not found and not way_is_clear(sketch, start, end):
-        found.append(Refusal(end.sample, "the arms may meet on the way", "Leave it out, or begin elsewhere"))
-    return found

@@ -53,12 +53,10 @@ def plan(
 
 
 def _drawn(sketch: Sketch, home: Mapping[str, RobotState], rng: np.random.Generator) -> Sample | None:
-    shape = sketch.target.target
-    centre = np.zeros(3) if shape is None else shape.points.mean(0)
-    pivot: Array = sketch.world_from(sketch.target.name, home) @ centre
+    pivot: Array = sketch.world_from(sketch.target.name, home) @ sketch.target_points.mean(0)
     states = dict(home)
     for robot in sketch.movers:
-        turn, shift = rotation_exp(_in_ball(rng, _TURN_RAD)), _in_ball(rng, _SHIFT_M)
+        turn, shift = rotation_exp(_TURN_RAD * in_ball(rng)), _SHIFT_M * in_ball(rng)
         world_from_base = sketch.world_from_base(robot)
         world_from_flange = world_from_base @ sketch.base_from_flange(robot, home[robot])
         moved = SE3(turn, pivot + shift - turn @ pivot) @ world_from_flange
@@ -69,9 +67,10 @@ def _drawn(sketch: Sketch, home: Mapping[str, RobotState], rng: np.random.Genera
     return Sample(0, robots=states)
 
 
-def _in_ball(rng: np.random.Generator, radius: float) -> Array:
-    direction = rng.standard_normal(3)
-    return np.asarray(radius * np.cbrt(rng.random()) * direction / np.linalg.norm(direction))
+def in_ball(rng: np.random.Generator, *count: int) -> Array:
+    """Uniform in the unit ball, (*count, 3)."""
+    direction = rng.standard_normal((*count, 3))
+    return np.asarray(np.cbrt(rng.random((*count, 1))) * direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
 def in_order(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sample]) -> list[Sample]:

@@ -68,9 +68,7 @@ def aimed(sketch: Sketch, sample: Sample) -> Sample | None:
     eye = sketch.camera.on
     if eye not in sketch.cell.robots:
         return sample
-    shape = sketch.target.target
-    centre = np.zeros(3) if shape is None else shape.points.mean(0)
-    at = sketch.camera_from_target(sample) @ centre
+    at = sketch.camera_from_target(sample) @ sketch.target_points.mean(0)
     ahead, ray = np.array([0.0, 0.0, 1.0]), at / np.linalg.norm(at)
     across = np.cross(ahead, ray)
     sine = float(np.linalg.norm(across))

@@ -5,12 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from basecal.cell import WORLD, Cell, CellCamera, CellTarget, RobotState, Sample
+import numpy as np
+
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, RobotState, Sample, Target
 from basecal.errors import InputError
-from basecal.geometry import SE3, Camera
+from basecal.geometry import SE3, Array, Camera
 
 View = tuple[str, str]
 """A camera and a target."""
+
+
+def points_of(target: Target | None) -> Array:
+    """Points of a target in its frame, (n, 3) [m]; its origin if its shape is not known."""
+    return np.zeros((1, 3)) if target is None else target.points
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,11 @@ class Sketch:
         if lens is None:
             raise InputError(f"{self.camera.name}: a plan needs a lens; state intrinsics, as a guess if need be")
         return lens
+
+    @property
+    def target_points(self) -> Array:
+        """Points of the target in its frame, (n, 3) [m]; its origin if its shape is not known."""
+        return points_of(self.target.target)
 
     @property
     def movers(self) -> tuple[str, ...]:

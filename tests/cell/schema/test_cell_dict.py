@@ -61,12 +61,14 @@ def test_robots():
             "deflection": deflection.Stated(status="prior", sigma_rad_per_nm=1e-5, down=[0.0, 1.0, 0.0]),
         },
         frames={"base": "link_0"},
+        reach_m=0.85,
     )
     assert cell_to_dict(Cell("eye", {"eye": robot}))["robots"]["eye"] == {
         "noise": {"sigma_t_m": 0.5, "sigma_r_rad": 0.5},
         "urdf": "a.urdf",
         "base_link": "b",
         "flange_link": "f",
+        "reach_m": 0.85,
         "joint_offsets": {"status": "prior", "sigma_rad": 0.1},
         "link_parameters": {"status": "free"},
         "deflection": {"status": "prior", "sigma_rad_per_nm": 1e-5, "down": [0.0, 1.0, 0.0]},

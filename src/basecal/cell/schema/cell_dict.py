@@ -40,6 +40,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
     data: dict[str, Any] = {} if robot.noise is None else {"noise": sigma_dict(robot.noise)}
     if robot.urdf is not None:
         data |= {"urdf": robot.urdf, "base_link": robot.base_link, "flange_link": robot.flange_link}
+    data |= {} if robot.reach_m is None else {"reach_m": robot.reach_m}
     stated = {kind: known for kind, known in robot.parameters.items() if known != type(known)()}
     data |= {kind: known.model_dump(exclude_none=True) for kind, known in stated.items()}
     return (

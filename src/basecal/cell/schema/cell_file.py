@@ -113,4 +113,4 @@ def _chain(folder: Path | None, urdf: str, base_link: str, flange_link: str) -> 
     path = folder / inside(str(folder))(urdf)
     if not path.is_file():
         raise InputError(f"there is no file {urdf!r} in the cell; copy the URDF into it")
-    return read_chain(path, base_link, flange_link)
+    return read_chain(path, base_link, flange_link, folder)

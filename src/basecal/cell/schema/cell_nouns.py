@@ -54,6 +54,7 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         frames=entry.frames.model_dump(exclude_none=True),
         clock=None if entry.clock is None else entry.clock.noun(),
         driver=_driver(entry.driver),
+        reach_m=entry.reach_m,
     )
 
 

@@ -14,6 +14,7 @@ from basecal.cell.format.problems import short
 from basecal.cell.format.values import (
     Entry,
     ImageSize,
+    Length,
     Mount,
     Sigma,
     Sigma3,
@@ -67,6 +68,7 @@ class RobotEntry(Entry):
     urdf: str | None = None
     base_link: str | None = None
     flange_link: str | None = None
+    reach_m: Length | None = None
     frames: FramesEntry = FramesEntry()
     clock: ClockEntry | None = None
     driver: DriverEntry | None = None

@@ -151,8 +151,7 @@ def _joints(robot: Robot, shown: Sequence[Sample]) -> Array | None:
         return None
     at_zero = np.zeros(robot.chain.n)
     joints = [at_zero if state is None or state.joints_rad is None else state.joints_rad for state in states]
-    frames = robot.chain.joint_frames(np.stack(joints))
-    return np.stack([base_from_joint.translation for base_from_joint in frames], axis=1)
+    return robot.chain.joint_frames(np.stack(joints)).translation.swapaxes(0, 1)
 
 
 def _semi_axes(name: str, calibration: Calibration) -> Array | None:

@@ -97,8 +97,8 @@ def _ends(sketch: Sketch, robot: str, state: RobotState) -> list[tuple[Array, Ar
     base, chain = sketch.world_from_base(robot), sketch.cell.robots[robot].chain
     if chain is None or state.joints_rad is None:
         return []
-    frames = [*chain.joint_frames(state.joints_rad), chain.forward(state.joints_rad)]
-    places = [base.translation, *((base @ frame).translation for frame in frames)]
+    frames = base @ chain.joint_frames(state.joints_rad)
+    places = [base.translation, *frames.translation, (frames[-1] @ chain.tip).translation]
     return list(pairwise(places))
 
 

@@ -131,7 +131,7 @@ class RunningArm:
         """Where its flange truly is."""
         return self._kinematics.forward(self._true_joints(now_s)[None])[0]
 
-    def joint_frames(self, now_s: float) -> list[SE3]:
+    def joint_frames(self, now_s: float) -> SE3:
         """`base_from_joint` of each joint, as near as what is drawn needs it: links as stated."""
         return self.chain.joint_frames(self._true_joints(now_s))
 

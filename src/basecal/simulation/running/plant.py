@@ -168,7 +168,8 @@ class Plant:
     def _links(self, robot: str, now_s: float) -> tuple[SE3, ...]:
         """Frames of an arm's base and joints in the world."""
         base = self._base(robot)
-        return (base, *(base @ frame for frame in self._arms[robot].joint_frames(now_s)))
+        frames = base @ self._arms[robot].joint_frames(now_s)
+        return (base, *(frames[joint] for joint in range(len(frames))))
 
     def _carrier(self, on: str, now_s: float) -> SE3:
         """Where a flange is in the world, or the world itself."""

@@ -1,0 +1,113 @@
+"""Capsules that enclose bodies of links."""
+
+from __future__ import annotations
+
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.geometry import SE3
+from basecal.kinematics import parse_chain, read_chain
+from basecal.kinematics.collision import Collision, body_capsules, box_capsules
+from basecal.kinematics.mesh import mesh_bounds
+from shared.bodies import SIX_AXIS, arm_with_bodies, body
+
+RNG = np.random.default_rng(3)
+PLACED = SE3.from_rotvec([0.4, -1.0, 0.3], [0.2, 0.1, -0.3])
+
+
+def depth(capsules, points):
+    """How deep points, (n, 3), are within the capsules at least, by many points of each segment, (n,)."""
+    shares = np.linspace(0, 1, 400)[:, None]
+    along = capsules.ends[:, :1] + shares * (capsules.ends[:, 1:] - capsules.ends[:, :1])
+    far = np.linalg.norm(points[:, None, None] - along, axis=-1).min(-1)
+    return (capsules.radius + capsules.padding - far).max(-1)
+
+
+def collision(text, folder, frame_from_link=PLACED):
+    """A body of link 'arm'."""
+    return Collision("arm", 2, frame_from_link, fromstring(text), folder / "arm.urdf", folder)
+
+
+def origin_of(_):
+    """The pose that `body` writes."""
+    return SE3.from_rpy([0.3, -0.2, 0.5], [0.02, -0.03, 0.1])
+
+
+@pytest.mark.parametrize("size", [(0.5, 0.12, 0.15), (0.05, 0.05, 0.05), (0.0, 0.3, 0.2), (2.0, 3.0, 0.1), (0, 0, 0)])
+def test_capsules_enclose_a_box_tightly(size):
+    """All points of it are inside; those outside by more than the diagonal of a rod's section are not."""
+    bounds = np.array([np.full(3, -0.1), np.array(size) - 0.1])
+    capsules = box_capsules(1, PLACED, bounds)
+    corners = np.stack(np.meshgrid(*bounds.T, indexing="ij"), -1).reshape(-1, 3)
+    inside = np.concatenate([corners, RNG.uniform(*bounds, (300, 3))])
+    assert depth(capsules, PLACED @ inside).min() > -1e-4
+    assert set(capsules.frame) == {1}
+    assert capsules.radius.max() <= max(0.5 * np.hypot(0.08, 0.08), 0.5 * np.hypot(*sorted(size)[:2]) / 1.4) + 1e-9
+
+
+def test_shapes_are_enclosed(tmp_path):
+    """Points of a cylinder, a sphere and a box as a URDF places them are inside."""
+    angle, share = RNG.uniform(0, 2 * np.pi, 500), RNG.uniform(-1, 1, (500, 1))
+    around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(500)])
+    ball = RNG.standard_normal((500, 3))
+    points = {
+        '<cylinder radius="0.06" length="0.4"/>': 0.06 * around + 0.2 * share * [0, 0, 1],
+        '<sphere radius="0.1"/>': 0.1 * ball / np.linalg.norm(ball, axis=-1, keepdims=True),
+        '<box size="0.1 0.3 0.2"/>': RNG.uniform(-0.5, 0.5, (500, 3)) * [0.1, 0.3, 0.2],
+    }
+    for shape, in_shape in points.items():
+        capsules = body_capsules(collision(body(shape), tmp_path))
+        deep = depth(capsules, PLACED @ origin_of(shape) @ in_shape)
+        assert deep.min() > -1e-4, shape
+
+
+def test_meshes_are_scaled_and_found_by_package(tmp_path):
+    """A mesh below the URDF's folder, its package named or not, encloses its vertices with the scale, mirrored too."""
+    cell = arm_with_bodies(tmp_path).parent
+    bounds = mesh_bounds(cell / "meshes/upper.stl") * [0.001, 0.001, -0.002]
+    inside = RNG.uniform(bounds.min(0), bounds.max(0), (300, 3))
+    for name in ("package://arm_description/meshes/upper.stl", "meshes/upper.stl", "package://meshes/upper.stl"):
+        text = body(f'<mesh filename="{name}" scale="0.001 0.001 -0.002"/>')
+        assert depth(body_capsules(collision(text, cell)), PLACED @ origin_of(text) @ inside).min() > -1e-4
+
+
+@pytest.mark.parametrize("name", ["package://other/none.stl", "../outside.stl", "inside.stl", "", "a" * 5000])
+def test_meshes_outside_of_the_cell_are_not_read(tmp_path, name):
+    """Missing, above the cell, or a link to what is outside: an error names the mesh."""
+    cell = arm_with_bodies(tmp_path).parent
+    (tmp_path / "outside.stl").write_bytes((cell / "meshes/upper.stl").read_bytes())
+    (cell / "inside.stl").symlink_to(tmp_path / "outside.stl")
+    with pytest.raises(InputError, match="is not in the cell's folder; copy it there"):
+        body_capsules(collision(body(f'<mesh filename="{name}"/>'), cell))
+
+
+@pytest.mark.parametrize("shape", ["", "<box/>", '<box size="1 2"/>', '<sphere radius="nan"/>', "<cylinder/>"])
+def test_bodies_that_cannot_be_read_are_errors(tmp_path, shape):
+    """No shape, or numbers that are missing or not finite."""
+    with pytest.raises(InputError, match="<collision> has"):
+        body_capsules(collision(body(shape), tmp_path))
+
+
+def test_bodies_are_carried_by_the_joint_above_them(tmp_path):
+    """Those of the base stay; fingers, which slide, are carried by the last joint; a text alone keeps none."""
+    path = arm_with_bodies(tmp_path)
+    frames = {each.link: each.frame for each in read_chain(path, "base_link", "tool0").collisions}
+    want = {"base_link": 0, "shoulder": 1, "upper_arm": 2, "forearm": 3, "wrist_1": 4, "wrist_3": 6, "left_finger": 6}
+    assert frames == want
+    part = {each.link: each.frame for each in read_chain(path, "upper_arm", "wrist_2").collisions}
+    assert part == {"upper_arm": 0, "forearm": 1, "wrist_1": 2, "wrist_3": 3, "left_finger": 3}
+    assert parse_chain(path.read_text(), "base_link", "tool0").collisions == ()
+
+
+def test_another_arm_on_the_same_torso_is_no_body_of_this_one(tmp_path):
+    """What turns elsewhere on the way is not carried: where it is is unknown."""
+    other = '<link name="other"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
+    turning = '<joint name="other_pan" type="revolute"><parent link="{}"/><child link="other"/></joint>'
+    for parent, kept in (("base_link", False), ("upper_arm", False), ("tool0", True)):
+        text = SIX_AXIS.read_text().replace("</robot>", other + turning.format(parent) + "</robot>")
+        (tmp_path / "two.urdf").write_text(text)
+        found = read_chain(tmp_path / "two.urdf", "base_link", "tool0").collisions
+        assert [each.link for each in found] == ["other"] * kept

@@ -1,0 +1,41 @@
+"""Boxes of mesh files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError
+from basecal.kinematics.mesh import mesh_bounds
+from shared.bodies import binary_stl, obj, text_stl
+
+TRIANGLES = np.random.default_rng(0).uniform(-300, 700, (40, 3, 3))
+
+
+@pytest.mark.parametrize(("write", "name"), [(binary_stl, "a.STL"), (text_stl, "a.stl"), (obj, "a.obj")])
+def test_all_kinds_have_the_same_box(tmp_path, write, name):
+    """The least and largest coordinates of the vertices; normals do not count."""
+    (tmp_path / name).write_bytes(write(TRIANGLES))
+    want = np.stack([TRIANGLES.min((0, 1)), TRIANGLES.max((0, 1))])
+    np.testing.assert_allclose(mesh_bounds(tmp_path / name), want, rtol=2e-7)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"<COLLADA/>",
+        b"v 1 2 nan\n",
+        b"v 1 2 three\n",
+        binary_stl(np.zeros((0, 3, 3))),
+        binary_stl(np.full((1, 3, 3), np.inf)),
+        binary_stl(TRIANGLES)[:-1],
+    ],
+    ids=["empty", "collada", "nan", "a word", "no triangle", "infinite", "cut off"],
+)
+def test_what_is_no_mesh_is_refused(tmp_path, data):
+    """Without vertices, or with one that is not finite; the error names the file."""
+    path = tmp_path / "arm.stl"
+    path.write_bytes(data)
+    with pytest.raises(DatasetError, match=r"arm\.stl.*expected finite vertices of an STL or OBJ file"):
+        mesh_bounds(path)

@@ -1,0 +1,176 @@
+"""How near arms come to one another and to boxes, beside Coal's distances and Pinocchio's kinematics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, Unknown
+from basecal.geometry import SE3
+from basecal.kinematics import read_chain
+from basecal.planning.clearance import clearances, path_length, robot_capsules
+from basecal.planning.sketch import Sketch
+from shared.bodies import arm_with_bodies
+
+pin = pytest.importorskip("pinocchio")
+coal = pytest.importorskip("coal")
+
+APART = SE3.from_rotvec([0, 0, 2.5], [1.1, 0.2, 0.05])
+
+
+def two_arms(path, **keep_out):
+    """A sketch of two arms of one URDF, a camera on the first."""
+    chain = read_chain(path, "base_link", "tool0")
+    robots = {name: Robot(name, None, chain, {}, "arm.urdf", "base_link", "tool0") for name in ("one", "two")}
+    cell = Cell("one", robots, cameras={"wrist": CellCamera("wrist", "one", Unknown(), "pinhole")}, keep_out=keep_out)
+    transforms = {"one_base_from_two_base": APART, "one_flange_from_wrist": SE3.identity()}
+    return Sketch(cell, transforms, ("wrist", "board"))
+
+
+def at(one, two, number=0):
+    """A sample with both arms at joints."""
+    return Sample(number, robots={"one": RobotState(joints_rad=one), "two": RobotState(joints_rad=two)})
+
+
+def placed(path, joints, bases):
+    """Coal's bodies of each arm in the world by Pinocchio: shape and pose."""
+    model = pin.buildModelFromUrdf(str(path))
+    bodies = pin.buildGeomFromUrdf(model, str(path), pin.COLLISION, package_dirs=[str(path.parents[1])])
+    root = model.frames[model.getFrameId("base_link")]
+    found = []
+    for q, base in zip(joints, bases, strict=True):
+        data, places = model.createData(), pin.GeometryData(bodies)
+        whole = np.zeros(model.nq)
+        whole[: len(q)] = q
+        pin.updateGeometryPlacements(model, data, bodies, places, whole)
+        to_world = pin.SE3(np.array(base.rotation), np.array(base.translation)) * root.placement.inverse()
+        arm = [to_world * pose for pose in places.oMg]
+        shapes = [each.geometry for each in bodies.geometryObjects]
+        found.append(
+            [(shape, in_coal(pose.rotation, pose.translation)) for shape, pose in zip(shapes, arm, strict=True)]
+        )
+    return found
+
+
+def true_gap(one, other):
+    """Least distance of two lists of bodies, by Coal."""
+    return min(coal.distance(*a, *b, coal.DistanceRequest(), coal.DistanceResult()) for a in one for b in other)
+
+
+def in_coal(rotation, translation):
+    """A pose of Coal's."""
+    return coal.Transform3s(np.array(rotation), np.array(translation))
+
+
+def random_joints(rng, chain):
+    return rng.uniform(np.maximum(chain.lower, -2.5), np.minimum(chain.upper, 2.5))
+
+
+def capsule(ends, radius):
+    """A capsule of Coal's, which is along z."""
+    along = ends[1] - ends[0]
+    length = np.linalg.norm(along)
+    turned = pin.Quaternion.FromTwoVectors(np.array([0, 0, 1.0]), along if length else np.array([0, 0, 1.0])).matrix()
+    return coal.Capsule(radius, length), in_coal(turned, ends.mean(0))
+
+
+def coal_capsules(sketch, robot, joints, first=0):
+    """Capsules of a robot at joints, from one frame on, as Coal has them."""
+    chain, (body, _) = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)
+    frames = [SE3.identity(), *chain.joint_frames(joints), chain.forward(joints)]
+    return [
+        capsule(sketch.world_from_base(robot) @ frames[k] @ ends, radius)
+        for k, ends, radius in zip(body.frame, body.ends, body.radius + body.padding, strict=True)
+        if k >= first
+    ]
+
+
+def test_capsules_are_as_far_apart_as_coal_says(tmp_path):
+    """Of still arms the least distance of all their capsules, and of a box from all above the first joint."""
+    box = KeepOut("post", SE3.from_rotvec([0.3, 0.2, 1.0], [0.5, 0.5, 0.6]), np.array([0.1, 0.2, 0.3]))
+    rng, sketch = np.random.default_rng(0), two_arms(arm_with_bodies(tmp_path), post=box)
+    shape = [(coal.Box(*box.size_m), in_coal(box.world_from_box.rotation, box.world_from_box.translation))]
+    for _ in range(10):
+        joints = [random_joints(rng, sketch.cell.robots["one"].chain) for _ in range(2)]
+        arms, post = clearances(sketch, at(*joints), at(*joints), ["one"])
+        want = true_gap(*(coal_capsules(sketch, *each) for each in zip(("one", "two"), joints, strict=True)))
+        if want > 0:  # within a capsule Coal gives how deep, Euclidean distances do not
+            assert arms.gap_m == pytest.approx(want, abs=1e-6)
+        from_box = true_gap(coal_capsules(sketch, "one", joints[0], first=2), shape)
+        if from_box > 0:
+            assert from_box - 0.006 <= post.gap_m <= from_box + 1e-6
+
+
+def test_clearances_are_never_larger_than_those_of_the_true_bodies(tmp_path):
+    """Meshes, boxes, cylinders and spheres at random postures, by Pinocchio and Coal; nor much smaller."""
+    path = arm_with_bodies(tmp_path)
+    rng, sketch = np.random.default_rng(1), two_arms(path)
+    short = []
+    for _ in range(40):
+        joints = [random_joints(rng, sketch.cell.robots["one"].chain) for _ in range(2)]
+        (found,) = clearances(sketch, at(*joints), at(*joints), ["two"])
+        short.append(true_gap(*placed(path, joints, [SE3.identity(), APART])) - found.gap_m)
+    assert min(short) > -1e-6
+    assert np.median(short) < 0.06
+
+
+def test_between_places_arms_are_farther_apart_than_nothing(tmp_path):
+    """At a hundred random places each, no clearance falls below that of the way by more than the air."""
+    box = KeepOut("post", SE3(np.eye(3), np.array([0.4, 0.4, 0.5])), np.full(3, 0.1))
+    rng, sketch = np.random.default_rng(2), two_arms(arm_with_bodies(tmp_path), post=box)
+    for _ in range(3):
+        ends = [[random_joints(rng, sketch.cell.robots["one"].chain) for _ in range(2)] for _ in range(2)]
+        whole = {each.other: each for each in clearances(sketch, at(*ends[0]), at(*ends[1]), ["one"])}
+        for share, other in rng.uniform(0, 1, (100, 2)):  # each goes at its own pace
+            here = at(*(a + s * (b - a) for a, b, s in zip(*ends, (share, other), strict=True)))
+            for each in clearances(sketch, here, here, ["one"]):
+                assert each.gap_m > whole[each.other].gap_m - each.needed_m
+
+
+def test_only_what_moves_is_judged(tmp_path):
+    """Boxes are held against robots that are sent, and two robots of which none is sent are not."""
+    box = KeepOut("post", SE3(np.eye(3), np.array([0.4, 0.4, 0.5])), np.full(3, 0.1))
+    sketch, zeros = two_arms(arm_with_bodies(tmp_path), post=box), np.zeros(6)
+    pairs = {
+        name: [(each.robot, each.other) for each in clearances(sketch, at(zeros, zeros), at(zeros, zeros), sent)]
+        for name, sent in (("both", ("one", "two")), ("two", ("two",)), ("none", ()))
+    }
+    assert pairs["both"] == [("one", "two"), ("one", "post"), ("two", "post")]
+    assert pairs["two"] == [("one", "two"), ("two", "post")]
+    assert pairs["none"] == []
+
+
+def test_a_body_that_cannot_be_read_is_named_and_replaced_by_a_line(tmp_path):
+    """As long as the link, with a radius of 60 mm; other links keep their bodies."""
+    path = arm_with_bodies(tmp_path)
+    whole, _ = robot_capsules(two_arms(path), "two")
+    (path.parent / "meshes/upper.stl").unlink()
+    sketch = two_arms(path)
+    body, problems = robot_capsules(sketch, "two")
+    assert problems == [
+        "link 'upper_arm': mesh 'package://arm_description/meshes/upper.stl' is not in the cell's folder; copy it there"
+    ]
+    (line,) = body.ends[body.frame == 2]
+    np.testing.assert_allclose(line, [np.zeros(3), sketch.cell.robots["two"].chain.origins.translation[2]])
+    assert (body.radius + body.padding)[body.frame == 2] == [0.06]
+    np.testing.assert_array_equal(body.ends[body.frame == 3], whole.ends[whole.frame == 3])
+
+
+def test_no_point_of_a_body_moves_farther_than_the_path_length(tmp_path):
+    """Points of bodies, with their shapes and poses by Pinocchio, over the steps of random ways."""
+    path = arm_with_bodies(tmp_path, {"wrist_3": '<box size="0.3 0.02 0.02"/>', "forearm": '<sphere radius="0.2"/>'})
+    rng, sketch = np.random.default_rng(4), two_arms(path)
+    ends_of = 0.5 * np.array([0.4 * np.eye(3)[:2], [[0.3, 0.02, 0.02], [-0.3, -0.02, 0.02]]])  # in the tree's order
+    fastest = []
+    for _ in range(6):
+        start, end = (random_joints(rng, sketch.cell.robots["two"].chain) for _ in range(2))
+        most = path_length(sketch, at(start, start), at(end, end), "two")
+        places = []
+        for share in np.linspace(0, 1, 100):
+            poses = [pose for _, pose in placed(path, [start + share * (end - start)], [APART])[0]]
+            places.append(
+                [p @ pose.getRotation().T + pose.getTranslation() for p, pose in zip(ends_of, poses, strict=True)]
+            )
+        steps = np.linalg.norm(np.diff(np.array(places), axis=0), axis=-1).max()
+        fastest.append(99 * steps / np.abs(end - start).max() / most)
+    assert 0.7 < max(fastest) < 1
