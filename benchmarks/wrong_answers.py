@@ -245,7 +245,7 @@ def off_centre(seed: int) -> Drawn:
     wrong = lens.with_parameters(
         lens.parameters + np.concatenate([[0, 0, 10 * np.cos(angle), 10 * np.sin(angle)], 0 * lens.distortion])
     )
-    changed = replace(camera, intrinsics=replace(camera.intrinsics, camera=wrong))
+    changed = replace(camera, intrinsics=replace(camera.intrinsics, camera=wrong, exact=False))
     return drawn._replace(cell=replace(drawn.cell, cameras={"wrist": changed}))
 
 

@@ -255,7 +255,7 @@ class Steps:
         told = {
             "impossible_units": [], "repeated_views": [], "build_problem": ("problem", []), "INPUT_CHECKS": [],
             "solve_packed": "plain", "with_noise": "noisy", "is_as_of_arms": True, "check_conventions": (),
-            "_without_outliers": robust, "is_hopeless": False,
+            "_without_outliers": robust, "with_likely_lenses": robust, "is_hopeless": False,
             "contradicted_sigmas": (), "without_contradicted": robust,
             "choose_robot_model": None, "systematic_error": "systematic", "_judged": "judged", "_refused": "no numbers",
             "unobservable_by_poses": [], "hopeless": finding("error", "poor-fit"), "agreeing_of": [],

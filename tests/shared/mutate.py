@@ -239,7 +239,7 @@ def _other_lens(cell: Cell, factor: float) -> Cell:
         lens = camera.intrinsics.camera
         assert lens is not None
         wrong = lens.with_parameters(lens.parameters * np.array([factor, factor, *[1.0] * (len(lens.parameters) - 2)]))
-        found[name] = replace(camera, intrinsics=replace(camera.intrinsics, camera=wrong))
+        found[name] = replace(camera, intrinsics=replace(camera.intrinsics, camera=wrong, exact=False))
     return replace(cell, cameras=found)
 
 

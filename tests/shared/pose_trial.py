@@ -92,7 +92,12 @@ def _board(texture: float) -> tuple[Cell, np.ndarray[Any, Any]]:
         {"eye": Robot("eye", driver=Driver("trial"))},
         cameras={
             "wrist": CellCamera(
-                "wrist", "eye", Unknown("fixed", SE3.identity()), "pinhole", SIZE_PX, Intrinsics("fixed", lens)
+                "wrist",
+                "eye",
+                Unknown("fixed", SE3.identity()),
+                "pinhole",
+                SIZE_PX,
+                Intrinsics("fixed", lens, exact=True),
             )
         },
         targets={"board": CellTarget("board", "world", Unknown("fixed", at), shape)},

@@ -160,7 +160,7 @@ def lights_off(corners: Iterable[int]) -> Array:
     cell, recording = example("ur5e_dual")
     whole = calibrate(cell, recording)
     ((name, camera),) = cell.cameras.items()
-    lens = Intrinsics("fixed", whole.cameras[name][0])
+    lens = Intrinsics("fixed", whole.cameras[name][0], exact=True)
     light = {"light": CellTarget("light", "hand", target=led_target())}
     alone = replace(cell, cameras={name: replace(camera, intrinsics=lens)}, targets=light)
     out = []

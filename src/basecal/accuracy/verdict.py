@@ -39,6 +39,7 @@ from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
+from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
 from basecal.estimation.problem.build import build_problem
@@ -101,7 +102,7 @@ def _calibrated(cell: Cell, recording: Recording, settings: Settings, by_clocks:
     findings += misread
     if verdict_of(misread) == "refused":
         return _refused(plain, settings, findings)
-    robust = _without_outliers(cell, settings, plain, noisy)
+    robust = with_likely_lenses(_without_outliers(cell, settings, plain, noisy), cell, settings)
     if is_hopeless(robust.solution.problem, robust.solution.state):
         if settings.start == "guess":
             again = _calibrated(cell, recording, replace(settings, start="closed"), by_clocks)

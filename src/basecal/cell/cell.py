@@ -120,12 +120,14 @@ class Intrinsics:
         sigma: (4 + terms,) sigmas of fx, fy, cx, cy [px] and the distortion; with `prior` only.
         distortion_terms: How many distortion coefficients are estimated where `camera` is None; the model's usual
             number where None.
+        exact: Whether a fixed lens has no error; otherwise it has that of a usual calibration.
     """
 
     status: Status = "fixed"
     camera: Camera | None = None
     sigma: Array | None = None
     distortion_terms: int | None = None
+    exact: bool = False
 
 
 @dataclass(frozen=True, eq=False)

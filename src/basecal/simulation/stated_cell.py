@@ -44,7 +44,7 @@ def _intrinsics(lens: Camera, scenario: Scenario, rng: Generator) -> Intrinsics 
         return None
     terms = len(lens.distortion)
     if scenario.intrinsics == "fixed":
-        return Intrinsics("fixed", lens)
+        return Intrinsics("fixed", lens, exact=True)
     if scenario.intrinsics == "free":
         return Intrinsics("free", distortion_terms=terms)
     focal, center, distortion = scenario.intrinsics_prior

@@ -33,14 +33,6 @@ WORDS = {
     ),
     "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % larger"),
     "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % smaller"),
-    "longer lens": (
-        found("intrinsics", [0.081], 0.014, "overhead", kind="camera"),
-        "the focal length of overhead is 8.1 +/- 1.4 % larger than stated: calibrate the lens of overhead",
-    ),
-    "shorter lens": (
-        found("intrinsics", [-0.02], 1e-3, "overhead", kind="camera"),
-        "the focal length of overhead is 2.00 +/- 0.10 % smaller than stated",
-    ),
     "late": (
         found("clock-offset", [-0.021], 1e-3, "wrist", "s", kind="camera"),
         "images of wrist lag behind the other devices by 21.0 +/- 1.0 ms",
@@ -149,10 +141,9 @@ def test_who_is_late_goes_by_the_sign_alone(evidence, code, kind, size, late):
     assert f" {way} the other devices by 0.300 +/- 0.010 ms" in finding.message
 
 
-@pytest.mark.parametrize("code", ["length-scale", "intrinsics"])
-def test_fractions_are_told_in_per_cent(evidence, code):
+def test_fractions_are_given_in_percent(evidence):
     """Both the size and its sigma, to the last digit shown."""
-    (finding,) = systematic_error(evidence(systematic_error=found(code, [0.08], 9.46e-3)))
+    (finding,) = systematic_error(evidence(systematic_error=found("length-scale", [0.08], 9.46e-3)))
     assert "8.00 +/- 0.95 %" in finding.message
 
 

@@ -13,7 +13,6 @@ from basecal.accuracy.systematic_errors.table import (
     clock_drifts,
     clock_offsets,
     drifts,
-    focal_lengths,
     joint_offsets,
     length_scales,
     sag,
@@ -48,7 +47,7 @@ def moved_by_pose(of, robot, pose):
 
 def row(of, make, about):
     (found,) = [c for c in make(of) if c.about == (about,)]
-    assert found.sizes == (1 if make in (length_scales, focal_lengths) else 6)
+    assert found.sizes == (1 if make is length_scales else 6)
     return found.moves[0][:, 0]
 
 
@@ -78,28 +77,8 @@ def of_light():
     return Situation(problem, truth(made, problem), problem, {k: float(k) for k in range(8)})
 
 
-def test_through_a_longer_lens_a_light_is_seen_nearer(of_light):
-    """Its image is where that of the same light is through the lens as stated, nearer by the same fraction."""
-    group, longer = of_light.problem.groups[0], 1e-5
-    lens = of_light.state.cameras[group.camera]
-    at = of_light.state.camera_from_target(group, of_light.problem.stops)
-    moves = longer * row(of_light, focal_lengths, group.camera)[..., 0]
-    longer_lens = lens.with_parameters(lens.parameters * np.where(np.arange(len(lens.parameters)) < 2, 1 + longer, 1.0))
-    nearer, as_stated = lens.project((at @ SE3.exp(moves)).translation), lens.project(at.translation)
-    through_longer = longer_lens.project(at.translation)
-    assert np.abs(through_longer - as_stated).max() > 1e-3
-    np.testing.assert_allclose(nearer, through_longer, atol=1e-7)
-
-
 def test_a_light_has_no_size(of_light):
     assert {about for c in length_scales(of_light) for about in c.about} == {"eye", "hand"}
-
-
-def test_focal_lengths_are_looked_for_where_nothing_else_shows_them(of, of_light):
-    """Not through targets with a size, nor of lenses that are estimated."""
-    free = {name: replace(lens, status="free") for name, lens in of_light.problem.lenses.items()}
-    assert list(focal_lengths(of)) == []
-    assert list(focal_lengths(replace(of_light, problem=replace(of_light.problem, lenses=free)))) == []
 
 
 def test_joint_offsets():
@@ -331,25 +310,3 @@ def test_targets_have_lengths_beside_those_of_two_robots(robots, points, told):
         if name in found:
             assert found[name][1 - k] is None
             np.testing.assert_array_equal(found[name][k][:, 0, :, 0], np.tile([0, 0, k + 1.0, 0, 0, 0], (4, 1)))
-
-
-@pytest.mark.parametrize(("mounts", "status", "told"), [
-    (("bulb", "bulb"), "fixed", True), (("bulb", "target"), "fixed", False), (("bulb", "bulb"), "free", False),
-    (("bulb", "bulb"), None, False),
-])  # fmt: skip
-def test_a_focal_length_is_looked_for_where_all_that_a_camera_sees_are_points(mounts, status, told):
-    """And its lens is fixed; what other cameras see does not count, and does not move."""
-    groups = [{"target_mount": mount} for mount in mounts]
-    of = Made(3, *groups, {"camera": "other"})
-    of.problem.point_mounts = frozenset({"bulb"})
-    of.problem.lenses = {} if status is None else {"wrist": SimpleNamespace(status=status)}
-    of.links = [
-        SimpleNamespace(target_from_camera=SE3(np.tile(np.eye(3), (3, 1, 1)), np.tile([0, 0, -2.0], (3, 1))))
-    ] * 3
-    found = list(focal_lengths(of))
-    assert [(each.code, each.about) for each in found] == ([("intrinsics", ("wrist",))] if told else [])
-    if told:
-        assert found[0].moves[2] is None
-        for moves in found[0].moves[:2]:
-            assert moves.shape == (3, 1, 6, 1)
-            np.testing.assert_array_equal(moves[:, 0, :, 0], np.tile([0, 0, -2.0, 0, 0, 0], (3, 1)))

@@ -23,6 +23,7 @@ def entry(status, **fields):
         (entry("prior", **KNOWN, **SIGMAS), "pinhole", 0),
         (entry("prior", **KNOWN, distortion=[0.1] * 5, **SIGMAS, sigma_distortion=0.1), "pinhole", 5),
         (entry("prior", **KNOWN, distortion=[0.1] * 5, **SIGMAS, sigma_distortion=[0.1] * 5), "pinhole", 5),
+        (entry("fixed", **KNOWN, exact=True), "pinhole", 0),
         (entry("free"), "pinhole", 5),
         (entry("free"), "fisheye", 4),
         (entry("free", distortion_terms=0), "pinhole", 0),
@@ -40,6 +41,7 @@ def test_lenses_that_suit(written, model, terms):
     ("written", "model", "message"),
     [
         (entry("fixed", fx=1.0), "pinhole", "status fixed needs fy, cx, cy"),
+        (entry("free", exact=True), "pinhole", "exact is for status fixed, not free"),
         (entry("free", fx=1.0), "pinhole", "a guess needs all of fx, fy, cx, cy; missing fy, cx, cy"),
         (entry("free", distortion=[0.1] * 5), "pinhole", "distortion needs fx, fy, cx, cy beside it"),
         (entry("fixed", **KNOWN, distortion_terms=0), "pinhole", "distortion_terms is for status free; with fixed"),

@@ -43,14 +43,19 @@ class ClosedFormRival:
 
 
 def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedFormRival | None:
-    """The closed form of the only pair of camera and target, where it predicts better beyond chance; else None."""
+    """The closed form of the only pair of camera and target, where it predicts better beyond chance; else None.
+
+    Both see the views of a fold through the lens of that fold.
+    """
     if len(solution.problem.groups) != 1:
         return None
     (group,) = solution.problem.groups
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
-    alone, enough = view_alone(solution.state, group, predicted)
+    alone, enough = of_all = view_alone(solution.state, group, predicted)
     ours, theirs = [], []
     for refit in refits:
+        if group.camera in solution.problem.columns:
+            alone, enough = view_alone(refit.optimum.state, group, predicted)
         held = np.isin(group.sample, list(refit.held)) & enough
         triple = _closed_form(solution.problem, group, alone, enough & ~held)
         if triple is None:
@@ -62,7 +67,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         closed = (views.eye_base_from_eye_flange @ x).inverse() @ y @ views.hand_base_from_hand_flange @ z
         theirs.append(_off(alone[rows], closed))
     ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
-    whole = _closed_form(solution.problem, group, alone, enough)
+    whole = _closed_form(solution.problem, group, *of_all)
     if ratio is None or whole is None:
         return None
     return ClosedFormRival(ratio, _moved(solution.problem, solution.state, group, whole))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -9,30 +11,37 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.problem.stated_lens import is_stated
 from basecal.estimation.solve import Solution
-from basecal.numerics.spectral import above
+from basecal.geometry import Array
+from basecal.numerics.spectral import Spectrum, above, spectrum
 
 _LEARNT = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
 
 
 def prior_contradicted(of: Evidence) -> list[Finding]:
     """Warnings, see `contradicted_priors`."""
-    return contradicted_priors(of.solution)
+    lenses = {name for name, camera in of.cell.cameras.items() if is_stated(camera.intrinsics)}
+    return contradicted_priors(of.solution, lenses)
 
 
-def contradicted_priors(solution: Solution) -> list[Finding]:
+def contradicted_priors(solution: Solution, besides: Set[str] = frozenset()) -> list[Finding]:
     """A finding for each prior that is further from the answer than chance allows, once in 10,000 times.
 
     The answer leaves the mean of a true prior by a normal error whose covariance is the prior's less the answer's, in
     directions of which the data say something at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
+
+    Args:
+        solution: The solution.
+        besides: Cameras whose lenses nobody stated a prior of.
     """
     found = []
     for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
         name = next(n for n, c in solution.problem.columns.items() if c == where)
-        if name in solution.problem.lenses and solution.problem.lenses[name].status == "free":
+        if name in besides or (name in solution.problem.lenses and solution.problem.lenses[name].status == "free"):
             continue  # what is known of lenses in general was not stated by anyone
-        after = jacobian @ solution.covariance[where, where] @ jacobian.T / solution.noise.factor
-        learnt = above(np.eye(len(residual)) - 0.5 * (after + after.T), _LEARNT)
+        after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
+        learnt = held(innovation(after, np.ones(len(residual))))
         off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
         if learnt.rank and off > chdtri(int(learnt.rank), SIGNIFICANCE):
             message = (
@@ -41,3 +50,25 @@ def contradicted_priors(solution: Solution) -> list[Finding]:
             )
             found.append(Finding("prior-contradicted", "warning", (name,), message))
     return found
+
+
+def innovation(covariance: Array, wider: Array) -> Array:
+    """Covariance of estimates about the mean of unit priors, (k, k), where the priors in use were so much wider.
+
+    With P the information of the data and C the covariance under the priors in use, the estimate is C P d of data d
+    whose covariance is I + P^-1, so that its own is C (P + P P) C: where the priors are as wide as they are, I - C.
+
+    Args:
+        covariance: C, (k, k).
+        wider: (k,) sigmas of the priors in use.
+    """
+    if np.all(wider == 1):
+        return np.asarray(np.eye(len(wider)) - 0.5 * (covariance + covariance.T))
+    by_data = spectrum(covariance).inverse - np.diag(wider**-2.0)
+    learnt = covariance @ (by_data + by_data @ by_data) @ covariance
+    return np.asarray(0.5 * (learnt + learnt.T))
+
+
+def held(learnt: Array) -> Spectrum:
+    """The directions of which the data say something at all."""
+    return above(learnt, _LEARNT)

@@ -25,6 +25,7 @@ from basecal.accuracy.findings.reflection import reflection
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.findings.rounded_poses import rounded_poses
 from basecal.accuracy.findings.same_stop import same_stop
+from basecal.accuracy.findings.stated_lens import stated_lens
 from basecal.accuracy.findings.systematic_error import systematic_error
 from basecal.accuracy.findings.too_few_samples import too_few_samples
 from basecal.accuracy.findings.unobservable_direction import unobservable_directions
@@ -53,6 +54,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     agreeing_samples,
     far_stops,
     prior_contradicted,
+    stated_lens,
     unobserved_joint_parameters,
     not_validated,
     inconsistent_folds,

@@ -1,4 +1,4 @@
-"""Findings of errors that are no noise: of lengths, lenses, clocks, frames that moved, arms that bend."""
+"""Findings of errors that are no noise: of lengths, clocks, frames that moved, arms that bend."""
 
 from __future__ import annotations
 
@@ -52,14 +52,6 @@ def _length_scale(found: SystematicError) -> Finding:
     else:
         what = f"{too}: check {kinematics}, and that the target is printed to scale"
     return Finding("length-scale", "warning", (found.about,), f"{what}; {_AGAIN}")
-
-
-def _focal_length(found: SystematicError) -> Finding:
-    percent, sigma = 100 * found.size[0], 100 * found.sigma
-    amount = f"{rounded(abs(percent), sigma)} % {'larger' if percent > 0 else 'smaller'}"
-    fix = f"calibrate the lens of {found.about}, or set its intrinsics' status to free"
-    what = f"the focal length of {found.about} is {amount} than stated: {fix}"
-    return Finding("intrinsics", "warning", (found.about,), f"{what}; {_AGAIN}")
 
 
 def _clock_offset(found: SystematicError) -> Finding:
@@ -164,7 +156,6 @@ def _length(values: Array, covariance: Array) -> tuple[float, float]:
 _OF_JOINTS = ("joint-offset", "joint-offsets")
 _WORDS: dict[str, Callable[[SystematicError], Finding]] = {
     "length-scale": _length_scale,
-    "intrinsics": _focal_length,
     "clock-offset": _clock_offset,
     "clock-drift": _clock_drift,
     "base-moved": _base_moved,

@@ -52,28 +52,6 @@ def larger(of: Situation, k: int) -> Array:
     return nearer
 
 
-def focal_lengths(of: Situation) -> Iterator[Candidates]:
-    """Each fixed lens through which single points were seen, its focal length larger than stated, by a fraction.
-
-    One that shows a target's size is looked for among the conventions, by freeing it.
-    """
-    for camera in sorted({g.camera for g in of.problem.groups}):
-        lens = of.problem.lenses.get(camera)
-        mounts = {g.target_mount for g in of.problem.groups if g.camera == camera}
-        if lens is not None and lens.status == "fixed" and mounts <= of.problem.point_mounts:
-            seen = (_along_axis(of, k) if g.camera == camera else None for k, g in enumerate(of.problem.groups))
-            yield _one("intrinsics", camera, "", tuple(seen))
-
-
-def _along_axis(of: Situation, k: int) -> Array:
-    """Through a longer lens a target is seen nearer than it stands, along the camera's axis."""
-    target_from_camera = of.links[k].target_from_camera
-    depth = target_from_camera.inverse().translation[:, 2:]
-    nearer = np.zeros((len(depth), 6, 1))
-    nearer[:, :3, 0] = -depth * target_from_camera.rotation[:, :, 2]
-    return nearer
-
-
 def clock_offsets(of: Situation) -> Iterator[Candidates]:
     """Clocks of each camera against all robots, and of each robot against the others, where arms move along paths.
 
@@ -233,7 +211,6 @@ def _one(code: str, about: str, unit: str, moves: _Moves) -> Candidates:
 
 TABLE: tuple[Callable[[Situation], Iterator[Candidates]], ...] = (
     length_scales,
-    focal_lengths,
     clock_offsets,
     clock_drifts,
     steps,

@@ -65,7 +65,7 @@ def _camera(camera: CellCamera) -> dict[str, Any]:
 
 
 def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:
-    data: dict[str, Any] = {"status": lens.status}
+    data: dict[str, Any] = {"status": lens.status} | ({"exact": True} if lens.exact else {})
     if lens.camera is None:
         return data | {"distortion_terms": terms}
     data |= dict(zip(("fx", "fy", "cx", "cy"), numbers(lens.camera.parameters[:4]), strict=True))

@@ -83,4 +83,4 @@ def _intrinsics(entry: IntrinsicsEntry, camera: CameraEntry, size: tuple[int, in
     if entry.sigma_focal_px is not None and entry.sigma_center_px is not None:
         of_terms = np.broadcast_to(entry.sigma_distortion or [1.0], terms)
         sigma = read_only([*entry.sigma_focal_px, *entry.sigma_center_px, *of_terms])
-    return Intrinsics(entry.status, Camera(camera.model, parameters, size), sigma, terms)
+    return Intrinsics(entry.status, Camera(camera.model, parameters, size), sigma, terms, entry.exact)

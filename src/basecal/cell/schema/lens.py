@@ -25,6 +25,7 @@ class IntrinsicsEntry(Entry):
     sigma_focal_px: Sigma2 | None = None
     sigma_center_px: Sigma2 | None = None
     sigma_distortion: Sigmas | None = None
+    exact: bool = False
 
 
 def distortion_terms(entry: IntrinsicsEntry, model: str) -> int:
@@ -55,6 +56,8 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
     if terms not in known or entry.distortion_terms not in (None, terms):
         allowed = " or ".join(map(str, known))
         raise ValueError(f"distortion of a {model} camera has {allowed} terms (distortion_terms alike), got {terms}")
+    if entry.exact and entry.status != "fixed":
+        raise ValueError(f"exact is for status fixed, not {entry.status}")
     given = {name for name in IntrinsicsEntry.model_fields if "sigma" in name and getattr(entry, name) is not None}
     wanted = {"sigma_focal_px", "sigma_center_px", *(["sigma_distortion"] if terms else [])}
     wanted = wanted if entry.status == "prior" else set()

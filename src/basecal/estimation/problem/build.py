@@ -29,6 +29,7 @@ from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrie
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
+from basecal.estimation.problem.stated_lens import with_usual_error
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, IntArray
 
@@ -273,7 +274,7 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
     for name in with_pixels:
         intrinsics = cell.cameras[name].intrinsics
         assert intrinsics is not None
-        lenses[name] = intrinsics
+        lenses[name] = intrinsics = with_usual_error(intrinsics)
         if intrinsics.status != "fixed":
             widths[name] = 4 + cell.cameras[name].distortion_terms
     ends = np.cumsum([0, *widths.values()])

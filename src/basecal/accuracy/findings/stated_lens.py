@@ -1,0 +1,47 @@
+"""`intrinsics`: a stated lens that is off by more than a usual calibration."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import chdtri
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.findings.prior_contradicted import held, innovation
+from basecal.accuracy.phrases.rounded import rounded
+from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.cell import Finding
+from basecal.estimation.problem.stated_lens import is_stated, usual_sigmas
+from basecal.estimation.solve import Solution
+from basecal.geometry import Camera
+
+
+def stated_lens(of: Evidence) -> list[Finding]:
+    """A warning for each lens that is not as stated."""
+    lenses = {name: of.cell.cameras[name].intrinsics for name in sorted(of.solution.problem.lenses)}
+    stated = {name: lens.camera for name, lens in lenses.items() if lens is not None and is_stated(lens)}
+    return [
+        Finding("intrinsics", "warning", (name,), _message(name, camera, of.solution))
+        for name, camera in stated.items()
+        if camera is not None and _is_contradicted(name, camera, of.solution)
+    ]
+
+
+def _is_contradicted(name: str, stated: Camera, solution: Solution) -> bool:
+    """Whether chance makes a lens so far off once in 10,000 times, under the usual sigmas."""
+    usual, used = usual_sigmas(stated), solution.problem.lenses[name].sigma
+    assert used is not None
+    off = (solution.state.cameras[name].parameters - stated.parameters) / usual
+    where = solution.problem.columns[name]
+    known = held(innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual))
+    return bool(known.rank) and float(known.mahalanobis_squared(off)) > chdtri(int(known.rank), SIGNIFICANCE)
+
+
+def _message(name: str, stated: Camera, solution: Solution) -> str:
+    sigma = np.sqrt(np.diag(solution.lens_covariance(name)))[:4]
+    off = stated.parameters[:4] - solution.state.cameras[name].parameters[:4]
+    unit = np.append(100 / stated.parameters[:2], [1.0, 1.0])
+    fx, fy, cx, cy = (rounded(value, s) for value, s in zip(unit * off, unit * sigma, strict=True))
+    return (
+        f"the lens of {name} is not as stated: fx is off by {fx} %, fy by {fy} %, cx by {cx} px, cy by {cy} px. "
+        f"The answer uses the estimated lens. Calibrate the lens of {name}, or set its intrinsics' status to free"
+    )

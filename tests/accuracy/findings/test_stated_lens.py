@@ -1,0 +1,51 @@
+"""`intrinsics`: lenses that are not as stated."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.findings.prior_contradicted import innovation
+from basecal.accuracy.verdict import calibrate
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=18, layout="eye_in_hand", robot_noise=(1e-4, 2e-4), state_robot_noise=False), 1)
+
+
+def calibrated(change):
+    """The calibration where the lens is stated with other parameters, and not as exact."""
+    wrist = MADE.cell.cameras["wrist"]
+    camera = wrist.intrinsics.camera
+    lens = replace(wrist.intrinsics, camera=camera.with_parameters(change(camera.parameters)), exact=False)
+    return calibrate(replace(MADE.cell, cameras={"wrist": replace(wrist, intrinsics=lens)}), MADE.recording)
+
+
+@pytest.mark.parametrize(("factor", "shift_px", "named"), [
+    (1.0, 0.0, None), (1.0, 1.0, None), (1.0, 25.0, "cx by {} px"), (1.02, 0.0, "fx is off by {} %"),
+])  # fmt: skip
+def test_it_is_named_and_the_answer_holds(factor, shift_px, named):
+    """A lens as stated, or a pixel off, is not accused; each other is, by how much, and no transform is wrong."""
+    found = calibrated(lambda p: p * np.where(np.arange(9) < 2, factor, 1.0) + shift_px * (np.arange(9) == 2))
+    messages = [f.message for f in found.findings if f.code == "intrinsics"]
+    assert (found.verdict, len(messages)) == (("good", 0) if named is None else ("doubtful", 1))
+    if named is not None:
+        number = r"(\S+) \+/- (\S+)"
+        value, sigma = map(float, re.search(named.format(number), messages[0]).groups())
+        assert abs(value - (shift_px or 100 * (1 - 1 / factor))) < 3 * sigma
+    for name, estimate in found.transforms.items():
+        error = (estimate.mean.inverse() @ MADE.truth[name]).log()
+        assert np.abs(error / np.sqrt(np.diag(estimate.covariance))).max() < 4
+
+
+def test_an_innovation_is_the_same_under_wider_priors():
+    """Of estimates that the data determine, by whatever priors; under unit priors it is what these lose."""
+    rng = np.random.default_rng(0)
+    by_data = rng.standard_normal((3, 9))
+    by_data = 1e6 * by_data @ by_data.T
+    of_unit = innovation(np.linalg.inv(by_data + np.eye(3)), np.ones(3))
+    np.testing.assert_allclose(of_unit, np.eye(3) - np.linalg.inv(by_data + np.eye(3)), rtol=1e-9)
+    wider = np.array([5.0, 2.0, 1.0])
+    np.testing.assert_allclose(innovation(np.linalg.inv(by_data + np.diag(wider**-2)), wider), of_unit, atol=1e-5)

@@ -1,0 +1,47 @@
+"""Stated lenses whose errors are estimated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.outliers.likely_lenses import with_likely_lenses
+from basecal.estimation.outliers.robust_solve import solve_robustly
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.stated_lens import usual_sigmas
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve_packed
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=20, layout="eye_in_hand"), 3)
+SETTINGS = Settings(robot_noise="stated")
+
+
+def robust(off_px: float, exact: bool = False):
+    """The cell whose principal point is stated so far off, and its solution with the usual errors."""
+    wrist = MADE.cell.cameras["wrist"]
+    camera = wrist.intrinsics.camera
+    stated = camera.with_parameters(camera.parameters + off_px * (np.arange(9) == 2))
+    lens = replace(wrist.intrinsics, camera=stated, exact=exact)
+    cell = replace(MADE.cell, cameras={"wrist": replace(wrist, intrinsics=lens)})
+    problem, _ = build_problem(cell, MADE.recording)
+    return cell, solve_robustly(problem, cell, SETTINGS, solve_packed(problem, cell, SETTINGS))
+
+
+@pytest.mark.parametrize(("off_px", "exact"), [(0.0, False), (1.0, False), (25.0, True)])
+def test_usual_errors_are_kept(off_px, exact):
+    """Where the lens is off by no more, and where it is stated as exact, the solution is the one given."""
+    cell, found = robust(off_px, exact)
+    assert with_likely_lenses(found, cell, SETTINGS).solution.state is found.solution.state
+
+
+def test_a_lens_that_is_far_off_is_estimated():
+    """25 px, twenty usual sigmas, which pull the answer by several of its own; then they do not any more."""
+    cell, found = robust(25.0)
+    after = with_likely_lenses(found, cell, SETTINGS).solution
+    true, sigma = MADE.cameras["wrist"].parameters, np.sqrt(np.diag(after.lens_covariance("wrist")))
+    assert np.abs((found.solution.state.cameras["wrist"].parameters - true) / sigma)[2] > 4
+    assert np.abs((after.state.cameras["wrist"].parameters - true) / sigma).max() < 3
+    assert after.problem.lenses["wrist"].sigma[2] > 8 * usual_sigmas(cell.cameras["wrist"].intrinsics.camera)[2]

@@ -1,0 +1,59 @@
+"""Stated lenses as priors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Intrinsics
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.stated_lens import likely_sigmas, usual_sigmas, with_usual_error
+from basecal.geometry import Camera
+from basecal.simulation import Scenario, simulate
+
+LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 0.0, 0.0]), (1280, 720))
+MODELS = [LENS, Camera("pinhole", LENS.parameters[:4], None), Camera("fisheye", LENS.parameters[:8], (1280, 720))]
+
+
+@pytest.mark.parametrize("camera", MODELS)
+def test_each_distortion_term_moves_the_corner_by_as_much(camera):
+    """One sigma of each moves the farthest corner by a thousandth of the width, which is twice cx if not stated."""
+    sigma = usual_sigmas(camera)
+    np.testing.assert_allclose(sigma[:4], [1.8, 1.82, 1.28, 1.28])
+    plain = camera.with_parameters(np.append(camera.parameters[:4], np.zeros(len(camera.distortion))))
+    corner = np.array([640 / 900, 360 / 910, 1.0])
+    for k, term in enumerate(sigma[4:], start=4):
+        bent = plain.with_parameters(plain.parameters + 1e-3 * term * np.eye(len(sigma))[k])
+        assert np.linalg.norm(bent.project(corner) - plain.project(corner)) == pytest.approx(1.28e-3, rel=0.01)
+
+
+@pytest.mark.parametrize("lens", [
+    Intrinsics("fixed", LENS, exact=True), Intrinsics("free", LENS), Intrinsics("prior", LENS, np.ones(9)),
+])  # fmt: skip
+def test_other_lenses_are_left_alone(lens):
+    """Exact ones, free ones, and priors with sigmas of their own."""
+    assert with_usual_error(lens) is lens
+
+
+def test_a_problem_has_columns_for_a_stated_lens():
+    """Unless it is exact, as simulated cells state theirs."""
+    made = simulate(Scenario(samples=4), 0)
+    wrist = made.cell.cameras["wrist"]
+    cell = replace(made.cell, cameras={"wrist": replace(wrist, intrinsics=replace(wrist.intrinsics, exact=False))})
+    assert "wrist" not in build_problem(made.cell, made.recording)[0].columns
+    problem, _ = build_problem(cell, made.recording)
+    assert problem.columns["wrist"].stop - problem.columns["wrist"].start == len(wrist.intrinsics.camera.parameters)
+    assert problem.lenses["wrist"].status == "prior"
+
+
+def test_errors_are_as_large_as_the_data_show():
+    """The usual ones where the lens is as stated, known or not; larger where it is far off, block by block."""
+    usual = usual_sigmas(LENS)
+    lens = Intrinsics("prior", LENS, usual)
+    for share in (0.0, 1.0):
+        np.testing.assert_allclose(likely_sigmas(lens, LENS, share * np.diag(usual**2)), usual)
+    moved = LENS.with_parameters(LENS.parameters + 10 * usual * (np.arange(9) == 2))
+    expected = np.where(np.isin(np.arange(9), (2, 3)), np.sqrt(20.6), 1.0)
+    np.testing.assert_allclose(likely_sigmas(lens, moved, np.zeros((9, 9))) / usual, expected)
