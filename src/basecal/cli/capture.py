@@ -20,6 +20,7 @@ from basecal.errors import InputError, UsageError
 from basecal.registry import PATTERNS
 
 _SAMPLES = 25  # where nobody says how many
+_PLANS = 20  # that are tried for a task until one is not refused
 _SHIFTS = "shifts"
 _FASTEST_M_S = 2.0  # of any point of an arm
 
@@ -154,7 +155,7 @@ def capture(
         shifts = ShiftsForTask(task, samples) if task and replanned is None else None
         if not freedrive:
             wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
-            _check(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
+            wanted = _checked(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
@@ -171,7 +172,7 @@ def _sketch(cell: Path) -> Sketch:
     return sketch_of(read_cell(cell))
 
 
-def _check(
+def _checked(
     rig: Rig,
     sketch: Sketch,
     plan: Sequence[Sample],
@@ -182,8 +183,8 @@ def _check(
     go: bool,
     dry_run: bool,
     quiet: bool,
-) -> None:
-    """Check the whole plan before anything moves, and print it.
+) -> Sequence[Sample]:
+    """The plan, checked as a whole before anything moves, and printed; one for a task without the samples refused.
 
     Raises:
         UsageError: if arms are to move that nothing stops, and the person does not accept that.
@@ -194,12 +195,19 @@ def _check(
     if go:
         check_guarantees(rig, moving.accept_no_watchdog)
     found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
+    for _ in range(_PLANS):
+        if replanned is None or not found.refusals:
+            break
+        refused = {refusal.sample for refusal in found.refusals}
+        plan = replanned.leave_out([sample for sample in plan if sample.sample in refused])
+        found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     if not quiet:
         if dry_run:
             say_ways(found)
         if not found.refusals:
             say_plan(rig, sketch, plan, is_new, found, go, replanned)
     refuse(found, len(plan))
+    return plan
 
 
 def _refuse_unused(

@@ -68,13 +68,19 @@ class Replanned:
         if missing:
             raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
         assert task.tolerance_m is not None
-        taken = taken_so_far(folder, sketch.cell)
+        self._taken = taken = taken_so_far(folder, sketch.cell)
         home = {name: robot.state().state for name, robot in rig.robots.items()}
         offered = () if plan is None else read_plan(plan, folder, sketch.cell)
         self._tolerance_m, self._before, self._most = task.tolerance_m, len(taken), most or MOST_SAMPLES
         points = np.array(task.points_m)
         self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
-        self.samples = self(taken, given_up(folder, sketch.cell))
+        self._given_up = [*given_up(folder, sketch.cell)]
+        self.samples = self(taken, self._given_up)
+
+    def leave_out(self, refused: Sequence[Sample]) -> Sequence[Sample]:
+        """Plan without samples that are refused, and what is near them."""
+        self._given_up += refused
+        return self(self._taken, self._given_up)
 
     def __call__(self, taken: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
         """What is still to be taken, no more than is left of the most."""
