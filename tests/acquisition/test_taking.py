@@ -14,6 +14,7 @@ from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.stillness import Moving, Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker, targets_before
 from basecal.cell import RobotState, Sample
+from basecal.geometry import SE3
 from basecal.planning.sketch import sketch_of
 from basecal.vision.image_file import grey_image, read_bytes
 from shared.facing_arms import facing_arms
@@ -35,7 +36,7 @@ def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
     """The first time that something moves it is tried again, what else is wrong is told at once."""
     why = [Moving("arm still moving: eye"), Unfit("too blurred")]
 
-    def attempt(by, wanted, taken):
+    def attempt(by, wanted, taken, patience_s):
         raise why.pop(0)
 
     monkeypatch.setattr(module, "_take", attempt)
@@ -130,3 +131,14 @@ def test_all_arms_are_asked_before_any_is_sent(tmp_path):
             module._send(by, Sample(0, robots=goals))
             assert [words.rpartition(" ")[0] for words in said] == ["ask", "ask", "move eye", "move hand"]
             assert said[2:] == ["move eye 0.500", "move hand 0.500"]
+
+
+def test_a_slow_way_is_waited_for(tmp_path):
+    """What is waited for is the time of the longest way, at the speed that it is gone at."""
+    with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
+        at = {name: robot.state().state for name, robot in rig.robots.items()}
+        turns = {"eye": 0.01, "hand": 0.02}
+        goals = {name: RobotState(joints_rad=at[name].joints_rad + turn) for name, turn in turns.items()}
+        by = Taker(rig, sketch_of(world.cell), tmp_path, CaptureSettings(0.05, 10.0))
+        assert module._send(by, Sample(0, robots=goals)) == pytest.approx(0.4)
+    assert module._turn_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi

@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from basecal.acquisition.coverage import alike
 from basecal.acquisition.driver import Grey, Moves, Switches
 from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, asks_of, movers
 from basecal.acquisition.stillness import Moving, Report, Unfit, picture_after, wait_for_arms, wait_for_picture
-from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, Sample, Target
+from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.format.writing import write_whole
 from basecal.planning.plan_check import SpeedLimits, check_plan
 from basecal.planning.sketch import Sketch
@@ -41,7 +43,7 @@ class CaptureSettings:
     Attributes:
         speed_rad_s: The fastest that any joint may turn.
         tool_m_s: The fastest that any point of an arm, or of what it carries, may move.
-        patience_s: How long an arm or a picture may take to come to rest after it was sent.
+        patience_s: How long an arm may take to come to rest beyond the time of its way, and a picture.
         lead_patience_s: How long a person may take to lead an arm to another place.
     """
 
@@ -84,17 +86,20 @@ class Taker:
             Unfit: if it cannot be used.
             DriverError: if a robot or camera does not answer.
         """
-        _send(self, wanted)
+        patience_s = self.settings.patience_s + _send(self, wanted)
         for _ in range(_ATTEMPTS - 1):
             try:
-                return _take(self, wanted, taken)
+                return _take(self, wanted, taken, patience_s)
             except Moving as why:
                 self.tell(f"{why}; once more")
-        return _take(self, wanted, taken)
+        return _take(self, wanted, taken, patience_s)
 
 
-def _send(by: Taker, wanted: Sample) -> None:
+def _send(by: Taker, wanted: Sample) -> float:
     """Send the arms, once the sample and the way to it are checked and every controller accepts its goal.
+
+    Returns:
+        How long the longest way takes [s].
 
     Raises:
         Unfit: if one of them is refused; nothing is sent then.
@@ -103,7 +108,7 @@ def _send(by: Taker, wanted: Sample) -> None:
     by.tell(f"sample {wanted.sample}: arms move" if wanted.robots else f"sample {wanted.sample}")
     sent = {name: robot for name, robot in movers(by.rig).items() if name in wanted.robots}
     if not sent:
-        return
+        return 0.0
     here = {name: robot.state().state for name, robot in by.rig.robots.items() if robot.is_live or name in sent}
     limits = SpeedLimits(by.settings.speed_rad_s, by.settings.tool_m_s)
     found = check_plan(by.sketch, here, [wanted], limits, asks_of(sent))
@@ -111,12 +116,20 @@ def _send(by: Taker, wanted: Sample) -> None:
         raise Unfit(f"{found.refusals[0].what}; nothing was sent")
     for way in found.ways:
         sent[way.robot].move(wanted.robots[way.robot], way.joint_rad_s)
+    return max(_turn_rad(here[way.robot], wanted.robots[way.robot]) / way.joint_rad_s for way in found.ways)
 
 
-def _take(by: Taker, wanted: Sample, taken: Sequence[Sample]) -> Sample:
+def _turn_rad(start: RobotState, end: RobotState) -> float:
+    """By how much the leading joint turns; of robots that are sent to poses, the most that is usual."""
+    if start.joints_rad is None or end.joints_rad is None:
+        return np.pi
+    return float(np.abs(end.joints_rad - start.joints_rad).max())
+
+
+def _take(by: Taker, wanted: Sample, taken: Sequence[Sample], patience_s: float) -> Sample:
     rig, sketch, folder, settings = by.rig, by.sketch, by.folder, by.settings
     goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
-    before = wait_for_arms(rig.robots, goals, settings.patience_s, rig.arms.note)
+    before = wait_for_arms(rig.robots, goals, patience_s, rig.arms.note)
     rested_s = time.monotonic()
     by.tell(f"sample {wanted.sample}: waiting for a still picture")
     shots = {name: _shot(by, name, rested_s) for name in rig.cameras}

@@ -52,3 +52,10 @@ def test_edges_of_a_soft_print_are_wider_from_near():
     for scale, wide_px, blurred in ((1000.0, 6.0, False), (3000.0, 18.0, False), (1000.0, 18.0, True)):
         pixels = scale * points[:, :2]
         assert before.is_blurred(VIEW, EdgeWidth(wide_px, wide_px), pixels, points) == blurred
+
+
+def test_one_point_has_no_size():
+    """The only corner in view says nothing of the scale: it is not blurred, and no later view is compared with it."""
+    before = Sharpness()
+    assert not before.is_blurred(VIEW, EdgeWidth(3.0, 9.0), np.zeros((1, 2)), np.zeros((1, 3)))
+    assert is_blurred(before, way=(4.0, 0.0))

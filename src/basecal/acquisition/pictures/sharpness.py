@@ -29,6 +29,8 @@ class Sharpness:
             pixels: (n, 2) the target's points in the picture.
             points: (n, 3) on the target [m].
         """
+        if len(points) < 2:  # one point has no size on either side
+            return False
         scale = np.array([1.0, np.linalg.norm(pixels.std(0)) / np.linalg.norm(points.std(0))])
         narrowest = self._narrowest.get(view, np.full(2, np.inf))
         typical = (scale * narrowest).max()
