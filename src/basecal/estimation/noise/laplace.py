@@ -20,7 +20,7 @@ from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, Posterior, columns_given, open_parts, posterior
 from basecal.estimation.noise.secant import Secant, corrected
 from basecal.geometry import Array, IntArray
-from basecal.numerics.spectral import floored, spectrum
+from basecal.numerics.spectral import above, floored, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
 _STEPS, _HALVINGS = 50, 12
@@ -34,6 +34,8 @@ _SETTLED = 3e-3
 _NEARLY_NORMAL = 0.5
 # Likewise, up to which they count as known: a covariance grows by no more than five thousandths by their spread.
 _KNOWN = 0.05
+# Likewise for the quick integral: by a tenth.
+_NEARLY_KNOWN = 0.25
 # Of blocks of stops: of more, a sigma that is not known so well is of what hardly moves the answer.
 _FEW_STOPS = 40
 # Of drawn nodes: half their number, freedoms of Student's t, and how much wider it is than the approximation.
@@ -184,11 +186,11 @@ def moments(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]
 
 def _weighed_nodes(of: SigmaPosterior, is_quick: bool = False) -> list[tuple[float, Columns]]:
     """Sigmas that stand for all that they may be, by their weights, which add up to 1, and what is known at each."""
-    if np.sqrt(np.diag(of.covariance)).max(initial=0.0) < _KNOWN:
+    if np.sqrt(np.diag(of.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN):
         return [(1.0, columns_given(of.model, of.logs))]
     is_wide = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
     tails = is_wide and not is_quick
-    nodes, drawn = _drawn(of) if tails else _cubature(of)
+    nodes, drawn = _drawn(of) if tails else _cubature(of, is_quick)
     known = [columns_given(of.model, node) for node in nodes]
     values = np.array([each.value + of.prior.value(each.logs)[0] for each in known])
     values = np.where(np.isfinite(values), values, np.inf) - drawn
@@ -197,11 +199,17 @@ def _weighed_nodes(of: SigmaPosterior, is_quick: bool = False) -> list[tuple[flo
     return [(float(weight), each) for weight, each in zip(weights, known, strict=True) if weight > 0]
 
 
-def _cubature(of: SigmaPosterior) -> tuple[Array, Array]:
-    """Nodes, (2 k, k), and minus twice the log of their density but for a constant, (2 k,)."""
-    k = len(of.logs)
-    root = np.sqrt(k) * _root(of.covariance)
-    return of.logs + np.concatenate([root, -root]), np.zeros(2 * k)
+def _cubature(of: SigmaPosterior, is_quick: bool = False) -> tuple[Array, Array]:
+    """Nodes, (2 r, k), and minus twice the log of their density but for a constant, (2 r,).
+
+    They are along all directions of the logarithms, quickly along those that are not nearly known.
+    """
+    root = _root(of.covariance)
+    if is_quick:
+        wide = above(of.covariance, _NEARLY_KNOWN**2)
+        root = wide.root[:, wide.held].T
+    steps = np.sqrt(len(root)) * root
+    return of.logs + np.concatenate([steps, -steps]), np.zeros(2 * len(root))
 
 
 def _drawn(of: SigmaPosterior) -> tuple[Array, Array]:
