@@ -78,8 +78,9 @@ def _drawn(rng: np.random.Generator) -> dict[str, Any]:
             ("free", "free"), ("prior", "prior"), ("fixed", "free"), ("free", "fixed"), ("fixed", "fixed")
         )
         if rng.random() < 0.3:
-            off = bool(rng.random() < 0.5)
-            scenario |= {"joints": True, "joint_offset_rad": 2e-3 * off, "joint_offsets": one("fixed", "prior", "free")}
+            status = one("fixed", "prior", "free")
+            off = status != "fixed" or bool(rng.random() < 0.5)
+            scenario |= {"joints": True, "joint_offset_rad": 2e-3 * off, "joint_offsets": status}
     return scenario
 
 
