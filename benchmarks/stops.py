@@ -65,6 +65,18 @@ def _shown(row: dict[str, Any]) -> list[str]:
     return [row["phase"], row["fault"], str(row["trials"]), str(row["broken"]), told, ended, str(row["moves_after"])]
 
 
+def section(result: dict[str, Any]) -> str:
+    """The section of docs/benchmarks.md."""
+    rows = result["rows"]
+    trials, broken = (sum(row[key] for row in rows) for key in ("trials", "broken"))
+    about = f"""\
+Two arms by a driver of others; a controller or link of one fails, and the other is to be told. Every fault in every
+phase, for either arm and either order in the cell, at random instants: {trials} trials, of which {broken} broke a
+promise. Times are from the fault on; a link that is silent while all arms stand is tried again for a second first. Load
+of the machine at most {max(row["load"] for row in rows):.1f}."""
+    return f"{about}\n\n{table(HEAD, map(_shown, rows))}"
+
+
 def main() -> int:
     """Run it, print the table, write it down; 1 if a promise is broken."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

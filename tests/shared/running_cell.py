@@ -13,7 +13,7 @@ from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import Address, write_address
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.world_file import write_world
-from shared.facing_arms import facing_arms
+from tests.shared.facing_arms import facing_arms
 
 
 @contextmanager
