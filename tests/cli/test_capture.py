@@ -7,13 +7,18 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.cell import Sample
+from basecal.cli import capture as module
 from basecal.cli import main
+from basecal.errors import InputError
+from basecal.planning.plan_check import PlanCheck, Refusal
 from basecal.simulation.running.protocol import connect, read_address
 from shared.running_cell import running
 
@@ -147,3 +152,30 @@ def test_ctrl_c_stops_the_arms(tmp_path: Path) -> None:
             rest = joints(tmp_path)
         assert np.array_equal(rest, joints(tmp_path))
         assert not np.array_equal(rest, world.home["eye"])
+
+
+def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Until none is refused; any other plan is refused as a whole."""
+    plan = [Sample(k) for k in range(3)]
+    left_out: list[list[int]] = []
+
+    def leave_out(refused: Sequence[Sample]) -> list[Sample]:
+        left_out.append([sample.sample for sample in refused])
+        return [sample for sample in plan if sample.sample not in sum(left_out, [])]
+
+    def checked(rig: object, sketch: object, plan: Sequence[Sample], *_: object, **__: object) -> PlanCheck:
+        refused = [Refusal(s.sample, "it meets the table", "Leave it out") for s in plan if s.sample < 2]
+        return PlanCheck((), tuple(refused[:1]))
+
+    monkeypatch.setattr(module, "checked_plan", checked)
+    monkeypatch.setattr("basecal.acquisition.rig.check_guarantees", lambda *_: None)
+
+    def found(replanned: object) -> list[int]:
+        moving = module.Moving()
+        given = module._checked(None, None, plan, True, moving, replanned, go=True, dry_run=False, quiet=True)
+        return [sample.sample for sample in given]
+
+    assert found(SimpleNamespace(leave_out=leave_out)) == [2]
+    assert left_out == [[0], [1]]
+    with pytest.raises(InputError, match="1 of 3 samples of the plan are refused"):
+        found(None)
