@@ -14,6 +14,7 @@ import os
 import sys
 import tempfile
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
@@ -29,7 +30,7 @@ DRIVER = Path(__file__).parents[1] / "tests" / "safety" / "frail_driver.py"
 HEAD = ("phase", "fault", "trials", "broken", "told: median, longest [s]", "ended [s]", "moves after")
 
 
-def rows(kept: Kept, seeds: range) -> list[dict[str, Any]]:
+def rows(kept: Kept, seeds: Iterable[int]) -> list[dict[str, Any]]:
     """Times by fault and phase, over arms, orders and seeds."""
     found: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for seed, fault, phase, arm, order in product(seeds, FAULTS, PHASES, ARMS, (ARMS, ARMS[::-1])):
@@ -80,11 +81,11 @@ of the machine at most {max(row["load"] for row in rows):.1f}."""
 def main() -> int:
     """Run it, print the table, write it down; 1 if a promise is broken."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), metavar=("FIRST", "END"))
+    parser.add_argument("--seeds", type=int, nargs="+", default=range(20), help="of the instants, a full product each")
     parser.add_argument("--keep", type=Path, help="file of trials that are kept, so that a run can go on")
     given = parser.parse_args()
     with installed_driver(Path(tempfile.mkdtemp()), "frail", DRIVER):
-        found = rows(Kept(given.keep), range(*given.seeds))
+        found = rows(Kept(given.keep), given.seeds)
     print(table(HEAD, map(_shown, found)))
     write("stops", {"rows": found})
     return int(any(row["broken"] for row in found))
