@@ -379,7 +379,7 @@ def test_no_addresses_in_the_lock() -> None:
 
 
 TESTS = Path(__file__).parent
-OF_BENCHMARKS = {"test_benchmarks.py", "test_peers.py"}
+OF_BENCHMARKS = {"test_reference.py", "test_benchmarks.py", "test_peers.py"}
 
 
 def test_tests_need_no_benchmarks() -> None:

@@ -34,14 +34,20 @@ def is_stated(lens: Intrinsics | None) -> bool:
 
 def usual_sigmas(camera: Camera) -> Array:
     """Of the errors of a usual calibration: of focal lengths, principal point and distortion terms, (4 + k,)."""
-    fx, fy, cx, cy = camera.parameters[:4]
-    width, height = camera.size_px or (2 * cx, 2 * cy)
-    corner = np.array([max(cx, width - cx) / fx, max(cy, height - cy) / fy, 1.0])
+    fx, fy, cx, _ = camera.parameters[:4]
+    width = camera.size_px[0] if camera.size_px else 2 * cx
     undistorted = camera.with_parameters(np.append(camera.parameters[:4], np.zeros_like(camera.distortion)))
-    by_lens = undistorted.project_with_derivatives(corner, intrinsics=True)[2]
+    by_lens = undistorted.project_with_derivatives(farthest_corner(camera), intrinsics=True)[2]
     assert by_lens is not None
     terms = _DISTORTION * width / np.linalg.norm(by_lens[:, 4:], axis=0)
     return np.concatenate([[_FOCAL * fx, _FOCAL * fy, _CENTRE * width, _CENTRE * width], terms])
+
+
+def farthest_corner(camera: Camera) -> Array:
+    """The direction, (3,), that a lens without distortion sees in the corner farthest from its principal point."""
+    fx, fy, cx, cy = camera.parameters[:4]
+    width, height = camera.size_px or (2 * cx, 2 * cy)
+    return np.array([max(cx, width - cx) / fx, max(cy, height - cy) / fy, 1.0])
 
 
 def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
