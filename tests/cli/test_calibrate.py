@@ -102,7 +102,7 @@ def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureF
     assert "record" in said.out
     run = latest_run(tmp_path)
     assert run is not None
-    assert said.err == f"page: {run / 'report.html'}\n"
+    assert Path(said.err.removeprefix("page: ").rstrip()).resolve() == (run / "report.html").resolve()
     assert {finding.code for finding in read_calibration(run).findings} == {"too-few-samples"}
     assert main(["report", str(tmp_path)]) == 1
 
