@@ -22,13 +22,13 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import score_of, sums
 from basecal.accuracy.systematic_errors.situation import Situation, frames_of
-from basecal.accuracy.systematic_errors.table import joint_offsets
 from basecal.accuracy.verdict import calibrate
 from basecal.acquisition.running.check import Doubt, RunningCheck
 from basecal.cell import Cell, PixelObservation, Recording, RobotState, Sample
+from basecal.effects.faces.candidates import Candidates
+from basecal.effects.joint_offsets import candidates as joint_offsets
 from basecal.errors import BasecalError, DatasetError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings

@@ -18,8 +18,8 @@ from scipy.stats import chi2, ncx2
 
 from basecal.accuracy.systematic_errors.score_tests import linearised, score
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.table import sag
 from basecal.cell import Recording
+from basecal.effects.bending import candidates as sag
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.noise.mixed_model import Layout, MixedModel, Moments
-from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array
 
@@ -65,7 +65,7 @@ def made_up(
     prior[:UNKNOWNS, :UNKNOWNS] = 0.0
     prior[:2, :2] = root @ root.T
     gradient = np.concatenate([rng.standard_normal(2), np.zeros(COLUMNS - 2)])
-    in_common = {"hand": (9, CommonErrors(rng.standard_normal((2, 6, 2)), np.array([False, True])))}
+    in_common = {"hand": (9, SharedErrors(rng.standard_normal((2, 6, 2)), np.array([False, True])))}
     layout = Layout(
         np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), BLOCKS, ROWS, COLUMNS, in_common, {}, ()
     )

@@ -23,6 +23,8 @@ LAYERS = [
     {"geometry"},
     {"numerics"},
     {"kinematics"},
+    {"fields"},
+    {"effects"},
     {"cell"},
     {"vision", "estimation", "exchange"},
     {"accuracy"},
@@ -81,7 +83,7 @@ def test_imports_point_down() -> None:
 
 
 ROOM_SIZE = 14
-LISTS_OF_LIKE_THINGS = {"cli", "exchange", "exchange/controllers", "exchange/exporters", "accuracy/findings"}
+LISTS_OF_LIKE_THINGS = {"cli", "exchange", "exchange/controllers", "exchange/exporters", "accuracy/findings", "effects"}
 
 
 def room_of(parts: tuple[str, ...]) -> str:

@@ -15,8 +15,8 @@ import pytest
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Cell, CellCamera, CellTarget, PoseObservation, Recording, Robot, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
-from basecal.cell.robot_parameters import joint_offsets, link_parameters
 from basecal.cell.targets.charuco import charuco_target
+from basecal.effects import joint_offsets, link_parameters
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 from basecal.vision.detect import detect

@@ -15,9 +15,7 @@ from basecal.registry import (
     IMPORTS,
     LENSES,
     MOTIONS,
-    NOISE_TERMS,
     PATTERNS,
-    ROBOT_PARAMETERS,
     SOLVERS,
     TargetKindName,
 )
@@ -82,10 +80,8 @@ def test_the_check_bites(source: str) -> None:
         ("exchange/exporters", tuple(EXPORTERS)),
         ("exchange/controllers", CONTROLLERS),
         ("exchange/motions", tuple(name.replace("-", "_") for name in MOTIONS)),
-        ("cell/robot_parameters", ROBOT_PARAMETERS),
         ("acquisition/drivers", DRIVERS),
         ("planning", tuple(PATTERNS)),
-        ("estimation/noise/terms", tuple(NOISE_TERMS)),
         ("studies/solvers", tuple(SOLVERS)),
     ],
 )
@@ -97,10 +93,8 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
         "exchange/exporters": "def exported(wanted",
         "exchange/controllers": "CONVENTION = ",
         "exchange/motions": "def written(way",
-        "cell/robot_parameters": "class Stated(",
         "acquisition/drivers": "def open_",
         "planning": "def plan(",
-        "estimation/noise/terms": "EXPECTED = ",
         "studies/solvers": "BLOCKS = ",
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}

@@ -85,21 +85,6 @@ IMPORTS = (
 )
 """Kinds of `basecal import`: modules `basecal.cli.import_<kind>`, with `_` for `-`."""
 
-ROBOT_PARAMETERS = (
-    "joint_offsets",
-    "link_parameters",
-    "deflection",
-)
-"""What can be estimated of a robot's own kinematics: modules of `basecal.cell.robot_parameters`."""
-
-NOISE_TERMS = {
-    "smooth": "smooth over {length_m:g} m",
-    "zeros": "of its joints' zeros",
-    "links": "of its links",
-    "sag": "sag of its joints under the links' weight",
-}
-"""Errors that a robot's stops have in common, with what each is: modules of `basecal.estimation.noise.terms`."""
-
 DRIVERS = (
     "simulated",
     "replay",

@@ -67,10 +67,10 @@ def test_of_joints_it_is_told_what_base_and_mount_leave():
     """Zeros that are off by a milliradian each turn a flange by more, most of which its base and mount take up."""
     arms = simulate(Scenario(samples=14, joints=True, state_robot_noise=False, state_pixel_noise=False), 1)
     solution = solve(arms.cell, arms.recording, Settings(robot_noise="estimated"))
-    zeros = {"zeros": {"eye": np.array([5e-4, 1e-3])}}
+    zeros = {"joint_offsets": {"eye": np.array([5e-4, 1e-3])}}
     found = noise_summary(arms.cell, arms.recording, replace(solution, noise=replace(solution.noise, common=zeros)))[
         "robots"
-    ]["eye"]["zeros"]
+    ]["eye"]["joint_offsets"]
     assert 1e-4 < np.mean(found["sigma"][3:]) < 1e-3
     assert (found["shift_m"], found["turn_rad"]) == (5e-4, 1e-3)
 

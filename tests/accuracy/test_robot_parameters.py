@@ -12,8 +12,8 @@ from scipy.stats import chi2
 from basecal.accuracy import robot_parameters as module
 from basecal.accuracy.robot_parameters import kinematics_of, robot_parameters
 from basecal.cell import Calibration, RobotParameters
-from basecal.cell.robot_parameters.joint_offsets import Stated
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.joint_offsets import Stated
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -204,7 +204,7 @@ def test_columns_are_those_of_their_joints(share, seen):
 @pytest.mark.parametrize("share", [0.98, 1.02])
 def test_free_offsets_are_known_up_to_a_largest_sigma(share):
     """Beyond it there is no number, neither of theirs nor of what goes with them."""
-    largest = robot_parameter_kinds()["joint_offsets"].LARGEST_SIGMA
+    largest = ROBOT_PARAMETERS["joint_offsets"].largest_sigma
     solution, _ = known_of("joint_offsets", THIRD_AND_FIRST, None, [share * largest**2, 0.5 * largest**2])
     found = joint_offsets(solution)["hand"]
     assert found.seen.tolist() == [True, False, share < 1]

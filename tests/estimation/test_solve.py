@@ -11,7 +11,7 @@ from tests.motion_cells import SCARA, recorded, wobbling
 from tests.oracles.dense import DenseProblem
 
 from basecal.cell import Recording, Unknown
-from basecal.cell.robot_parameters import joint_offsets
+from basecal.effects import joint_offsets
 from basecal.errors import InputError
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import degrees_of_freedom

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from basecal.cell import Cell, PixelObservation, Recording
+from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.robot_noise import stands
-from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.solve import Solution
 
 
@@ -19,9 +20,9 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
     `freedoms` of a robot are those by which its sigmas were estimated, `rms_factor` is the root of the mean square of
     all that these may be, over the likeliest.
-    What a robot's stops have in common stands by the name of its term: what it comes to at the flange, root of the mean
-    square over stops [m, rad], of joints and links what a base and a mount leave of it, and the sigma of each shift
-    and turn of theirs, and the term's figures.
+    Errors that a robot's stops share have the name of their effect: the sigma at the flange, root of the mean square
+    over stops [m, rad], of joints and links beyond what a base and a mount compensate, the sigma of each shift and
+    rotation of theirs, and the effect's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}
@@ -44,14 +45,14 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
         used["clocks"] = {name: {"jitter_s": sigma} for name, sigma in solution.problem.jitter_s.items()}
     if noise.shapes:
         used["targets"] = {name: {"shape": shape.tolist()} for name, (shape, _) in noise.shapes.items()}
-    for term, sigmas in noise.common.items():
+    for key, sigmas in noise.common.items():
         for name, sigma in sigmas.items():
-            kind = noise_terms()[term]
-            errors = kind.errors(solution.problem, name)
+            effect, is_by_joints = RANDOM_EFFECTS[key], RANDOM_EFFECTS[key].by_joints is not None
+            errors = shared_errors(effect, solution.problem, name)
             assert errors is not None
-            told = errors.beyond_frames(stands(solution.problem, name)[0]) if kind.IS_LEFT else errors
-            each = {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])} if kind.IS_LEFT else {}
-            used["robots"][name][term] = {"sigma": told.at_flange(sigma).tolist(), **each, **kind.FIGURES}
+            left = errors.beyond_frames(stands(solution.problem, name)[0]) if is_by_joints else errors
+            each = {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])} if is_by_joints else {}
+            used["robots"][name][key] = {"sigma": left.at_flange(sigma).tolist(), **each, **effect.figures}
     return used
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import Calibration, Cell, RobotParameters
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel
@@ -27,11 +27,11 @@ def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]
     """
     hidden = _touched_by_null_space(solution)
     found: dict[str, dict[str, RobotParameters]] = {}
-    for kind, each in robot_parameter_kinds().items():
+    for kind, each in ROBOT_PARAMETERS.items():
         for model in solution.problem.models.values():
             if kind not in model.columns:
                 continue
-            if each.BY_JOINT:
+            if each.is_by_joint:
                 of = _by_joint(solution, model, kind, hidden)
             elif not np.any(hidden[solution.problem.columns[f"{model.robot}_{kind}"]]):
                 of = _together(solution, model, kind)
@@ -77,7 +77,7 @@ def _by_joint(solution: Solution, model: RobotModel, kind: str, hidden: BoolArra
     values[joints] = solution.state.kinematics(model).of(kind)[joints]
     covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]
     variance = np.diag(solution.observability.inverse)[where][known]
-    largest = robot_parameter_kinds()[kind].LARGEST_SIGMA
+    largest = ROBOT_PARAMETERS[kind].largest_sigma
     seen[joints] = variance < (largest**2 if prior is None else prior[known] ** 2 / 2)
     if prior is None:
         values[~seen] = covariance[~seen] = covariance[:, ~seen] = np.nan

@@ -32,13 +32,14 @@ from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
-from basecal.accuracy.systematic_errors.search import SystematicError, systematic_error
+from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
+from basecal.effects.faces.found import FoundEffect
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
@@ -146,7 +147,7 @@ def _judged(
     recorded: Problem,
     robust: RobustSolution,
     contradicted: tuple[ContradictedSigma, ...],
-    systematic: SystematicError | None,
+    systematic: FoundEffect | None,
     model: RobotModelChoice | None,
     settings: Settings,
     findings: list[Finding],

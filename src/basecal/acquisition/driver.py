@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from basecal.cell import Cell, RobotState
-from basecal.cell.format.problems import Problem, dataset_error
-from basecal.cell.format.values import Entry
 from basecal.cell.schema.errors import problems_of
+from basecal.fields.problems import Problem, dataset_error
+from basecal.fields.values import Entry
 
 Grey = NDArray[np.integer[Any]]
 Options = TypeVar("Options", bound=Entry)

@@ -12,7 +12,6 @@ from basecal.cell.calibration import (
     Loop,
     Outlier,
     Residuals,
-    RobotParameters,
     SampleResidual,
     Validation,
 )
@@ -29,7 +28,6 @@ from basecal.cell.cell import (
     RollingShutter,
     Unknown,
 )
-from basecal.cell.format.parameters import Parameters
 from basecal.cell.recording import (
     CandidateObservation,
     Observation,
@@ -42,6 +40,8 @@ from basecal.cell.recording import (
 )
 from basecal.cell.results.verification_file import MeasuredShift, PastVerification
 from basecal.cell.target import Target
+from basecal.effects.faces.robot_parameter import RobotParameters
+from basecal.fields.parameters import Parameters
 
 __all__ = [
     "WORLD",

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from basecal.cell.cell import Cell
 from basecal.cell.frames import base_between, frame_between
+from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
-from basecal.geometry import SE3, Array, BoolArray, Camera, PoseEstimate
+from basecal.geometry import SE3, Array, Camera, PoseEstimate
 from basecal.registry import EXPORTERS
 
 Severity = Literal["info", "warning", "error"]
@@ -131,25 +132,6 @@ class Certificate:
     gap: float | None
     is_global: bool | None
     reason: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class RobotParameters:
-    """What was found of the parameters of one kind of one robot.
-
-    Attributes:
-        joints: Names of its joints, from base to flange, n of them; none where the values are not joint by joint.
-        values: (n,), or of another shape; NaN where nothing is known.
-        sigma: Likewise.
-        seen: Likewise, whether the data say at least as much as the prior; the others' numbers are the prior's.
-        covariance: (n, n) of the values; None where it is not kept.
-    """
-
-    joints: tuple[str, ...]
-    values: Array
-    sigma: Array
-    seen: BoolArray
-    covariance: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from basecal.cell.format.parameters import Parameters
 from basecal.cell.target import Target
 from basecal.errors import FrameNotFound
+from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.lens import lenses_of
 from basecal.kinematics import SerialChain

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.problems import short
 from basecal.errors import DatasetError, listed
+from basecal.fields.problems import short
 from basecal.geometry import Array
 
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from basecal.cell.format.problems import Loc, field_name, line_of, short
-from basecal.cell.format.values import LARGEST
 from basecal.cell.format.yaml_text import LARGEST_BYTES, parse_yaml, read_text
 from basecal.errors import DatasetError, InputError, listed, nearest
+from basecal.fields.problems import Loc, field_name, line_of, short
+from basecal.fields.values import LARGEST
 from basecal.geometry import SE3
 
 _END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS ends every message that it prints with one

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.lib import format as npy
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.problems import CAUSE, short
 from basecal.errors import DatasetError, listed
+from basecal.fields.problems import CAUSE, short
 from basecal.geometry import Array
 
 LARGEST_BYTES = 2**27

@@ -11,11 +11,11 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.cell.format.problems import short
-from basecal.cell.format.values import LARGEST
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.columns import MOST_POSES, read_columns, text_of
 from basecal.exchange.npz import read_arrays
+from basecal.fields.problems import short
+from basecal.fields.values import LARGEST
 from basecal.geometry import SE3, Array
 
 LengthUnit = Literal["m", "mm"]

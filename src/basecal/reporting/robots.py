@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from basecal.cell import Calibration
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.registry import ROBOT_PARAMETERS
 
 
 def robot_blocks(calibration: Calibration) -> list[list[str]]:
     """Lines of each robot's parameters, kind by kind, a heading first."""
-    kinds = robot_parameter_kinds()
     found = calibration.robot_parameters
-    return [kinds[kind].report(robot, of) for kind in kinds for robot, of in found.get(kind, {}).items()]
+    return [
+        each.report(robot, values)
+        for name, each in ROBOT_PARAMETERS.items()
+        for robot, values in found.get(name, {}).items()
+    ]

@@ -10,12 +10,12 @@ import numpy as np
 from basecal.accuracy.expected_error import ToleranceCheck
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
+from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lens import lens_of
-from basecal.registry import NOISE_TERMS
 from basecal.reporting.robots import robot_blocks
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")
@@ -252,8 +252,10 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
     for robot, sigmas in robots.items():
         posed = [_sigma(key, value) for key, value in sigmas.items() if key.startswith("sigma_") and value is not None]
         yield f"pose noise of robot {robot}, 1 sigma per axis: {', '.join(posed)}"
-        for term in [name for name in NOISE_TERMS if sigmas.get(name) is not None]:
-            sigma, words = sigmas[term]["sigma"], NOISE_TERMS[term].format(**sigmas[term])
+        for name, effect in RANDOM_EFFECTS.items():
+            if sigmas.get(name) is None:
+                continue
+            sigma, words = sigmas[name]["sigma"], effect.report.format(**sigmas[name])
             alike = f"{_sigma('t_m', sigma[:3])}, {_sigma('r_rad', sigma[3:])}"
             yield f"error of robot {robot} that is {words}: {alike}"
 

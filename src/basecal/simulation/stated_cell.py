@@ -15,7 +15,7 @@ from basecal.cell.cell import (
     Status,
     Unknown,
 )
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation import draw
 from basecal.simulation.arms import BASE_LINK, FLANGE_LINK, Arm
@@ -75,7 +75,7 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
         status: Status = getattr(scenario, kind)
         if status != "fixed":
             of_kind = of_prior if status == "prior" else {}
-            parameters[kind] = robot_parameter_kinds()[kind].Stated(status=status, **of_kind)
+            parameters[kind] = ROBOT_PARAMETERS[kind].stated(status=status, **of_kind)
     return Robot(name, noise, arm.chain, parameters, f"{name}.urdf", BASE_LINK, FLANGE_LINK)
 
 

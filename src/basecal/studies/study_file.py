@@ -10,11 +10,11 @@ from pydantic import BeforeValidator, Field, ValidationError, create_model
 from pydantic import model_validator as checks_whole
 from pydantic.fields import FieldInfo
 
-from basecal.cell.format.problems import Loc, Problem, dataset_error, short
-from basecal.cell.format.values import LARGEST, Entry, Status, empty, known_names
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.cell.schema.errors import problems_of
 from basecal.cell.targets.all_kinds import AnyTargetEntry
+from basecal.fields.problems import Loc, Problem, dataset_error, short
+from basecal.fields.values import LARGEST, Entry, Status, empty, known_names
 from basecal.geometry.lens import lens_models
 from basecal.registry import SOLVERS, TargetKindName
 from basecal.simulation.scenario import Arms, LayoutName

@@ -103,7 +103,7 @@ def test_what_an_offset_cannot_mend_is_named():
     found = calibrate(made.cell, Recording(drifting))
     (finding,) = [finding for finding in found.findings if finding.code == "clock-offset"]
     assert (finding.severity, finding.about) == ("warning", ("wrist",))
-    assert "the clock of wrist drifts: its images fall behind" in finding.message
+    assert "The clock of wrist drifts: its images fall behind" in finding.message
     assert found.verdict == "doubtful"
 
 

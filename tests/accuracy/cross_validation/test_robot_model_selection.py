@@ -18,12 +18,12 @@ from basecal.accuracy.cross_validation.robot_model_selection import (
     _Trials,
     _worth_a_look,
     choose_robot_model,
-    suggested_sigma,
 )
 from basecal.accuracy.cross_validation.station_scores import StationScores
 from basecal.accuracy.findings.robot_model import robot_model_findings
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.verdict import calibrate
+from basecal.effects import joint_offsets
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -119,7 +119,7 @@ def test_there_is_nothing_to_choose_where_poses_are_recorded_or_offsets_estimate
 )
 def test_a_suggested_sigma_does_not_contradict_what_was_found(offsets_deg: list[float], sigma_rad: float) -> None:
     """It is as wide as the largest offset, and never less than what is usual of arms."""
-    assert suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad
+    assert joint_offsets.suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad
 
 
 def test_a_difference_in_standard_errors():

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.accuracy.drift.innovations import MOST_VIEWS, Innovations, innovations
 from basecal.cell import Recording, RobotState
-from basecal.estimation.noise.terms.smooth import kernel
+from basecal.effects.smooth import kernel
 from basecal.geometry import SE3
 from drift_cells import BASE, later
 
@@ -100,9 +100,9 @@ def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
     assert at is not None
     sigma = np.tile(np.repeat([5e-4, 1e-3], 3), at.chain.n + 1)
     moved = of.of(of.by_flange("hand") @ (at.true.by_links * sigma))
-    added = predicted(links=links) - predicted()
+    added = predicted(link_parameters=links) - predicted()
     np.testing.assert_allclose(added, moved @ moved.T, atol=1e-9 * np.abs(added).max())
-    older = predicted(links={"sigma": [1e-3] * 6}) - predicted()
+    older = predicted(link_parameters={"sigma": [1e-3] * 6}) - predicted()
     assert np.abs(older - added).max() > 0.1 * np.abs(added).max()
 
 

@@ -23,9 +23,9 @@ OF = "of eye and hand"
 @pytest.mark.parametrize(
     ("term", "code", "what", "entry"),
     [
-        ("zeros", "robot-model", f"zeros of joints {OF} are likely off, by 0.11 deg", "joint_offsets: {status: prior"),
-        ("links", "robot-model", f"links {OF} are likely off, by 0.5 mm and 0.11 deg", "link_parameters: {status: pr"),
-        ("sag", "deflection", f"joints {OF} likely yield to the weight of the links, by 0.11 deg", "deflection: {st"),
+        ("joint_offsets", "robot-model", f"Joints {OF} likely have offsets of 0.11 deg", "joint_offsets: {status: pr"),
+        ("link_parameters", "robot-model", f"Links {OF} likely differ from the URDF by 0.5 mm", "link_parameters: {s"),
+        ("deflection", "deflection", f"Joints {OF} likely yield to the weight of the links by 0.11", "deflection: {st"),
     ],
 )
 def test_what_is_likely_is_an_info(evidence, monkeypatch, term, code, what, entry):
@@ -35,21 +35,21 @@ def test_what_is_likely_is_an_info(evidence, monkeypatch, term, code, what, entr
     assert (found.code, found.severity, found.about) == (code, "info", ("eye", "hand"))
     assert found.message.startswith(what)
     assert entry in found.message
-    assert ("gravity pulls" in found.message) == (term == "sag")
+    assert ("gravity pulls" in found.message) == (term == "deflection")
 
 
 def test_what_may_be_chance_or_is_smooth_is_none(evidence):
     """Nor where stops have nothing in common."""
-    assert likely_kinematics(evidence(noise("zeros", 9.0))) == []
+    assert likely_kinematics(evidence(noise("joint_offsets", 9.0))) == []
     assert likely_kinematics(evidence(noise("smooth"))) == []
     assert likely_kinematics(evidence({"noise": SimpleNamespace(common={})})) == []
 
 
 def test_it_is_told_once(evidence, monkeypatch):
     """Where a test of joints or the held-out samples say so it is left to them."""
-    error = SimpleNamespace(code="joint-offsets")
-    assert likely_kinematics(evidence(noise("zeros"), systematic_error=error)) == []
+    error = SimpleNamespace(effect="joint_offsets")
+    assert likely_kinematics(evidence(noise("joint_offsets"), systematic_error=error)) == []
     monkeypatch.setattr(module, "robot_model", lambda _: ["finding"])
     monkeypatch.setattr(module, "gravity_taken", lambda *_: "gravity pulls")
-    assert likely_kinematics(evidence(noise("links"))) == []
-    assert len(likely_kinematics(evidence(noise("sag")))) == 1
+    assert likely_kinematics(evidence(noise("link_parameters"))) == []
+    assert len(likely_kinematics(evidence(noise("deflection")))) == 1

@@ -10,7 +10,7 @@ from basecal.accuracy.findings import registry
 ROOT = Path(__file__).parents[3]
 FINDINGS = ROOT / "src" / "basecal" / "accuracy" / "findings"
 # A code stands in a literal of its own, as the first of a finding's or of a hypothesis' arguments.
-CODE = re.compile(r"(?:Finding|ConventionHypothesis)\(\s*\"([a-z0-9-]+)\"")
+CODE = re.compile(r"(?:Finding|ConventionHypothesis|Words)\(\s*\"([a-z0-9-]+)\"")
 
 
 def codes_in_source() -> set[str]:

@@ -29,15 +29,15 @@ def said(robots, base=ON_THE_WALL, hand_down=(0.0, 0.0, -1.0)):
 
 def test_arms_that_stand_alike_contradict_nothing():
     """Their bases tilted a little, or gravity stated so that both agree."""
-    assert said(("eye",), SE3.from_rpy([0.1, 0, 2], np.ones(3))) == "gravity is taken to pull along -z of eye_base"
-    assert said(("hand",), hand_down=(1, 0, 0)) == "gravity is taken to pull along +x of hand_base"
+    assert said(("eye",), SE3.from_rpy([0.1, 0, 2], np.ones(3))) == "Gravity is assumed along -z of eye_base."
+    assert said(("hand",), hand_down=(1, 0, 0)) == "Gravity is assumed along +x of hand_base."
 
 
 @pytest.mark.parametrize("robots", [("eye",), ("eye", "hand")])
 def test_an_arm_on_the_wall_is_told(robots):
     """The angle by which the bases contradict what is taken, and what to write."""
     words = said(robots)
-    assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}, though" in words
+    assert f"along {' and '.join(f'-z of {robot}_base' for robot in robots)}. By the answer" in words
     assert "differs by 90 deg" in words
     assert "deflection: {down: [x, y, z]}" in words
 
@@ -46,7 +46,7 @@ def test_an_arm_on_the_wall_is_told(robots):
 def test_directions_are_unit_vectors_but_for_rounding(hand_down, apart):
     """Whose products may be beyond one: alike they contradict nothing, opposed they do."""
     words = said(("hand",), SE3.identity(), np.array(hand_down) * (1 + 1e-10))
-    assert (apart in words) if apart else words.endswith("of hand_base")
+    assert (apart in words) if apart else words.endswith("of hand_base.")
 
 
 def test_a_base_that_is_not_known_says_nothing():
@@ -55,4 +55,4 @@ def test_a_base_that_is_not_known_says_nothing():
     tilted = replace(chain, masses=replace(chain.masses, down=np.array([0.6, 0, -0.8])))
     problem = SimpleNamespace(chains={"hand": tilted})
     words = gravity_taken(CELL, solved(problem, {}), ("hand",))
-    assert words == "gravity is taken to pull along (0.6, 0, -0.8) of hand_base"
+    assert words == "Gravity is assumed along (0.6, 0, -0.8) of hand_base."

@@ -7,11 +7,11 @@ import pytest
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors import confirm
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import _gain, _in_configuration, _in_time, confirmed
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.table import length_scales
 from basecal.cell import Recording, RobotState, Sample
+from basecal.effects.faces.candidates import Candidates
+from basecal.effects.length_scale import candidates as length_scales
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3

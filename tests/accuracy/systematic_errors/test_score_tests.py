@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import chi2, norm
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import (
     Linearised,
     Score,
@@ -21,6 +20,7 @@ from basecal.accuracy.systematic_errors.score_tests import (
 )
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Unknown
+from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings

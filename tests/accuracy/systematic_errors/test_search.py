@@ -11,11 +11,12 @@ from tests.evidence import evidence_of
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors import search
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import widened
 from basecal.cell import Recording, RobotState, Sample
+from basecal.effects.faces.candidates import Candidates
+from basecal.effects.faces.found import FoundEffect
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
@@ -265,8 +266,10 @@ def suspected(monkeypatch, *kinds):
             log_chance=logs, size=np.arange(len(logs))[:, None], freedoms=np.full(len(logs), 2, dtype=np.int64)
         )
 
-    rows = tuple(lambda of, kind=kind: iter([kind]) for kind, _ in kinds)
-    monkeypatch.setattr(search, "TABLE", rows)
+    effects = {
+        str(k): SimpleNamespace(candidates=lambda of, kind=kind: iter([kind])) for k, (kind, _) in enumerate(kinds)
+    }
+    monkeypatch.setattr(search, "EFFECTS", effects | {"": SimpleNamespace(candidates=None)})
     monkeypatch.setattr(search, "score", scored)
     return search._suspects(SimpleNamespace(about=None))
 
@@ -310,7 +313,7 @@ def test_three_are_solved_for_at_most(monkeypatch):
 
 def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(None,), size=(0.5,), joint=()):
     candidate = Candidates(code, (about,), (7,), "m", moves, joint)
-    return search._Suspect(candidate, np.array(size), len(size), log_chance, several)
+    return search._Suspect(code, candidate, np.array(size), len(size), log_chance, several)
 
 
 def surprised(plain, logs=True, equations=(20, 30), width=10):
@@ -388,7 +391,7 @@ def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, robots, ab
     assert search._described(of, suspect(code, about=about), "before", after).or_target == ""
 
 
-ERROR = search.SystematicError("drift", "arm", False, False, None, "", np.zeros(1), np.eye(1), np.zeros(6))
+ERROR = FoundEffect("drift", "drift", "arm", False, False, None, "", np.zeros(1), np.eye(1), np.zeros(6))
 
 
 def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solution):

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.hypotheses import resized
-from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding
+from basecal.effects.faces.found import FoundEffect
 from basecal.simulation import Scenario, simulate
 
 CELL = simulate(Scenario(samples=1), 0).cell
 SIZE = Finding("board-size", "warning", ("board",), "board is 1.1 times as large as stated")
 LENGTH = Finding("length-scale", "warning", ("hand",), "poses of hand are too long")
 OTHER = Finding("poor-fit", "warning", ("hand",), "residuals are large")
-OF_ROBOT = SystematicError(
-    "length-scale", "hand", False, False, None, "", np.array([-0.12]), np.array([[1e-4]]), np.zeros(6)
+OF_ROBOT = FoundEffect(
+    "length_scale", "length-scale", "hand", False, False, None, "", np.array([-0.12]), np.array([[1e-4]]), np.zeros(6)
 )
 OF_TARGET = replace(OF_ROBOT, about="board", is_target=True, size=np.array([0.12]))
 

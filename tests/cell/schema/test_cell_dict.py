@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
-from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.targets.led import led_target
+from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.geometry import SE3, Camera
 
 AT = SE3.from_rotvec([0, 0, np.pi], [1, 2, 3])

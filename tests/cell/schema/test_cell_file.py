@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from basecal.cell.cell import Cell, Unknown
 from basecal.cell.files import cell_from_dict, cell_to_dict, read_cell, write_cell
-from basecal.cell.robot_parameters import deflection
+from basecal.effects import deflection
 from basecal.errors import DatasetError
 from basecal.geometry import SE3
 

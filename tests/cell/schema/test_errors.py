@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from basecal.cell.format.problems import field_name
 from basecal.cell.schema.cell_schema import CellEntry
 from basecal.cell.schema.errors import problems_of
+from basecal.fields.problems import field_name
 
 DATA = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}}
 

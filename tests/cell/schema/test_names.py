@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cell.format.problems import field_name
 from basecal.cell.schema.names import name_problems
+from basecal.fields.problems import field_name
 
 
 def problems(**changed):

@@ -10,7 +10,7 @@ import pytest
 from tests.derivatives import check_derivative
 from tests.pose_problem import pose_problem
 
-from basecal.cell.robot_parameters import joint_offsets, link_parameters
+from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain

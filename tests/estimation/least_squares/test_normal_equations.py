@@ -10,7 +10,7 @@ from tests.derivatives import check_derivative
 from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
-from basecal.cell.robot_parameters import joint_offsets
+from basecal.effects import joint_offsets
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,

@@ -150,8 +150,8 @@ def test_errors_of_kinematics_are_told_apart_and_widen_the_covariance():
     """Arms with zeros, or links, that are off show which; the base's covariance then holds what they hide."""
     plain = Scenario(samples=25, joints=True, state_robot_noise=False, robot_noise=(3e-5, 5e-5))
     for kind, scenario in {
-        "zeros": replace(plain, joint_offset_rad=2e-3),
-        "links": replace(plain, link_error=(1e-3, 1e-3)),
+        "joint_offsets": replace(plain, joint_offset_rad=2e-3),
+        "link_parameters": replace(plain, link_error=(1e-3, 1e-3)),
     }.items():
         s = simulate(scenario, 1)
         used, end, noise = estimate_jointly(
@@ -197,7 +197,11 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
 
 @pytest.mark.parametrize(
     ("terms", "counted"),
-    [(["smooth"], ["", "smooth"]), (["smooth", "sag"], ["", "smooth", "sag"]), (["sag", "links"], ["sag", "links"])],
+    [
+        (["smooth"], ["", "smooth"]),
+        (["smooth", "deflection"], ["", "smooth", "deflection"]),
+        (["deflection", "link_parameters"], ["deflection", "link_parameters"]),
+    ],
 )
 def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
     """Where links or zeros are modelled, the model without any of them does not count, however likely it is."""

@@ -9,13 +9,13 @@ import pytest
 from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 from tests.made_up_model import made_up
 
+from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.estimation.noise import laplace
-from basecal.estimation.noise.hyperpriors import CommonPrior, LogNormals, hyperpriors
+from basecal.estimation.noise.hyperpriors import LogNormals, hyperpriors
 from basecal.estimation.noise.laplace import SigmaPosterior, integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
 from basecal.estimation.noise.reml import columns_given, open_parts, posterior, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made
-from basecal.estimation.noise.terms.common_errors import CommonErrors
 from quick import quick
 
 
@@ -63,9 +63,9 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
 def test_moments_are_of_the_whole_posterior():
     """Of the unknowns they are the covariance integrated about the state; of sigmas more than of the likeliest."""
     problem, state = at_truth(NOISY)
-    shared = {robot: CommonErrors.in_every_coordinate(np.ones((stops_made(problem, robot), 1))) for robot in ROBOTS}
+    shared = {robot: SharedErrors.in_every_coordinate(np.ones((stops_made(problem, robot), 1))) for robot in ROBOTS}
     model = mixed_model(problem, state, ROBOTS, shared)
-    found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), CommonPrior((2.5, 2.0))))
+    found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), SharedPrior((2.5, 2.0), "")))
     columns = np.arange(len(model.prior))
     mean, covariance, squares = moments(found, columns)
     products = covariance + np.outer(mean, mean)

@@ -10,12 +10,12 @@ from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 from tests.pose_problem import MOUNT, pose_problem, two_arm_problem
 
 from basecal.cell import Unknown
+from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.noise.mixed_model import chunks, estimates_of, mixed_model
 from basecal.estimation.noise.reml import posterior
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
-from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.problem.problem import chain
 from basecal.geometry import SE3
 
@@ -60,7 +60,7 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     problem, state = at_truth(replace(NOISY, arms=arms))
     rng = np.random.default_rng(0)
     modes = {name: rng.standard_normal((stops_made(problem, name), 2)) for name in ROBOTS}
-    shared = {name: CommonErrors.in_every_coordinate(of) for name, of in modes.items()}
+    shared = {name: SharedErrors.in_every_coordinate(of) for name, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
     errors, columns = rng.standard_normal(model.error_robot.shape), rng.standard_normal(len(model.prior))
     found, layout = model.stop_errors(errors, columns), model.layout
@@ -166,7 +166,7 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
         problem, motion = shaken(problem, views, known_s)
         motion = motion * (known_s or 1.0)
     common = {
-        robot: CommonErrors(rng.standard_normal((stops_made(problem, robot), 6, 3)), np.array([False, True, True]))
+        robot: SharedErrors(rng.standard_normal((stops_made(problem, robot), 6, 3)), np.array([False, True, True]))
         for robot in robots_in_common
         if robot in problem.stops.robot
     }
@@ -203,7 +203,7 @@ def test_sigmas_scale_what_they_are_of():
     """Shifts and turns of each robot that is open, in blocks and columns; jitter after them; terms by their kind."""
     problem, state = two_arm_problem(np.zeros((6, 6)), *STAR)
     problem, _ = shaken(problem, 6)
-    shared = CommonErrors(np.ones((2, 6, 3)), np.array([False, True, True]))
+    shared = SharedErrors(np.ones((2, 6, 3)), np.array([False, True, True]))
     model = mixed_model(problem, state, ("hand",), {"hand": shared})
     shift_and_turn = [0] * 3 + [1] * 3
     assert model.column_robot.tolist() == [-1] * 6 + shift_and_turn + [0, 1, 1]
@@ -228,7 +228,7 @@ def test_what_is_known_beforehand_is_that_of_the_state():
     known = Unknown("prior", SE3.exp(np.zeros(6)), sigma)
     problem, state = pose_problem(np.zeros((3, 6)), None, known, np.ones(6))
     state = replace(state, transforms={**state.transforms, MOUNT: SE3.exp(1e-3 * sigma)})
-    shared = {"eye": CommonErrors.in_every_coordinate(np.ones((3, 1)))}
+    shared = {"eye": SharedErrors.in_every_coordinate(np.ones((3, 1)))}
     model = mixed_model(problem, state, ("eye",), shared)
     np.testing.assert_allclose(model.prior, np.diag([*sigma**-2, *[1.0] * 6]), rtol=1e-4, atol=10.0)
     np.testing.assert_array_equal(model.prior[6:], np.eye(12)[6:])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, made_up, written
 
+from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
 from basecal.estimation.noise.reml import _inverse, _lost, columns_given, open_parts, posterior, sigma_count, sigmas_of
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
-from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
@@ -96,7 +96,7 @@ def test_slope_is_the_derivative(arms, smooth):
     rng = np.random.default_rng(0)
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
     modes = {robot: rng.standard_normal((stops_made(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
-    shared = {robot: CommonErrors.in_every_coordinate(of) for robot, of in modes.items()}
+    shared = {robot: SharedErrors.in_every_coordinate(of) for robot, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
     logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(sigma_count(model))
     steps = 1e-4 * np.eye(len(logs))

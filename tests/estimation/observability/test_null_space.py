@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.estimation.observability.null_space import orthonormal_rows, separate_null_space, separate_twists
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State

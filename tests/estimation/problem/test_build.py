@@ -18,7 +18,7 @@ from basecal.cell import (
     RobotState,
     Sample,
 )
-from basecal.cell.robot_parameters import joint_offsets, link_parameters
+from basecal.effects import joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.problem.build import (
     build_problem,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.estimation.problem.gauges import LEAST_RMS, beyond, of_ends, told_directions, told_joints
 from basecal.estimation.problem.robot_parameters import robot_model
 

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from basecal.cell.robot_parameters import joint_offsets, link_parameters
+from basecal.effects import joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import (

@@ -10,7 +10,7 @@ from tests.derivatives import check_derivative
 from tests.oracles.dense import DenseProblem
 
 from basecal.cell import RobotState
-from basecal.cell.robot_parameters import deflection, joint_offsets, link_parameters
+from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust, bundle_adjust_batch
 from basecal.estimation.least_squares.jacobians import by_robot_models

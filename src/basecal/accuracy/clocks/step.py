@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import linearised, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.rolling_shutter import line_of
 from basecal.estimation.streams.streams import Streams, Synchronised

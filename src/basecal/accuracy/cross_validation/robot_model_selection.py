@@ -15,7 +15,7 @@ from scipy.special import ndtri, stdtr
 from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.cell import Parameters
-from basecal.cell.robot_parameters import joint_offsets, link_parameters
+from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import degrees_of_freedom
@@ -28,30 +28,17 @@ from basecal.geometry import Array
 from basecal.kinematics import SerialChain
 from basecal.numerics.spectral import spectrum
 
-SIGMA_RAD = 0.005  # [rad] of a joint's offset: 0.3 deg, wider than a mastered arm's zeros are off
-LINK_SIGMA_M, LINK_SIGMA_RAD = 1e-3, 2e-3  # [m], [rad] of a link: wider than arms are made to
 _FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
 _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
 _CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
 _JOINTS_TRIED = 3  # single joints, those that the data call for most: one that is off alone is the first of them
-_ROUNDING = 1e-9  # of a digit, that is not rounded up for
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
-OFFSETS, LINKS = "joint_offsets", "link_parameters"
-_OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=SIGMA_RAD)}
-_OF_LINKS = link_parameters.Stated(status="prior", sigma_rad=LINK_SIGMA_RAD, sigma_m=LINK_SIGMA_M)
+OFFSETS, LINKS = joint_offsets.NAME, link_parameters.NAME
+_OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=joint_offsets.SIGMA_RAD)}
+_OF_LINKS = link_parameters.Stated(status="prior", sigma_rad=link_parameters.SIGMA_RAD, sigma_m=link_parameters.SIGMA_M)
 
 Models = Mapping[str, RobotModel]
-
-
-def suggested_sigma(offsets_rad: Array) -> float:
-    """Sigma of a prior of joint offsets that found ones do not contradict [rad]: the largest, to one digit upwards.
-
-    It is not below what is usual of arms that were mastered.
-    """
-    largest = float(np.abs(offsets_rad).max(initial=SIGMA_RAD))
-    digit = 10.0 ** np.floor(np.log10(largest))
-    return round(float(np.ceil(largest / digit - _ROUNDING) * digit), 9)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,18 +18,18 @@ import numpy as np
 from basecal.accuracy.residuals.fitted_again import known_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Calibration, Cell, Recording
-from basecal.cell.robot_parameters.kind import Posture
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.robot_parameter import Posture
+from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.effects.smooth import kernel
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.robot_noise import without_errors
-from basecal.estimation.noise.terms.smooth import kernel
-from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Stops, ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
-from basecal.registry import NOISE_TERMS
 
 MOST_VIEWS = 300  # that are compared, spread evenly: their covariance has six rows each
 
@@ -185,11 +185,11 @@ def _of_robots(of: Innovations, calibration: Calibration) -> Array:
         by_flange = of.by_flange(robot)
         poses, stand = of.stands(robot)
         parts = [(_sigmas(known), stand[:, None] == stand[None])]
-        for term in (term for term in NOISE_TERMS if term in known):
-            errors = _at_views(of, robot, term, known[term])
+        for name in (name for name in RANDOM_EFFECTS if name in known):
+            errors = _at_views(of, robot, RANDOM_EFFECTS[name], known[name])
             if errors is None:
                 # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
-                parts.append((np.array(known[term]["sigma"]), kernel(poses, poses)))
+                parts.append((np.array(known[name]["sigma"]), kernel(poses, poses)))
             else:
                 moved = of.of(by_flange @ errors)
                 out += moved @ moved.T
@@ -199,13 +199,13 @@ def _of_robots(of: Innovations, calibration: Calibration) -> Array:
     return out
 
 
-def _at_views(of: Innovations, robot: str, term: str, known: Mapping[str, Any]) -> Array | None:
+def _at_views(of: Innovations, robot: str, effect: RandomEffect, known: Mapping[str, Any]) -> Array | None:
     """How a robot's flange moves with errors of its joints and links, in sigmas, (n, 6, k) in all views.
 
-    None of a term that does not go by joints, where these were not recorded, or each error's sigma is not known.
+    None if the effect does not go by joints, these were not recorded, or each error's sigma is not known.
     """
     at = of.posture(robot)
-    errors = None if at is None else noise_terms()[term].at_posture(at)
+    errors = None if at is None or effect.by_joints is None else effect.by_joints(at)
     if errors is None or "shift_m" not in known:
         return None
     return np.asarray(errors.by_stop * np.where(errors.is_turn, known["turn_rad"], known["shift_m"]))

@@ -17,7 +17,7 @@ from scipy.special import chdtri, chndtr, fdtrc, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.systematic_errors.score_tests import log_chance_of
-from basecal.accuracy.systematic_errors.table import larger
+from basecal.effects.target_size import by_size
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
@@ -102,7 +102,7 @@ def size_shifts(of: Innovations) -> Iterator[Shift]:
     problem = of.situation.problem
     for target in sorted({g.target for g in problem.groups if g.target_mount not in problem.point_mounts}):
         groups = enumerate(problem.groups)
-        moves = [larger(of.situation, k) * float(group.target == target) for k, group in groups]
+        moves = [by_size(of.situation, k) * float(group.target == target) for k, group in groups]
         yield _shift(of, target, SIZE, None, np.concatenate(moves))
 
 

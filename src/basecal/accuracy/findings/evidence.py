@@ -9,8 +9,8 @@ from basecal.accuracy.cross_validation.robot_model_selection import RobotModelCh
 from basecal.accuracy.cross_validation.validation import CrossValidation
 from basecal.accuracy.lens_structure import LensStructure
 from basecal.accuracy.stated_sigmas import ContradictedSigma
-from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Cell, Finding, Residuals
+from basecal.effects.faces.found import FoundEffect
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
@@ -59,7 +59,7 @@ class Evidence:
     cross_validation: CrossValidation | None
     robot_model: RobotModelChoice | None
     contradicted_sigmas: tuple[ContradictedSigma, ...] = ()
-    systematic_error: SystematicError | None = None
+    systematic_error: FoundEffect | None = None
     lens_structures: Sequence[LensStructure] = ()
 
 

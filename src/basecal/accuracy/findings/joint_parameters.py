@@ -7,7 +7,8 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.cell import Finding
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.faces.robot_parameter import Unobserved
+from basecal.effects.registry import ROBOT_PARAMETERS
 
 
 def unobserved_joint_parameters(of: Evidence) -> list[Finding]:
@@ -22,7 +23,10 @@ def unobserved_joint_parameters(of: Evidence) -> list[Finding]:
             base = "the other bases" if robot == of.cell.reference else of.cell.base_name(robot)
             names = [f"{row + 1} ({found.joints[row]})" for row in rows]
             joints = f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"
-            text = robot_parameter_kinds()[kind].unobserved(joints, rows, len(found.joints), base, by_prior)
+            unobserved = ROBOT_PARAMETERS[kind].unobserved
+            if unobserved is None:
+                continue
+            text = unobserved(Unobserved(joints, tuple(rows), len(found.joints), base, by_prior))
             if by_prior:
                 findings.append(Finding("prior-dominated", "info", (robot,), f"{robot}: {text}"))
             else:

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.cross_validation.robot_model_selection import (
-    LINK_SIGMA_M,
-    LINK_SIGMA_RAD,
     LINKS,
     OFFSETS,
     Candidate,
     RobotModelChoice,
-    suggested_sigma,
 )
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.cell import Finding
+from basecal.effects import joint_offsets, link_parameters
 
 
 def robot_model(of: Evidence) -> list[Finding]:
@@ -36,10 +34,9 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
         message += f"; whether {_freed(choice.better)} helps more is undecided"
     offsets = robot_parameters(choice.solution).get(OFFSETS, {})
     values = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
-    entry = f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(values)}}}`"
+    entry = joint_offsets.entry(values)
     if chosen.kind == "links":
-        sigmas = f"sigma_rad: {LINK_SIGMA_RAD}, sigma_m: {LINK_SIGMA_M}"
-        entry += f" and `link_parameters: {{status: prior, {sigmas}}}`"
+        entry += f" and {link_parameters.entry(values)}"
     advice = f"write {entry} at {' and '.join(chosen.robots)} in cell.yaml"
     return [Finding("robot-model", "warning", chosen.robots, f"{message}; {advice}")]
 

@@ -7,9 +7,9 @@ from scipy.special import chdtri
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.prior_contradicted import held, innovation
-from basecal.accuracy.phrases.rounded import rounded
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
+from basecal.effects.faces.found import rounded
 from basecal.estimation.problem.stated_lens import farthest_corner, is_stated, usual_sigmas
 from basecal.estimation.solve import Solution
 from basecal.geometry import Camera

@@ -24,7 +24,7 @@ def gravity_taken(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
     """
     downs = {name: chain.masses.down for name, chain in solution.problem.chains.items() if chain.masses is not None}
     where = " and ".join(f"{_along(downs[robot])} of {robot}_base" for robot in robots)
-    taken = f"gravity is taken to pull along {where}"
+    taken = f"Gravity is assumed along {where}."
     bases = solution.state.transforms
     in_world = [
         down if name == cell.reference else bases[cell.base_name(name)].rotation @ down
@@ -36,9 +36,7 @@ def gravity_taken(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
     if apart < _LEVEL_DEG:
         return taken
     entry = "`deflection: {down: [x, y, z]}`"
-    return (
-        f"{taken}, though by the answer that differs by {apart:.0f} deg between the arms: write {entry} where it is not"
-    )
+    return f"{taken} By the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, write {entry}."
 
 
 def _along(down: Array) -> str:

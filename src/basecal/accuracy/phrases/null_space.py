@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.observability.null_space import NullDirection, separate_twists
 from basecal.geometry import Array
 
@@ -36,7 +36,7 @@ def describe_direction(direction: NullDirection) -> str:
         case "lens":
             return f"the intrinsics of {main}"
         case "robot parameters":
-            one = robot_parameter_kinds()[direction.parameters].ONE
+            one = ROBOT_PARAMETERS[direction.parameters].one
             if direction.joint is None:
                 return f"{one} of {direction.robot}"
             return f"{one} of joint {direction.joint + 1} of {direction.robot} ({direction.joint_name})"

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_of, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.effects.faces.candidates import Candidates
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import principal_axes
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
-from basecal.accuracy.systematic_errors.candidates import Candidates
+from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,

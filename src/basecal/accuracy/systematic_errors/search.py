@@ -6,19 +6,20 @@ Score tests find; only what they find is solved for, with noise estimated anew, 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
-from basecal.accuracy.systematic_errors.candidates import Candidates
 from basecal.accuracy.systematic_errors.confirm import confirmed
 from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.systematic_errors.table import TABLE
 from basecal.accuracy.widening import step_between
+from basecal.effects.faces.candidates import Candidates
+from basecal.effects.faces.found import FoundEffect
+from basecal.effects.registry import EFFECTS
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
@@ -32,48 +33,11 @@ _TRIES = 3  # errors that are solved for at most, which bounds the time
 
 
 @dataclass(frozen=True, eq=False)
-class SystematicError:
-    """An error that is no noise.
-
-    Attributes:
-        code: Of its finding.
-        about: The robot, camera, target or transform that has it.
-        is_camera: Whether that is a camera.
-        is_target: Whether that is a target.
-        since: Number of the first sample that has it; None where all do.
-        unit: Of the sizes, in words.
-        size: (q,) what the recording is to be corrected by; see `table`.
-        covariance: (q, q).
-        moved: (p,) by how much the answer's columns move where the recording is corrected.
-        joint: Which joint of the robot has it, from 0; None where none does.
-        is_certain: Whether chance makes it too rarely to be one; others predict held-out blocks better all the same.
-        or_target: The target whose size, off by as much the other way, would show alike; "" where none would.
-    """
-
-    code: str
-    about: str
-    is_camera: bool
-    is_target: bool
-    since: int | None
-    unit: str
-    size: Array
-    covariance: Array
-    moved: Array
-    joint: int | None = None
-    is_certain: bool = True
-    or_target: str = ""
-
-    @property
-    def sigma(self) -> float:
-        """Of a single size."""
-        return float(np.sqrt(self.covariance[0, 0]))
-
-
-@dataclass(frozen=True, eq=False)
 class _Suspect:
     """An error whose score chance hardly makes.
 
     Attributes:
+        effect: Name of the effect that it is of.
         candidate: It alone.
         size: (q,) to first order.
         freedoms: How many of its sizes the data tell.
@@ -81,6 +45,7 @@ class _Suspect:
         several: Logarithm of how many these are.
     """
 
+    effect: str
     candidate: Candidates
     size: Array
     freedoms: int
@@ -94,7 +59,7 @@ def systematic_error(
     stamps: Mapping[int, float],
     settings: Settings,
     as_stated: Solution | None = None,
-) -> SystematicError | None:
+) -> FoundEffect | None:
     """What explains the residuals far better than noise does, and predicts held-out blocks better.
 
     One at a time: where one is large, what is left of it when it is taken out would pass for others.
@@ -134,7 +99,7 @@ def systematic_error(
     return replace(_described(situation, suspects[k], solution, after[k]), is_certain=is_certain)
 
 
-def running_error(solution: Solution, stamps: Mapping[int, float], settings: Settings) -> SystematicError | None:
+def running_error(solution: Solution, stamps: Mapping[int, float], settings: Settings) -> FoundEffect | None:
     """The likeliest systematic error while samples are still taken, its size and the answer's shift to first order.
 
     Only an error that is not certain at the noise of the answer is solved for, to see the noise without it.
@@ -167,7 +132,7 @@ def running_error(solution: Solution, stamps: Mapping[int, float], settings: Set
 
 def _reconciling(
     solution: Solution, as_stated: Solution, recorded: Problem, stamps: Mapping[int, float], settings: Settings
-) -> SystematicError | None:
+) -> FoundEffect | None:
     """The error without which the residuals are as stated after all; None where none does that."""
     situation = _situation(as_stated, recorded, stamps)
     for suspect in _suspects(situation):
@@ -200,12 +165,12 @@ def _suspects(of: Situation) -> list[_Suspect]:
     """Errors that chance hardly makes, the least likely first, one of each code and name."""
     tests: Counter[str] = Counter()
     unlikely = []
-    for kind in (kind for row in TABLE for kind in row(of)):  # one at a time: all together take much memory
+    for name, kind in _candidates(of):
         tests[kind.code] += len(kind.about)
         scores = score(of.about, kind)
         for b in map(int, np.flatnonzero(scores.log_chance < np.log(_SUSPECT))):
             alone = float(scores.log_chance[b])
-            unlikely.append(_Suspect(kind.only(b), scores.size[b], int(scores.freedoms[b]), alone, 0.0))
+            unlikely.append(_Suspect(name, kind.only(b), scores.size[b], int(scores.freedoms[b]), alone, 0.0))
     found: dict[tuple[str, str], tuple[float, _Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
@@ -218,6 +183,13 @@ def _suspects(of: Situation) -> list[_Suspect]:
             found[code, name] = rank, replace(suspect, log_chance=chance, several=several)
     ranked = sorted(found.values(), key=lambda each: each[0])
     return [suspect for _, suspect in ranked[:_TRIES]]
+
+
+def _candidates(of: Situation) -> Iterator[tuple[str, Candidates]]:
+    """Candidates of all effects, with the names of these, one at a time: all together take much memory."""
+    for name, effect in EFFECTS.items():
+        for kind in () if effect.candidates is None else effect.candidates(of):
+            yield name, kind
 
 
 def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
@@ -234,7 +206,7 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
     return log_chance_of(gain, suspect.freedoms) + suspect.several
 
 
-def _described(of: Situation, suspect: _Suspect, before: Solution, after: Solution) -> SystematicError:
+def _described(of: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     candidate, about = suspect.candidate, suspect.candidate.about[0]
     again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
@@ -242,7 +214,8 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
     is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
     targets = {g.target for g in of.problem.groups}
     either = candidate.code == "length-scale" and len(of.robots) == len(targets) == 1
-    return SystematicError(
+    return FoundEffect(
+        suspect.effect,
         candidate.code,
         about,
         is_camera,

@@ -1,4 +1,4 @@
-"""A solved problem as systematic errors see it: how views move with flanges and frames, and when they were taken."""
+"""A solved problem as effects see it: how views move with flanges and frames, and when they were taken."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised
+from basecal.effects.faces.views import Group
+from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Chain, Problem, State, ViewGroup, chain
 from basecal.geometry import SE3, Array, IntArray
+from basecal.kinematics import SerialChain
 
 # The root of the mean square of how far poses are off the middle of their neighbours, over half of how far these are
 # apart: 1.7 of poses in no order, near 0 on a smooth path.
@@ -64,10 +67,41 @@ class Situation:
             return np.arange(len(self.samples), dtype=np.float64)
         return np.array([self.stamps[int(n)] for n in self.samples], dtype=np.float64)
 
-    def rank(self, group: ViewGroup) -> IntArray:
-        """Where the samples of a group's views stand in `samples`, (n,)."""
+    @property
+    def groups(self) -> tuple[ViewGroup, ...]:
+        """The groups of views."""
+        return self.problem.groups
+
+    @cached_property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the targets that have a size."""
+        return tuple(sorted({g.target for g in self.groups if g.target_mount not in self.problem.point_mounts}))
+
+    @cached_property
+    def chains(self) -> dict[str, SerialChain]:
+        """Kinematics as stated, by robot that was recorded by joints at more than one pose."""
+        chains = self.problem.chains
+        return {r: chains[r] for r in self.robots if r in chains and recorded_by_joints(self.problem, r)}
+
+    @cached_property
+    def estimated(self) -> dict[str, frozenset[str]]:
+        """Names of the effects that are estimated as unknowns, by robot or camera."""
+        clocks = dict.fromkeys(self.recorded.open_clocks, frozenset({"clock_offset"}))
+        models = {robot: self.problem.modelled(robot) for robot in self.problem.models}
+        return clocks | {robot: frozenset(model.columns) for robot, model in models.items() if model is not None}
+
+    def rank(self, group: Group) -> IntArray:
+        """Indices of the samples of a group's views in `samples`, (n,)."""
         order = np.argsort(self.samples)
         return np.asarray(order[np.searchsorted(self.samples[order], group.sample)], dtype=np.int64)
+
+    def depends(self, k: int, name: str) -> bool:
+        """Whether views of a group depend on a transform."""
+        return name in frames_of(self.problem.groups[k])
+
+    def target_from_camera(self, k: int) -> SE3:
+        """Of the views of a group, (n,)."""
+        return self.links[k].target_from_camera
 
     @cached_property
     def robots(self) -> tuple[str, ...]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from basecal.accuracy.input_check.target_sizes import as_written
-from basecal.accuracy.phrases.rounded import rounded
-from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.cell import Cell, Finding
+from basecal.effects.faces.found import FoundEffect, rounded
 
 _CODES = "board-size", "length-scale"
 
 
-def sizes_once(cell: Cell, findings: Sequence[Finding], found: SystematicError | None) -> list[Finding]:
+def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | None) -> list[Finding]:
     """The findings with one of lengths where two say the same.
 
     The test of conventions takes robots for exact, and so gives a size that takes up some of their noise; that of

@@ -14,24 +14,25 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.accuracy.task.arms_at_points import in_base_axes, joints_at, kinematics_of_robot, recorded_joints
-from basecal.estimation.noise.hyperpriors import KINEMATICS
-from basecal.estimation.noise.terms.common_errors import CommonErrors
-from basecal.estimation.noise.terms.posture_at_stops import posture_at_stops
+from basecal.effects.faces.robot_parameter import Posture
+from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
+from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.estimation.noise.random_effects import posture_at_stops
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import Kinematics
-from basecal.geometry import Array, BoolArray
+from basecal.geometry import Array
 
 EXPECTED = KINEMATICS._replace(tie=2.0)
 """Of their sigmas. What joints and links together leave of a stop is not smooth in its pose, and hardly tied."""
 
-_OFFSETS, _LINKS = "joint_offsets", "link_parameters"
-MODELS = ((_OFFSETS,), (_LINKS,), (_OFFSETS, _LINKS))
-"""What may be off: controllers of calibrated arms know the zeros of their joints, or those alone were never set."""
+_MAPPED = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.is_mapped)
+MODELS = (*((name,) for name in _MAPPED), _MAPPED)
+"""Effects that may be there: each alone, as of calibrated arms whose offsets are known, and all together."""
 
 
 def kinematic_errors(
     problem: Problem, state: State, robot: str, kinds: Sequence[str] = MODELS[-1]
-) -> CommonErrors | None:
+) -> SharedErrors | None:
     """What the stops of a robot have in common by its joints and links; None where it has none that are open.
 
     Args:
@@ -43,7 +44,7 @@ def kinematic_errors(
     at, kinds = posture_at_stops(problem, robot), _open_kinds(problem, robot, kinds)
     if at is None or not kinds:
         return None
-    return CommonErrors(*_moved(kinematics_of_robot(problem, state, robot), at.recorded, kinds))
+    return _errors(kinematics_of_robot(problem, state, robot), at.recorded, kinds)
 
 
 def moved_by_errors(
@@ -62,7 +63,7 @@ def moved_by_errors(
     assert recorded is not None
     joints = joints_at(problem, state, robot, recorded, points_in_base_m)
     kinematics = kinematics_of_robot(problem, state, robot)
-    moved, _ = _moved(kinematics, joints, _open_kinds(problem, robot, kinds))
+    moved = _errors(kinematics, joints, _open_kinds(problem, robot, kinds)).by_stop
     return in_base_axes(moved, kinematics.forward(joints).rotation)
 
 
@@ -74,9 +75,11 @@ def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]
     return [kind for kind in kinds if kind not in stated or stated[kind].status != "prior"]
 
 
-def _moved(kinematics: Kinematics, joints: Array, kinds: list[str]) -> tuple[Array, BoolArray]:
-    """How a flange at joints, (m, n), moves with each error, (m, 6, k), and which of these are turns, (k,)."""
-    at, n = kinematics.moved.at(kinematics.true_joints(joints)), kinematics.chain.n
-    moved = {_OFFSETS: at.by_joints, _LINKS: at.by_links}
-    is_turn = {_OFFSETS: np.ones(n, dtype=bool), _LINKS: np.tile(np.repeat([False, True], 3), n + 1)}
-    return np.concatenate([moved[kind] for kind in kinds], -1), np.concatenate([is_turn[kind] for kind in kinds])
+def _errors(kinematics: Kinematics, joints: Array, names: list[str]) -> SharedErrors:
+    """Errors of a flange at joints, (m, n), by some effects."""
+    at = Posture(kinematics.chain, joints, kinematics.moved.at(kinematics.true_joints(joints)))
+    shared = [errors(at) for name in names if (errors := RANDOM_EFFECTS[name].by_joints) is not None]
+    found = [each for each in shared if each is not None]
+    return SharedErrors(
+        np.concatenate([each.by_stop for each in found], -1), np.concatenate([each.is_turn for each in found])
+    )

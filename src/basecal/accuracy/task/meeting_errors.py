@@ -17,14 +17,14 @@ from basecal.accuracy.task.arms_at_points import moved_by_kinematics
 from basecal.accuracy.task.kinematic_errors import EXPECTED, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration, Cell
+from basecal.effects.faces.shared_errors import SharedErrors
+from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
 from basecal.estimation.noise.laplace import moments
 from basecal.estimation.noise.reml import sigmas_of
-from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import hat
-from basecal.registry import NOISE_TERMS
 
 
 def meeting_errors(
@@ -103,7 +103,7 @@ class _ArmErrors(NamedTuple):
     """Kinds of errors that arms may have, and what the stops of each robot have in common by them."""
 
     kinds: tuple[str, ...]
-    of: Mapping[str, CommonErrors]
+    of: Mapping[str, SharedErrors]
 
 
 class _Expected(NamedTuple):
@@ -175,6 +175,6 @@ def _own_variance(calibration: Calibration, solution: Solution, robot: str) -> A
     if noise is None:
         return np.zeros(2)
     of_stop = solution.noise.robot_variances.get(robot, np.square([*noise["sigma_t_m"], *noise["sigma_r_rad"]]))
-    common = [np.square(noise[term]["sigma"]) for term in NOISE_TERMS if term in noise]
+    common = [np.square(noise[name]["sigma"]) for name in RANDOM_EFFECTS if name in noise]
     own: Array = np.array([of_stop, *common]).reshape(-1, 2, 3).mean(-1).sum(0)
     return own

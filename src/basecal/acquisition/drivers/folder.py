@@ -15,8 +15,8 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, checked_options
-from basecal.cell.format.values import Entry
 from basecal.errors import DatasetError, DriverError
+from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image, read_bytes
 
 _LOOK_S = 0.02  # between looks into the folder: short beside a motion, long for a disk

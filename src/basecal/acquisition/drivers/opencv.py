@@ -12,8 +12,8 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, checked_options
-from basecal.cell.format.values import Entry
 from basecal.errors import DriverError
+from basecal.fields.values import Entry
 from basecal.vision.stream import Stream, open_stream
 
 

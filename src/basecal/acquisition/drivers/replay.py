@@ -19,8 +19,8 @@ from pydantic import Field
 from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
-from basecal.cell.format.values import Entry
 from basecal.errors import DatasetError, DriverError
+from basecal.fields.values import Entry
 from basecal.geometry import Array
 from basecal.vision.image_file import grey_image, read_bytes
 

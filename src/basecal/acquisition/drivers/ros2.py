@@ -17,10 +17,10 @@ from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.ros2.dds import domain_of
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
-from basecal.cell.format.values import Entry
 from basecal.errors import BasecalError, DatasetError, DriverError
 from basecal.exchange.bags.bag import COMPRESSED, IMAGE, Message, Topic
 from basecal.exchange.bags.pictures import picture_file
+from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
 _LAST_DOMAIN = 232

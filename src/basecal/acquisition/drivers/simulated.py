@@ -10,9 +10,9 @@ from pydantic import Field, ValidationError
 
 from basecal.acquisition.driver import Picture, Place, Reading, StopGuarantee, checked_options
 from basecal.cell import RobotState
-from basecal.cell.format.values import Entry, Number
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DriverError
+from basecal.fields.values import Entry, Number
 from basecal.simulation.running.protocol import MOST_JOINTS, Address, Connection, connect, read_address
 from basecal.vision.image_file import grey_image
 

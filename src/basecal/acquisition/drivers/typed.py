@@ -11,9 +11,9 @@ import numpy as np
 
 from basecal.acquisition.driver import Place, Reading, checked_options
 from basecal.cell import RobotState
-from basecal.cell.format.values import Entry, known_names
 from basecal.errors import DriverError, InputError
 from basecal.exchange.controllers.convention import convention
+from basecal.fields.values import Entry, known_names
 from basecal.registry import CONTROLLERS
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from basecal.cell.format.values import Entry, known_names
+from basecal.fields.values import Entry, known_names
 from basecal.registry import CONTROLLERS
 
 Path = Annotated[str, Field(min_length=1)]

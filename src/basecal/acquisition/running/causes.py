@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.accuracy.drift.shifts import SIZE, Shift
-from basecal.accuracy.systematic_errors.search import SystematicError
+from basecal.effects.faces.found import FoundEffect
 
 _MOST = 3  # causes that are named where several explain the samples equally
 
@@ -36,7 +36,7 @@ def _moved(cause: Shift, sample: int) -> str:
     return f"{cause.frame} {verb} at sample {sample} by {size}"
 
 
-def cause_of_error(error: SystematicError) -> str | None:
+def cause_of_error(error: FoundEffect) -> str | None:
     """What the samples have in common that noise does not explain, and what to do; None of what the report judges."""
     words = _ERRORS.get(error.code)
     return words and words.format(

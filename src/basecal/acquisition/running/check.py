@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from basecal.accuracy.drift.disagreement import Disagreement, disagreement
-from basecal.accuracy.systematic_errors.search import SystematicError
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
+from basecal.effects.faces.found import FoundEffect
 
 LEVEL = 1e-3
 """Chance by which a sample is reported that agrees: one in forty captures of 25 samples."""
@@ -123,7 +123,7 @@ class RunningCheck:
         return disagreement(self._cell, estimate.calibration, Recording(tuple(samples)))
 
 
-def _name(error: SystematicError | None) -> tuple[str, ...]:
+def _name(error: FoundEffect | None) -> tuple[str, ...]:
     return () if error is None else (error.code, error.about)
 
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
-from basecal.accuracy.systematic_errors.search import SystematicError, running_error
+from basecal.accuracy.systematic_errors.search import running_error
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, Recording, Sample
+from basecal.effects.faces.found import FoundEffect
 from basecal.errors import BasecalError
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.robot_noise import without_errors
@@ -41,7 +42,7 @@ class RunningEstimate:
 
     solution: Solution
     calibration: Calibration
-    error: SystematicError | None
+    error: FoundEffect | None
     sigma: tuple[float, float] | None
 
 
@@ -104,7 +105,7 @@ def _calibration(cell: Cell, recording: Recording, solution: Solution) -> Calibr
     )
 
 
-def _sigma(cell: Cell, solution: Solution, error: SystematicError | None) -> tuple[float, float] | None:
+def _sigma(cell: Cell, solution: Solution, error: FoundEffect | None) -> tuple[float, float] | None:
     name = next(iter(cell.asked), "")
     if name not in solution.problem.columns or name in solution.observability.unobservable:
         return None

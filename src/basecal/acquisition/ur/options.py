@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from basecal.cell.format.values import Entry
+from basecal.fields.values import Entry
 
 
 class UrOptions(Entry):

@@ -15,9 +15,9 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from ruamel.yaml.parser import Parser
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.problems import CAUSE, Loc, Problem, dataset_error, short
 from basecal.cell.format.yaml_faults import yaml_fault
 from basecal.errors import DatasetError
+from basecal.fields.problems import CAUSE, Loc, Problem, dataset_error, short
 
 LARGEST_BYTES = 2**19
 """Of YAML: 512 kB, twenty times a cell with a target of a thousand tags; a parser takes some seconds for it."""

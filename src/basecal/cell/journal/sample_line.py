@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from basecal.cell.cell import Cell
-from basecal.cell.format.problems import CAUSE, short
 from basecal.cell.journal.observation_line import UnknownPoint, observation
 from basecal.cell.journal.sample_values import Where, number, numbers, pose
 from basecal.cell.recording import Observation, RobotState, Sample
 from basecal.errors import InputError
+from basecal.fields.problems import CAUSE, short
 
 _FIELDS = ("sample", "stamp_s", "robots", "images", "background", "observations")
 _LARGEST_NUMBER = 2**53  # up to which other programs keep every whole number of JSON

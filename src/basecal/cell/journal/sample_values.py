@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from basecal.cell.format.problems import SHORT, short
-from basecal.cell.format.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DatasetError, nearest
+from basecal.fields.problems import SHORT, short
+from basecal.fields.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import ROTATION_TOLERANCE
 

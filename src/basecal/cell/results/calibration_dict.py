@@ -22,15 +22,15 @@ from basecal.cell.calibration import (
     Loop,
     Outlier,
     Residuals,
-    RobotParameters,
     SampleResidual,
     Validation,
 )
 from basecal.cell.format.plain import numbers
-from basecal.cell.format.problems import CAUSE, SHORT
 from basecal.cell.results.calibration_schema import LARGEST_NUMBER, check_calibration
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.faces.robot_parameter import RobotParameters
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError
+from basecal.fields.problems import CAUSE, SHORT
 from basecal.geometry import SE3, Array, Camera, PoseEstimate, read_only
 
 SCHEMA = "basecal/calibration/1"
@@ -50,8 +50,8 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
     """The data of `calibration.json`; what was not computed, or is not finite, is null."""
     joint, proof = calibration.joint_covariance, calibration.certificate
     of_robots: dict[str, Any] = {}
-    for name, kind in robot_parameter_kinds().items():
-        of_robots |= kind.to_dict(calibration.robot_parameters.get(name, {}))
+    for name, each in ROBOT_PARAMETERS.items():
+        of_robots |= each.to_dict(calibration.robot_parameters.get(name, {}))
     data = {
         "schema": SCHEMA,
         "version": program_version(),
@@ -233,7 +233,7 @@ def finding_to_dict(finding: Finding) -> dict[str, Any]:
 def _calibration(data: dict[str, Any]) -> Calibration:
     transforms, lenses = data["transforms"], data["intrinsics"] or {}
     joint, proof = data["joint"], data["certificate"]
-    of_robots = {name: _parameters(kind.from_dict(data), name) for name, kind in robot_parameter_kinds().items()}
+    of_robots = {name: _parameters(each.from_dict(data), name) for name, each in ROBOT_PARAMETERS.items()}
     status = {name: entry["status"] for name, entry in {**transforms, **lenses}.items() if entry.get("status")}
     return Calibration(
         verdict=data["verdict"],

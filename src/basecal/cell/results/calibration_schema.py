@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-from string import Formatter
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
-from basecal.cell.format.problems import field_name, short
-from basecal.cell.format.values import LARGEST
 from basecal.cell.schema.errors import problems_of
+from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.errors import InputError
-from basecal.registry import NOISE_TERMS
+from basecal.fields.problems import field_name, short
+from basecal.fields.values import LARGEST
 
 _FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
 _FARTHEST_S = 1e12  # [s] as far as stamps may be
@@ -179,7 +178,7 @@ class _CommonError(_Result):
 
 
 class _RobotNoise(_Result):
-    """Sigmas of each stop by itself; beside them those of what stops have in common, by the name of its term."""
+    """Sigmas of each stop by itself; beside them those of errors that stops share, by the name of the effect."""
 
     model_config = ConfigDict(extra="allow")
     sigma_t_m: _Sigma3
@@ -189,11 +188,9 @@ class _RobotNoise(_Result):
 
     @model_validator(mode="after")
     def _terms(self) -> Self:
-        """Every term has its sigmas, and the figures that its words name."""
-        for name in NOISE_TERMS.keys() & (self.__pydantic_extra__ or {}).keys():
-            figures: dict[str, Any] = {
-                field: (float, ...) for _, field, _, _ in Formatter().parse(NOISE_TERMS[name]) if field
-            }
+        """Every effect has its sigmas, and its figures."""
+        for name in RANDOM_EFFECTS.keys() & (self.__pydantic_extra__ or {}).keys():
+            figures: dict[str, Any] = dict.fromkeys(RANDOM_EFFECTS[name].figures, (float, ...))
             create_model(name, __base__=_CommonError, **figures).model_validate(getattr(self, name))
         return self
 

@@ -9,11 +9,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from basecal.cell.format.plain import pose_dict
-from basecal.cell.format.problems import Problem, dataset_error, short
-from basecal.cell.format.values import PoseEntry, full_pose, pose_se3
 from basecal.cell.format.writing import write_whole
 from basecal.cell.format.yaml_text import Document, parse_yaml, read_text, yaml_text
 from basecal.cell.schema.errors import problems_of
+from basecal.fields.problems import Problem, dataset_error, short
+from basecal.fields.values import PoseEntry, full_pose, pose_se3
 from basecal.geometry import SE3
 
 FILE = "truth.yaml"

@@ -10,7 +10,6 @@ from pydantic import ValidationError
 
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside, own_file
-from basecal.cell.format.problems import Loc, Problem, dataset_error, short
 from basecal.cell.format.writing import write_whole
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.cell_dict import cell_to_dict
@@ -19,6 +18,7 @@ from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
 from basecal.cell.schema.errors import problems_of
 from basecal.cell.schema.names import name_problems
 from basecal.errors import BasecalError, InputError
+from basecal.fields.problems import Loc, Problem, dataset_error, short
 from basecal.kinematics import SerialChain, read_chain
 
 FILE = "cell.yaml"

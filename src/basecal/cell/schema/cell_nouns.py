@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
-from basecal.cell.format.values import UnknownEntry, pose_se3
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
+from basecal.fields.values import UnknownEntry, pose_se3
 from basecal.geometry import Camera, read_only
 from basecal.kinematics import SerialChain
 

@@ -9,9 +9,16 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.format.parameters import Parameters
-from basecal.cell.format.problems import short
-from basecal.cell.format.values import (
+from basecal.cell.schema.clock import ClockEntry
+from basecal.cell.schema.driver import DriverEntry
+from basecal.cell.schema.keep_out import KeepOutEntry
+from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
+from basecal.cell.schema.rolling_shutter import RollingShutterEntry
+from basecal.cell.targets.all_kinds import AnyTargetEntry
+from basecal.effects.registry import ROBOT_PARAMETERS
+from basecal.fields.parameters import Parameters
+from basecal.fields.problems import short
+from basecal.fields.values import (
     Entry,
     ImageSize,
     Length,
@@ -22,13 +29,6 @@ from basecal.cell.format.values import (
     empty,
     known_names,
 )
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
-from basecal.cell.schema.clock import ClockEntry
-from basecal.cell.schema.driver import DriverEntry
-from basecal.cell.schema.keep_out import KeepOutEntry
-from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
-from basecal.cell.schema.rolling_shutter import RollingShutterEntry
-from basecal.cell.targets.all_kinds import AnyTargetEntry
 from basecal.geometry.lens import lens_models
 
 SCHEMA = "basecal/cell/1"
@@ -76,7 +76,7 @@ class RobotEntry(Entry):
     @property
     def parameters(self) -> dict[str, Parameters]:
         """What is known of its parameters, by kind; of those that are not as they are by default."""
-        stated = {kind: getattr(self, kind) for kind in robot_parameter_kinds()}
+        stated = {kind: getattr(self, kind) for kind in ROBOT_PARAMETERS}
         return {kind: known for kind, known in stated.items() if known != type(known)()}
 
     @checks("clock")
@@ -101,7 +101,7 @@ class RobotEntry(Entry):
 if TYPE_CHECKING:
     AnyRobotEntry = RobotEntry
 else:
-    _STATED = {name: (kind.Stated, kind.Stated()) for name, kind in robot_parameter_kinds().items()}
+    _STATED = {name: (each.stated, each.stated()) for name, each in ROBOT_PARAMETERS.items()}
     AnyRobotEntry = create_model("AnyRobotEntry", __base__=RobotEntry, **_STATED)
 
 

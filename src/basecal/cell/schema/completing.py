@@ -9,10 +9,10 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from basecal.cell.format.problems import SHORT, Loc, field_name, short
 from basecal.cell.format.yaml_text import parse_yaml, yaml_text
 from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.errors import DatasetError
+from basecal.fields.problems import SHORT, Loc, field_name, short
 
 _WIDTH = 4096  # characters before a line is broken: none that a hand wrote is
 

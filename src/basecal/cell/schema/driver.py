@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from basecal.cell.format.problems import short
+from basecal.fields.problems import short
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 

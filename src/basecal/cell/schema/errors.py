@@ -9,9 +9,9 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from basecal.cell.format.problems import Loc, Problem, short
 from basecal.cell.targets.all_kinds import KIND_NAMES, entry_with_tag
 from basecal.errors import nearest
+from basecal.fields.problems import Loc, Problem, short
 
 _WORDS = {
     "missing": "missing; add it",

@@ -9,7 +9,7 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.cell import KeepOut
 from basecal.cell.format.plain import numbers, pose_dict
-from basecal.cell.format.values import Number, PoseEntry, Vector, given, pose_se3
+from basecal.fields.values import Number, PoseEntry, Vector, given, pose_se3
 from basecal.geometry import SE3, read_only
 
 _TABLE_M = 20.0  # of a side of the box that a table is: wider and deeper than any cell

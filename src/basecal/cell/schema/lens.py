@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from basecal.cell.format.values import Entry, Number, Pixels, Sigma2, Sigmas, Status
+from basecal.fields.values import Entry, Number, Pixels, Sigma2, Sigmas, Status
 from basecal.geometry.lens import lenses_of, term_counts
 
 _FOCAL_WIDTHS = (0.05, 50.0)  # from half a fisheye's to beyond the longest telescope lens, in widths of the image

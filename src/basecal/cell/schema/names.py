@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from basecal.cell.cell import WORLD
-from basecal.cell.format.problems import SHORT, Problem, short
 from basecal.errors import nearest
+from basecal.fields.problems import SHORT, Problem, short
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _SECTIONS = ("robots", "cameras", "targets")

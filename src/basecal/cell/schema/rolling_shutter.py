@@ -8,7 +8,7 @@ from pydantic import Field
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.cell import RollingShutter
-from basecal.cell.format.values import Entry, Sigma, Status
+from basecal.fields.values import Entry, Sigma, Status
 
 _LONGEST_S = 1e-3  # of a row: a picture of a thousand then takes a second. Below 0 where the bottom row comes first.
 

@@ -13,11 +13,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from basecal.cell.format.values import MOST_POINTS, Length, known_names
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
 from basecal.cell.targets.fiducials import FAMILIES
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, chosen, plane_grid
+from basecal.fields.values import MOST_POINTS, Length, known_names
 from basecal.geometry import SE3
 
 _BORDER = 2  # cells, as Kalibr prints

@@ -9,11 +9,11 @@ from pydantic import AfterValidator, Field
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.format.plain import pose_dict
-from basecal.cell.format.values import MOST_POINTS, Length, PoseEntry, full_pose, given, known_names, pose_se3
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
 from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cells_across
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
+from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given, known_names, pose_se3
 from basecal.geometry import SE3
 
 # In cells; one is what a reader needs, two keep what is beside the paper out of a blurred corner.

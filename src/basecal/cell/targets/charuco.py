@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import model_validator as checks_whole
 
-from basecal.cell.format.values import Length, Squares, known_names
 from basecal.cell.sheet import Marker, Sheet, black_squares
 from basecal.cell.target import Target
 from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, large_enough
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, chosen, plane_grid
+from basecal.fields.values import Length, Squares, known_names
 
 # In squares: keeps what is beside the paper out of the outer squares.
 _MARGIN = 0.5

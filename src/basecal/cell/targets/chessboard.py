@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.cell.format.values import Corners, Length
 from basecal.cell.sheet import Sheet, black_squares
 from basecal.cell.target import Target
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.fields.values import Corners, Length
 
 
 def chessboard_target(corners: tuple[int, int], square_m: float) -> Target:

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.cell.format.values import Corners, Length
 from basecal.cell.sheet import Sheet
 from basecal.cell.target import Target
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, plane_grid
+from basecal.fields.values import Corners, Length
 
 RADIUS = 0.25
 """Of a circle, in units of the spacing: between neighbours half of it is paper, as OpenCV's blob detector wants."""

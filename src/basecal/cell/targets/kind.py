@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.cell.format.values import Entry, Mount, UnknownEntry
 from basecal.cell.target import Target
+from basecal.fields.values import Entry, Mount, UnknownEntry
 from basecal.geometry import Array
 
 Fields = Mapping[str, Any]

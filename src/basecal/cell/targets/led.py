@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from basecal.cell.format.plain import numbers
-from basecal.cell.format.values import PointMount, UnknownEntry, Vector
 from basecal.cell.target import Target
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind
 from basecal.cell.targets.points import several
+from basecal.fields.values import PointMount, UnknownEntry, Vector
 
 _AT_ORIGIN = [[0.0, 0.0, 0.0]]
 

@@ -9,9 +9,9 @@ from pydantic import Field
 from pydantic import model_validator as checks_whole
 
 from basecal.cell.format.plain import numbers
-from basecal.cell.format.values import PointMount, UnknownEntry, Vector
 from basecal.cell.target import Target
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
+from basecal.fields.values import PointMount, UnknownEntry, Vector
 
 
 def points_target(points_m: Any) -> Target:

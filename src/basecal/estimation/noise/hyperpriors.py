@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
+from basecal.effects.faces.shared_errors import TIE, SharedPrior
 from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import open_parts, sigma_count
 from basecal.geometry import Array
@@ -32,34 +32,6 @@ _LEAST_SCATTER = 5e-3
 _ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
 _ROBOTS_APART = 2.0  # factor between the robots of one cell, which are mostly of one make
 _JITTER_S = (2e-4, 5.0)  # [s] the middle of them, and the factor of a standard deviation
-_TIE = 1.05  # of a shift to reach times turn: looser, the likelihood splits common errors wrongly between the two
-
-
-class CommonPrior(NamedTuple):
-    """What is expected of the sigmas of what a robot's stops have in common.
-
-    Attributes:
-        turn: Mean of that of turns, and the factor of a standard deviation.
-        is_over_stop: Whether these are over the sigma of single stops; else they are in radians.
-        lever: Mean of a shift over a turn [m], that of the robot's reach where None, and the factor.
-        tie: That factor of single stops' shifts over reach times turns, beside these errors.
-    """
-
-    turn: tuple[float, float]
-    is_over_stop: bool = True
-    lever: tuple[float | None, float] = (None, _TIE)
-    tie: float = _TIE
-
-
-KINEMATICS = CommonPrior((8e-4, 5.0), is_over_stop=False, lever=(0.2, 2.0))
-"""Of each joint and link of an arm that is built otherwise than stated.
-
-What makers find of each arm before it leaves them tells what a URDF of its type lacks: of fifteen arms of Universal
-Robots whose calibrations are in public repositories, taken for turns alike of all joints and links, 1.2 mrad within a
-factor of 1.9, with shifts of 0.1 m times that. Two Motoman MA1400 have 1.2 mrad and 0.65 mm. An accuracy of 0.5 to 2 mm
-comes of 0.8 mrad (Nubiola & Bonev 2013); that of an arm that was calibrated, of a tenth, and the 7 mrad of hobbyists'
-arms are within one and a half standard deviations.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +59,7 @@ class LogNormals:
         return np.asarray(np.linalg.solve(self.forms, self.mean), dtype=np.float64)
 
 
-def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: CommonPrior | None = None) -> LogNormals:
+def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedPrior | None = None) -> LogNormals:
     """What is known beforehand of a model's sigmas.
 
     Args:
@@ -102,7 +74,7 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: CommonP
         rows.append((np.eye(k)[i], np.log(mean), factor))
     first = len(open_parts(model))
     count = len(model.robots)
-    tie = _TIE if common is None else common.tie
+    tie = TIE if common is None else common.tie
     for i, robot in enumerate(model.robots):
         at = first + 2 * i
         rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(tie)))
@@ -116,7 +88,7 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: CommonP
 
 
 def _in_common(
-    model: MixedModel, reach_m: Mapping[str, float], common: CommonPrior, forms: Array, turns: Array
+    model: MixedModel, reach_m: Mapping[str, float], common: SharedPrior, forms: Array, turns: Array
 ) -> list[tuple[Array, float, float]]:
     """Of the sigmas in common, `forms` (2 r, k) of shift and turn by robot, `turns` (r, k) those of single stops."""
     rows = []

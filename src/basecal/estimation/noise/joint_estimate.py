@@ -14,9 +14,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
+from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.least_squares.bundle_adjustment import ROUGH_SIGMAS, Optimum, bundle_adjust
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
-from basecal.estimation.noise.hyperpriors import CommonPrior, hyperpriors
+from basecal.estimation.noise.hyperpriors import hyperpriors
 from basecal.estimation.noise.laplace import (
     SigmaPosterior,
     integrated_covariance,
@@ -24,12 +26,11 @@ from basecal.estimation.noise.laplace import (
 )
 from basecal.estimation.noise.mixed_model import EstimatesOf, estimates_of, mixed_model, open_jitter
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods, together
+from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.some_views import recorded_alone, some_views
 from basecal.estimation.noise.target_shape import reshaped
-from basecal.estimation.noise.terms.common_errors import CommonErrors
-from basecal.estimation.noise.terms.term import noise_terms
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
@@ -180,7 +181,7 @@ def integrate_sigmas(
         return noise
     models = sigma_models(problem, state, noise, {} if near is None else near.logs_by_model)
     likeliest = min(models, key=lambda name: models[name].surprise)
-    is_sure = any(noise_terms()[name].IS_SURE for name in models if name)
+    is_sure = any(RANDOM_EFFECTS[name].is_certain for name in models if name)
     counted = [of for name, of in models.items() if name or not is_sure]
     with np.errstate(all="ignore"):
         covariance = integrated_covariance(counted, np.zeros(problem.width), is_quick)
@@ -205,17 +206,17 @@ def sigma_models(
     with np.errstate(all="ignore"):
         estimates = estimates_of(*_in_units(problem, state, robots))
         models = {"": _sigma_posterior(problem, state, robots, noise.logs, estimates=estimates)}
-        for name, term in noise_terms().items():
-            found = {robot: term.errors(problem, robot) for robot in robots}
+        for name, effect in RANDOM_EFFECTS.items():
+            found = {robot: shared_errors(effect, problem, robot) for robot in robots}
             shared = {robot: errors for robot, errors in found.items() if errors is not None}
             if shared:
                 logs = near.get(name, noise.logs)
-                models[name] = _sigma_posterior(problem, state, robots, logs, shared, term.EXPECTED, estimates)
+                models[name] = _sigma_posterior(problem, state, robots, logs, shared, effect.expected, estimates)
     return models
 
 
 def sigmas_with(
-    problem: Problem, state: State, noise: NoiseEstimate, shared: Mapping[str, CommonErrors], expected: CommonPrior
+    problem: Problem, state: State, noise: NoiseEstimate, shared: Mapping[str, SharedErrors], expected: SharedPrior
 ) -> SigmaPosterior:
     """The sigmas of a model in which stops have more in common.
 
@@ -251,8 +252,8 @@ def _sigma_posterior(
     state: State,
     robots: Sequence[str],
     logs: Array | None,
-    shared: Mapping[str, CommonErrors] | None = None,
-    expected: CommonPrior | None = None,
+    shared: Mapping[str, SharedErrors] | None = None,
+    expected: SharedPrior | None = None,
     estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
     """The sigmas about a state, looked for from `logs`; also of what stops have in common, and is expected of it.

@@ -13,10 +13,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.noise.target_shape import points_of, shape_of, shaped_targets
-from basecal.estimation.noise.terms.common_errors import CommonErrors
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.geometry import Array, IntArray
@@ -75,7 +75,7 @@ class Layout:
     blocks: int
     rows: int
     width: int
-    common: Mapping[str, tuple[int, CommonErrors]]
+    common: Mapping[str, tuple[int, SharedErrors]]
     shapes: Mapping[str, slice]
     shaken: tuple[tuple[IntArray, IntArray], ...]
 
@@ -146,7 +146,7 @@ def mixed_model(
     problem: Problem,
     state: State,
     robots: Sequence[str],
-    common: Mapping[str, CommonErrors] | None = None,
+    common: Mapping[str, SharedErrors] | None = None,
     estimates: EstimatesOf | None = None,
 ) -> MixedModel:
     """The problem about a state.
@@ -182,7 +182,7 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
     return tuple(sorted(problem.open_jitter & moving))
 
 
-def _layout(problem: Problem, shared: Mapping[str, CommonErrors]) -> Layout:
+def _layout(problem: Problem, shared: Mapping[str, SharedErrors]) -> Layout:
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([g.eye_stop, g.hand_stop]) for g in problem.groups])
     of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED)

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import by_share, principal_axes
@@ -103,7 +103,7 @@ def _of_other(problem: Problem, direction: Array) -> NullDirection:
     model = next(model for model in problem.models.values() if main in model.names)
     kind = model.names[main]
     found = NullDirection("robot parameters", names, np.zeros((0, 6)), model.robot, kind)
-    if not robot_parameter_kinds()[kind].BY_JOINT:
+    if not ROBOT_PARAMETERS[kind].is_by_joint:
         return found
     joint = int(np.argmax(np.abs(model.columns[kind].basis @ _block(problem, direction, main))))
     return replace(found, joint=joint, joint_name=model.chain.joint_names[joint])

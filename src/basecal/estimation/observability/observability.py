@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.cell.robot_parameters.kind import robot_parameter_kinds
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
@@ -131,7 +131,7 @@ def _scales(problem: Problem, state: State, length: float) -> Array:
     for model in problem.models.values():
         for name, kind in model.names.items():
             if name in problem.columns:
-                scale[problem.columns[name]] = robot_parameter_kinds()[kind].SCALE
+                scale[problem.columns[name]] = ROBOT_PARAMETERS[kind].scale
     return scale
 
 

@@ -20,7 +20,8 @@ from basecal.cell import (
     RobotState,
     Sample,
 )
-from basecal.cell.robot_parameters.deflection import hung
+from basecal.effects.deflection import NAME as DEFLECTION
+from basecal.effects.deflection import hung
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.measurements import measurement_of, readings_of
@@ -280,7 +281,7 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
     chains = {
-        name: hung(robot.chain, robot.parameters.get("deflection"))
+        name: hung(robot.chain, robot.parameters.get(DEFLECTION))
         for name, robot in cell.robots.items()
         if robot.chain is not None
     }

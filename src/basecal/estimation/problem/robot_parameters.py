@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from basecal.cell import Parameters
-from basecal.cell.robot_parameters.kind import Columns, Posture, robot_parameter_kinds
+from basecal.effects.faces.robot_parameter import Columns, Posture
+from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError
 from basecal.estimation.problem.gauges import of_ends, told_directions, told_joints
 from basecal.geometry import SE3, Array
@@ -82,7 +83,7 @@ class Kinematics:
         """The chain moved by the parameters; shifts of joints are not in it."""
         chain = self.chain
         for kind, values in self.values.items():
-            chain = robot_parameter_kinds()[kind].moved(chain, values)
+            chain = ROBOT_PARAMETERS[kind].moved(chain, values)
         return chain
 
     def spread(self, model: RobotModel | None, count: int) -> Kinematics:
@@ -92,11 +93,11 @@ class Kinematics:
 
     def of(self, kind: str) -> Array:
         """The values of a kind."""
-        return self.values[kind] if kind in self.values else robot_parameter_kinds()[kind].zero(self.chain.n)
+        return self.values[kind] if kind in self.values else ROBOT_PARAMETERS[kind].zero(self.chain.n)
 
     def stated_of(self, kind: str) -> Parameters:
         """What is known of a kind."""
-        return self.stated[kind] if kind in self.stated else robot_parameter_kinds()[kind].Stated()
+        return self.stated[kind] if kind in self.stated else ROBOT_PARAMETERS[kind].stated()
 
     def forward(self, joints: Array) -> SE3:
         """`base_from_flange`, ([b,] m), at recorded joints ([b,] m, n) [rad]."""
@@ -106,7 +107,7 @@ class Kinematics:
         """Where recorded joints ([b,] m, n) truly stand [rad]; each kind shifts them as recorded."""
         true = joints
         for kind, values in self.values.items():
-            true = true + robot_parameter_kinds()[kind].shift(self.chain, self.stated_of(kind), joints, values)
+            true = true + ROBOT_PARAMETERS[kind].shift(self.chain, self.stated_of(kind), joints, values)
         return true
 
 
@@ -129,29 +130,29 @@ def robot_model(
     Raises:
         InputError: if the robot lacks what a kind needs.
     """
-    asked = {
-        kind: stated[kind] for kind in robot_parameter_kinds() if kind in stated and stated[kind].status != "fixed"
-    }
+    asked = {kind: stated[kind] for kind in ROBOT_PARAMETERS if kind in stated and stated[kind].status != "fixed"}
     at = Posture(chain, joints, chain.at(joints))
     others = of_ends(at.true.base_from_flange, free_ends)
     columns = {}
     for name, known in asked.items():
-        kind = robot_parameter_kinds()[name]
+        kind = ROBOT_PARAMETERS[name]
         try:
             of = kind.columns(chain, known)
         except InputError as error:
             raise InputError(f"robot {robot!r}: {name} {error}") from None
         derivative = kind.derivative(at, known, kind.zero(chain.n))
         if of.sigma is None:
-            moves = kind.SCALE * derivative @ of.basis
+            moves = kind.scale * derivative @ of.basis
             told = (
-                of.basis[:, told_joints(moves, others)] if kind.BY_JOINT else of.basis @ told_directions(moves, others)
+                of.basis[:, told_joints(moves, others)]
+                if kind.is_by_joint
+                else of.basis @ told_directions(moves, others)
             )
             of = Columns(told, None)
         columns[name] = of
-        others = np.concatenate([others, kind.SCALE * derivative @ of.basis], axis=-1)
+        others = np.concatenate([others, kind.scale * derivative @ of.basis], axis=-1)
     # What is told joint by joint is told of none, too.
-    kept = {name: of for name, of in columns.items() if of.basis.shape[1] or robot_parameter_kinds()[name].BY_JOINT}
+    kept = {name: of for name, of in columns.items() if of.basis.shape[1] or ROBOT_PARAMETERS[name].is_by_joint}
     return RobotModel(robot, chain, asked, kept)
 
 
@@ -166,7 +167,7 @@ def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Arra
     at = Posture(model.chain, joints, kinematics.moved.at(kinematics.true_joints(joints)))
     parts = [at.true.by_joints[..., :0]]
     for kind, columns in model.columns.items():
-        derivative = robot_parameter_kinds()[kind].derivative(at, model.stated[kind], kinematics.of(kind))
+        derivative = ROBOT_PARAMETERS[kind].derivative(at, model.stated[kind], kinematics.of(kind))
         parts.append(derivative @ columns.basis)
     return np.concatenate(parts, -1)
 
@@ -177,9 +178,7 @@ def after_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Arr
     for name, kind in model.names.items():
         before = kinematics.of(kind)
         moved = step[name] @ model.columns[kind].basis.T
-        values[kind] = before + moved.reshape(
-            *moved.shape[:-1], *robot_parameter_kinds()[kind].zero(model.chain.n).shape
-        )
+        values[kind] = before + moved.reshape(*moved.shape[:-1], *ROBOT_PARAMETERS[kind].zero(model.chain.n).shape)
     return replace(kinematics, values=values)
 
 
@@ -189,6 +188,6 @@ def column_values(model: RobotModel, kinematics: Kinematics) -> dict[str, Array]
     for name, kind in model.names.items():
         basis, sigma = model.columns[kind]
         if sigma is not None:
-            values, zero = kinematics.of(kind), robot_parameter_kinds()[kind].zero(model.chain.n)
+            values, zero = kinematics.of(kind), ROBOT_PARAMETERS[kind].zero(model.chain.n)
             found[name] = values.reshape(*values.shape[: values.ndim - zero.ndim], -1) @ basis
     return found

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.cell.format.values import LARGEST
 from basecal.errors import FrameNotFound, InputError, listed
+from basecal.fields.values import LARGEST
 from basecal.geometry import SE3, Array
 
 

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.cell.format.values import LARGEST
 from basecal.cell.target import Tags
+from basecal.fields.values import LARGEST
 from basecal.geometry import Array, IntArray
 
 TAGS = "apriltag_msgs/msg/AprilTagDetectionArray"

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from basecal.cell.format.values import LARGEST
 from basecal.cell.target import Tags
 from basecal.errors import InputError
 from basecal.exchange.bags.bag import TF, Bag, Message, stamp_of
@@ -16,6 +15,7 @@ from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
 from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.bags.tags import SeenTags, corners_of
+from basecal.fields.values import LARGEST
 from basecal.geometry import SE3, Array
 
 LEAST_APART_S = 0.0075

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.cell import Observation, RobotState
-from basecal.cell.format.problems import Loc
+from basecal.fields.problems import Loc
 
 
 @dataclass(frozen=True, eq=False)

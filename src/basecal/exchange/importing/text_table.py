@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
 
-from basecal.cell.format.problems import short
 from basecal.errors import DatasetError
+from basecal.fields.problems import short
 
 _SEPARATORS = (";", "\t", ",", None)  # None: white space
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.problems import short
 from basecal.errors import DatasetError, listed, nearest
 from basecal.exchange.columns import text_of
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
+from basecal.fields.problems import short
 
 _TO_PIXEL_CENTRES = -0.5
 _LARGEST = 2**24  # bytes: a hundred thousand cameras

@@ -10,10 +10,10 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from basecal.cell.format.problems import CAUSE, Loc
 from basecal.cell.format.yaml_text import LARGEST_BYTES, read_text
 from basecal.errors import DatasetError
 from basecal.exchange.fields import Field, fields_of
+from basecal.fields.problems import CAUSE, Loc
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

@@ -12,11 +12,11 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from basecal.cell.format.problems import Loc, short
 from basecal.errors import DatasetError, listed
 from basecal.exchange.columns import text_of
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
+from basecal.fields.problems import Loc, short
 
 _TERMS = {
     "LENSMODEL_PINHOLE": 0,

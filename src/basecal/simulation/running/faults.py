@@ -1,4 +1,4 @@
-"""What can be wrong with a running cell, a line each: its name, its size, and the truth that is written of it."""
+"""What can be wrong with a running cell, and how it is switched on."""
 
 from __future__ import annotations
 
@@ -6,45 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from basecal.effects.faces.simulated_fault import DEGREE, MILLI, ONE, SECOND, SimulatedFault
+from basecal.effects.registry import EFFECTS
 from basecal.errors import InputError, nearest
 
-
-@dataclass(frozen=True)
-class FaultKind:
-    """A fault that can be switched on.
-
-    Attributes:
-        unit: Of its size as it is written.
-        scale: The unit, in SI.
-        usual: Its size where none is given.
-        about: What it does, in words.
-        is_sudden: Whether it happens at a moment, after a number of moves of the arm it befalls.
-    """
-
-    unit: str
-    scale: float
-    usual: float
-    about: str
-    is_sudden: bool = False
-
-
-_DEGREE, _MM, _SECOND, _ONE = math.radians(1), 1e-3, 1.0, 1.0
-FAULTS = {
-    "joint-offsets": FaultKind("deg", _DEGREE, 0.2, "the zero of each joint is off, one sigma"),
-    "link-errors": FaultKind("mm", _MM, 0.5, "each link is off, one sigma per axis, and turned by 1 mrad a mm"),
-    "backlash": FaultKind("deg", _DEGREE, 0.1, "play of each joint: it stops on the side it comes from"),
-    "encoder-noise": FaultKind("deg", _DEGREE, 0.02, "noise of each state of each joint, one sigma"),
-    "sag": FaultKind("deg", _DEGREE, 0.1, "a joint yields by so much under 50 Nm of the links' weight"),
-    "ringing": FaultKind("mrad", 1e-3, 2.0, "joints swing by so much for half a second after they arrive"),
-    "clock-offset": FaultKind("s", _SECOND, 0.2, "the camera's clock is ahead of the arms'"),
-    "late-trigger": FaultKind("s", _SECOND, 0.1, "pictures are taken so much later than their stamps say"),
-    "dropped-frames": FaultKind("share", _ONE, 0.2, "pictures that never come; the next one does"),
-    "base-bumped": FaultKind("mm", _MM, 5.0, "the second base is pushed, and turned by 1 mrad a mm", is_sudden=True),
-    "board-remounted": FaultKind("mm", _MM, 5.0, "the target is taken off and put back, turned by 1 mrad a mm", True),
-    "reflection": FaultKind(
-        "share", _ONE, 0.4, "a glossy tray shows the light again, with this share of its brightness"
+_PUSHED = "turned by 1 mrad a mm"
+_OF_SIMULATOR = (
+    SimulatedFault("backlash", "deg", DEGREE, 0.1, "play of each joint: it stops on the side it comes from"),
+    SimulatedFault("encoder-noise", "deg", DEGREE, 0.02, "noise of each state of each joint, one sigma"),
+    SimulatedFault("ringing", "mrad", MILLI, 2.0, "joints swing by so much for half a second after they arrive"),
+    SimulatedFault("late-trigger", "s", SECOND, 0.1, "pictures are taken so much later than their stamps say"),
+    SimulatedFault("dropped-frames", "share", ONE, 0.2, "pictures that never come; the next one does"),
+    SimulatedFault("base-bumped", "mm", MILLI, 5.0, f"the second base is pushed, and {_PUSHED}", True),
+    SimulatedFault("board-remounted", "mm", MILLI, 5.0, f"the target is taken off and put back, {_PUSHED}", True),
+    SimulatedFault(
+        "reflection", "share", ONE, 0.4, "a glossy tray shows the light again, with this share of its brightness"
     ),
-}
+)
+_OF_EFFECTS = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
+FAULTS = {fault.name: fault for fault in (*_OF_EFFECTS, *_OF_SIMULATOR)}
+"""What can be switched on: the effects' faults, and those of the simulator alone."""
 _SUDDENLY_AFTER = 12  # moves of the arm: about half of a usual recording
 
 

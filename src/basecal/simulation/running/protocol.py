@@ -14,9 +14,9 @@ from typing import Any, BinaryIO
 from pydantic import Field, ValidationError
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.values import Entry
 from basecal.cell.format.writing import write_private
 from basecal.errors import DatasetError, DriverError, InputError
+from basecal.fields.values import Entry
 
 HOST = "127.0.0.1"
 """The only address a running cell listens on."""

@@ -14,9 +14,9 @@ from typing import Annotated, Any, cast
 import numpy as np
 from pydantic import Field, ValidationError
 
-from basecal.cell.format.values import Entry, Number
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import BasecalError, InputError
+from basecal.fields.values import Entry, Number
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decoded, encoded
 from basecal.vision.image_file import png_bytes

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from zlib import crc32
 
 import numpy as np
 
 from basecal.cell import WORLD, Cell
+from basecal.effects.registry import EFFECTS
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array, Camera
-from basecal.simulation import draw
 from basecal.simulation.running.faults import Faults
 
 _TURN_PER_METRE = 1.0  # [rad/m] of what is pushed: a milliradian a millimetre
-_SAG_NM = 50.0  # a shoulder of an arm this size carries about that
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
     robots = {}
     for name, robot in cell.robots.items():
         assert robot.chain is not None
-        robots[name] = Kinematics(robot.chain, _parameters(robot.chain.n, faults, rng))
+        robots[name] = Kinematics(robot.chain, _parameters(name, robot.chain.n, faults, seed))
     pushed = {}
     bases = [cell.base_name(name) for name in cell.robots if name != cell.reference]
     mounts = [cell.mount_name(name) for name, target in cell.targets.items() if target.on != WORLD]
@@ -75,13 +75,12 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
     return World(cell, truth, known, robots, home, faults, pushed, seed)
 
 
-def _parameters(joints: int, faults: Faults, rng: draw.Generator) -> dict[str, Array]:
-    """What each fault of an arm's own kinematics is, by kind of parameter."""
-    offsets, links, compliance = rng.standard_normal(joints), rng.standard_normal((joints + 1, 6)), rng.random(joints)
-    link_m = faults.size("link-errors")
-    values = {
-        "joint_offsets": faults.size("joint-offsets") * offsets,
-        "link_parameters": np.repeat([link_m, link_m * _TURN_PER_METRE], 3) * links,
-        "deflection": faults.size("sag") / _SAG_NM * (0.5 + compliance),
-    }
-    return {kind: value for kind, value in values.items() if np.any(value)}
+def _parameters(robot: str, joints: int, faults: Faults, seed: int) -> dict[str, Array]:
+    """The values of each parameter of a robot that has a fault; each effect draws numbers of its own."""
+    values = {}
+    for name, effect in EFFECTS.items():
+        fault = effect.fault
+        if fault is not None and fault.draw is not None and faults.size(fault.name):
+            rng = np.random.default_rng([seed, 7, crc32(f"{robot} {name}".encode())])
+            values[name] = fault.draw(faults.size(fault.name), joints, rng)
+    return values

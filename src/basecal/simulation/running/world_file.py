@@ -11,13 +11,13 @@ from pydantic import Field, ValidationError
 from basecal.cell import Cell
 from basecal.cell.files import read_cell, read_truth, write_cell, write_truth
 from basecal.cell.format.plain import numbers, pose_dict
-from basecal.cell.format.problems import Problem, dataset_error
-from basecal.cell.format.values import Entry, Number
 from basecal.cell.format.writing import write_whole
 from basecal.cell.results.truth_file import FILE, read_truth_extra
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DatasetError
 from basecal.exchange.urdf import chain_urdf
+from basecal.fields.problems import Problem, dataset_error
+from basecal.fields.values import Entry, Number
 from basecal.simulation.running.faults import FAULTS, Faults
 from basecal.simulation.running.world import World, faulty_world
 

@@ -1,0 +1,55 @@
+"""Bending: a robot that is recorded by poses bends about its base by its own reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.views import Views, carried
+from basecal.geometry import Array
+from basecal.geometry.rotation import hat
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each robot, by a rotation of reach x down [rad/m].
+
+    Most of it is a tilt of the base, so that little is left to tell the direction of gravity: along the axis of the
+    base, as of arms that stand or hang, or anywhere.
+    """
+    for robot in views.robots:
+        moves = carried(views, robot, _moves)
+        yield one_candidate("deflection", robot, "rad/m", tuple(None if m is None else m[..., 2:] for m in moves))
+        yield one_candidate("deflection", robot, "rad/m", moves)
+
+
+def _moves(views: Views, k: int, robot: str) -> Array:
+    pose = views.recorded_pose(k, robot)
+    turns = np.zeros((len(pose), 6, 3))
+    turns[:, 3:] = hat(pose.translation)
+    return views.by_flange(k, robot) @ pose.inverse().adjoint() @ turns
+
+
+def words(found: FoundEffect) -> Words:
+    """By how much it bends."""
+    what = f"{found.about} bends by {rounded_length(found.size, found.covariance, 1e3)} mrad per metre of reach."
+    do = f"Record the joints of {found.about} and estimate its `deflection`, or record where it will work."
+    return Words("deflection", what, (do, AGAIN))
+
+
+EFFECT = Effect(
+    "bending",
+    candidates=candidates,
+    words=words,
+    absent={
+        "statement": "an arm whose joints are recorded states `deflection`",
+        "size": "a candidate without a prior: only a certain one is reported",
+        "unknown": "an arm whose joints are recorded has `deflection`",
+        "random": "smooth errors contain it",
+        "map": "smooth errors contain it",
+        "fault": "sag of joints bends arms",
+    },
+)

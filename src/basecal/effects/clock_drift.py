@@ -1,0 +1,55 @@
+"""Clock drift: a clock offset that grows with time, and is right in the middle of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from basecal.effects.clock_offset import delays, is_late
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.views import Views, elapsed_share
+
+FEWEST_IN_TIME = 6
+"""Samples that may drift."""
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """The clocks of `clock_offset`, each by so much more at the last sample than at the first."""
+    if not views.timed or len(views.samples) < FEWEST_IN_TIME:
+        return
+    share = elapsed_share(views) - 0.5
+    for name, late in delays(views):
+        groups = views.groups
+        moves = (
+            None if m is None else share[views.rank(g)][:, None, None] * m for g, m in zip(groups, late, strict=True)
+        )
+        yield one_candidate("clock-drift", name, "s", tuple(moves))
+
+
+def words(found: FoundEffect) -> Words:
+    """By how much a device falls behind."""
+    amount = rounded(abs(1e3 * found.size[0]), 1e3 * found.sigma)
+    kind, way = "images" if found.is_camera else "poses", "fall behind" if is_late(found) else "run ahead of"
+    what = (
+        f"The clock of {found.about} drifts: its {kind} {way} the other devices by {amount} ms more at the last sample "
+        "than at the first."
+    )
+    return Words(
+        "clock-offset", what, ("Synchronise the clocks, as by PTP or NTP, or record for a shorter time.", AGAIN)
+    )
+
+
+EFFECT = Effect(
+    "clock_drift",
+    candidates=candidates,
+    words=words,
+    absent={
+        "statement": "clocks that drift are to be synchronised, which no statement replaces",
+        "size": "a candidate without a prior: only a certain one is reported",
+        "unknown": "an offset alone is estimated; what drifts is to be recorded again",
+        "random": "jitter of stamps contains a small one",
+        "map": "what it moves is contained in the widening of the answer",
+        "fault": "clocks of the simulator run at one rate; recordings of its tests are drifted instead",
+    },
+)

@@ -1,0 +1,71 @@
+"""Clock offset: poses are read earlier or later than pictures, by a constant time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.simulated_fault import SECOND, SimulatedFault
+from basecal.effects.faces.views import Moves, Views, carried
+from basecal.geometry import Array
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Clocks of each camera against all robots, and of each robot against the others, of arms on paths."""
+    for name, late in delays(views):
+        if "clock_offset" not in views.estimated.get(name, ()):
+            yield one_candidate("clock-offset", name, "s" if views.timed else "samples", late)
+
+
+def delays(views: Views) -> Iterator[tuple[str, Moves]]:
+    """How views move if poses are read later by the unit of time, by the camera or robot whose clock is off."""
+    velocity = {robot: views.velocity(robot) for robot in views.robots}
+    paths = {robot: v for robot, v in velocity.items() if v is not None}
+    if not paths:
+        return
+    groups = views.groups
+
+    def by_time(views: Views, k: int, robot: str) -> Array:
+        """How views of a group move by the unit of time of a robot, (n, 6, 1)."""
+        return views.by_flange(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
+
+    for camera in sorted({g.camera for g in groups}):
+        arms = [[r for r in {g.eye, g.hand} & paths.keys() if r] if g.camera == camera else [] for g in groups]
+        if any(arms):
+            late = ([by_time(views, k, r) for r in both] for k, both in enumerate(arms))
+            yield camera, tuple(np.sum(each, axis=0) if each else None for each in late)
+    for robot in paths if len(paths) > 1 else ():
+        yield robot, carried(views, robot, by_time)
+
+
+def is_late(found: FoundEffect) -> bool:
+    """Whether a camera or a robot is behind: pictures are to be stamped earlier, poses to be read later."""
+    return bool(np.sign(found.size[0]) == (-1 if found.is_camera else 1))
+
+
+def words(found: FoundEffect) -> Words:
+    """By how much a device lags or leads."""
+    factor, unit = (1e3, "ms") if found.unit == "s" else (1.0, "samples")
+    amount = rounded(abs(factor * found.size[0]), factor * found.sigma)
+    kind, way = "Images" if found.is_camera else "Poses", "lag behind" if is_late(found) else "run ahead of"
+    what = f"{kind} of {found.about} {way} the other devices by {amount} {unit}."
+    return Words("clock-offset", what, ("Record while all stand still, or correct the stamps.", AGAIN))
+
+
+EFFECT = Effect(
+    "clock_offset",
+    candidates=candidates,
+    words=words,
+    fault=SimulatedFault("clock-offset", "s", SECOND, 0.2, "the camera's clock is ahead of the arms'"),
+    elsewhere={
+        "statement": "basecal.cell.schema.clock",
+        "size": "basecal.estimation.noise.hyperpriors: jitter of stamps",
+        "unknown": "basecal.accuracy.clocks",
+        "random": "basecal.estimation.streams.jitter",
+        "map": "basecal.accuracy.clocks.settle widens the answer by it",
+    },
+)

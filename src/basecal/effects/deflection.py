@@ -1,0 +1,208 @@
+"""Deflection: what each joint turns by under the torque of the links' weight about its axis [rad/Nm], (n,).
+
+Torques are those of the chain as stated, at the joints as recorded. Source: docs/mathematics.md (9.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic import field_validator as checks
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.robot_parameter import (
+    Columns,
+    Posture,
+    RobotParameter,
+    RobotParameters,
+    Unobserved,
+    joint_lines,
+)
+from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
+from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
+from basecal.effects.faces.views import Views, carried, joints_of
+from basecal.errors import InputError
+from basecal.fields.parameters import Parameters
+from basecal.fields.values import Sigma, Vector
+from basecal.geometry import Array, read_only
+from basecal.kinematics import SerialChain, gravity_torques
+
+NAME = "deflection"
+PER_NM = "rad/Nm"  # unit of a compliance
+_ALIKE = 0.7  # of the variance of compliances, what all joints of an arm share
+_SIMULATED_NM = 50.0  # a shoulder of an arm of a metre carries about that
+
+
+class Stated(Parameters):
+    """What is known of the compliances: the sigma of each [rad/Nm], and where down is in the robot's base."""
+
+    sigma_rad_per_nm: Sigma | None = None
+    down: Vector | None = None
+
+    @checks("down")
+    @classmethod
+    def _some_direction(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and not any(value):
+            raise ValueError("down is the direction of gravity in the robot's base, not zero")
+        return value
+
+
+def hung(chain: SerialChain, stated: Parameters | None) -> SerialChain:
+    """The chain with gravity as it is stated, whether compliances are estimated or not; as it is where it is not."""
+    if not isinstance(stated, Stated) or stated.down is None or chain.masses is None:
+        return chain
+    return replace(chain, masses=replace(chain.masses, down=np.array(stated.down)))
+
+
+def columns(chain: SerialChain, stated: Stated) -> Columns:
+    """A column for each joint."""
+    if chain.masses is None:
+        raise InputError("needs the masses of its links: give them an <inertial> in its urdf")
+    sigma = None if stated.sigma_rad_per_nm is None else np.full(chain.n, stated.sigma_rad_per_nm)
+    return Columns(np.eye(chain.n), sigma)
+
+
+def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> Array:
+    """Compliance times torque."""
+    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(hung(chain, stated), joints)
+
+
+def derivative(at: Posture, stated: Stated, values: Array) -> Array:
+    """Of the flange to each compliance."""
+    return at.true.by_joints * gravity_torques(hung(at.chain, stated), at.recorded)[..., None, :]
+
+
+def unobserved(of: Unobserved) -> str:
+    """Why the data do not hold the compliances of some joints."""
+    how = "known from their prior alone" if of.by_prior else "that are unobservable"
+    reason = "the torque of gravity about them is small in these samples, or the same in all of them"
+    return f"compliances {how}: {of.joints}: {reason}"
+
+
+def report(robot: str, found: RobotParameters) -> list[str]:
+    """A line for each joint."""
+    lines = joint_lines(found, 1e6, "urad/Nm", 2)
+    return [f"compliances of the joints of {robot} under the torque of gravity", *lines]
+
+
+def to_dict(found: Mapping[str, RobotParameters]) -> dict[str, Any]:
+    """The field of `calibration.json`."""
+    by_robot = {
+        robot: {"rad_per_nm": of.values, "sigma_rad_per_nm": of.sigma, "seen": of.seen, "joint_names": of.joints}
+        for robot, of in found.items()
+    }
+    return {"deflection": by_robot or None}
+
+
+def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
+    """The values in this field, by robot."""
+    found = {}
+    for robot, entry in (data.get("deflection") or {}).items():
+        n = len(entry["joint_names"])
+        values = read_only(entry["rad_per_nm"], (n,), "rad_per_nm")
+        sigma = read_only(entry["sigma_rad_per_nm"], (n,), "sigma_rad_per_nm")
+        found[robot] = RobotParameters(tuple(entry["joint_names"]), values, sigma, np.array(entry["seen"], dtype=bool))
+    return found
+
+
+def entry(values: Array) -> str:
+    """The entry of cell.yaml that estimates them."""
+    return "`deflection: {status: free}`"
+
+
+def shared_errors(at: Posture) -> SharedErrors | None:
+    """Joints that yield each by its torque, times a compliance that joints mostly share.
+
+    The sigma of turns is that of a joint under the torque of the one that carries most, root of the mean square.
+    """
+    if at.chain.masses is None:
+        return None
+    torques = gravity_torques(at.chain, at.recorded)
+    most = float(np.sqrt(np.mean(torques**2, axis=0)).max())
+    if not most > 0:
+        return None
+    by_joint = at.true.by_joints * (torques / most)[:, None, :]
+    together = np.concatenate(
+        [np.sqrt(_ALIKE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _ALIKE) * by_joint], axis=-1
+    )
+    return SharedErrors(together, np.ones(at.chain.n + 1, dtype=bool))
+
+
+def likely(sigmas: Mapping[str, Array]) -> Words:
+    """Compliances that the noise shows."""
+    robots, turn = " and ".join(sigmas), max(float(turn) for _, turn in sigmas.values())
+    what = f"Joints of {robots} likely yield to the weight of the links by {np.degrees(turn):.2g} deg (1 sigma)."
+    return Words("deflection", what, (f"To estimate it, write {entry(np.zeros(0))} at {robots}.",))
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each robot whose joints and masses are known yielding: a rotation of compliance x torque [rad/Nm].
+
+    Of one compliance for all its joints, and of one for each.
+    """
+    for robot, chain in views.chains.items():
+        if chain.masses is None or NAME in views.estimated.get(robot, ()):
+            continue
+        each = carried(views, robot, partial(_moves, chain=chain))
+        together = tuple(None if m is None else m.sum(-1, keepdims=True) for m in each)
+        yield one_candidate("deflection", robot, PER_NM, together)
+        yield one_candidate("deflection", robot, PER_NM, each)
+
+
+def _moves(views: Views, k: int, robot: str, chain: SerialChain) -> Array:
+    """How views move with the compliance of each joint of a robot, (n, 6, joints)."""
+    joints = joints_of(views.groups[k], robot)
+    if joints is None:
+        return np.zeros((len(views.groups[k]), 6, chain.n))
+    torques = gravity_torques(chain, joints)
+    return views.by_flange(k, robot) @ (chain.jacobian(joints) * torques[:, None, :])
+
+
+def words(found: FoundEffect) -> Words:
+    """The compliance of a joint, root of the mean square."""
+    soft = rounded_length(found.size, found.covariance, 1e6 * len(found.size) ** -0.5)
+    what = f"Joints of {found.about} yield by {soft} urad per Nm of the torque of the links' weight."
+    return Words("deflection", what, (f"Write {entry(found.size)} at {found.about} in cell.yaml.", AGAIN))
+
+
+def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+    """Compliances of half to one and a half of a size under 50 Nm [rad/Nm]."""
+    return np.asarray(size / _SIMULATED_NM * (0.5 + rng.random(joints)))
+
+
+EFFECT = Effect(
+    NAME,
+    parameter=RobotParameter(
+        Stated,
+        "the compliance",
+        derivative,
+        columns,
+        report,
+        to_dict,
+        from_dict,
+        entry,
+        shift=shift,
+        scale=0.01,  # [rad/Nm]: 1 rad under 100 Nm
+        largest_sigma=3e-3,  # [rad/Nm]
+        unobserved=unobserved,
+    ),
+    random=RandomEffect(
+        KINEMATICS,
+        "sag of its joints under the links' weight",
+        by_joints=shared_errors,
+        likely=likely,
+        replaced_by=(NAME,),
+    ),
+    candidates=candidates,
+    words=words,
+    fault=SimulatedFault(
+        "sag", "deg", DEGREE, 0.1, "a joint yields by so much under 50 Nm of the links' weight", draw=drawn
+    ),
+)

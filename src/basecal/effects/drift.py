@@ -1,0 +1,50 @@
+"""Drift: a base or a mount moved steadily from the first sample to the last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from basecal.effects.clock_drift import FEWEST_IN_TIME
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.views import Views, elapsed_share
+from basecal.geometry import Array
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each base and mount, by a tangent from the first sample to the last."""
+    if len(views.samples) < FEWEST_IN_TIME:
+        return
+    share = elapsed_share(views)
+
+    def by_time(k: int, name: str) -> Array | None:
+        """How views of a group move, (n, 6, 6)."""
+        if not views.depends(k, name):
+            return None
+        return share[views.rank(views.groups[k])][:, None, None] * views.by_frame(k, name)
+
+    for name in views.frames:
+        yield one_candidate("drift", name, "", tuple(by_time(k, name) for k in range(len(views.groups))))
+
+
+def words(found: FoundEffect) -> Words:
+    """What drifts, and by how much."""
+    what = f"{found.about} drifts by {rounded_tangent(found)} from the first sample to the last."
+    do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN
+    return Words("drift", what, do)
+
+
+EFFECT = Effect(
+    "drift",
+    candidates=candidates,
+    words=words,
+    absent={
+        "statement": "a cell that drifts has no one answer",
+        "size": "a candidate without a prior: only a certain one is reported",
+        "unknown": "a cell that drifts has no one answer",
+        "random": "stops that neighbour share errors by place, not by time, in the models of noise",
+        "map": "what it moves is contained in the widening of the answer",
+        "fault": "recordings of the tests are drifted instead",
+    },
+)

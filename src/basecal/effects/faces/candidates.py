@@ -1,0 +1,45 @@
+"""Candidates of a score test: effects of one kind, and how views move with the size of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from basecal.geometry import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Effects of one kind that may be in the data, each with as many sizes.
+
+    Attributes:
+        code: Kind of candidate, such as `joint-offset`; the words of its effect go by it.
+        about: Of each, the robot, camera, target or transform that has it.
+        since: Of each, the number of the first sample that has it; None if all samples do.
+        unit: Unit of the sizes.
+        moves: By group of views, (n, b, 6, q): right tangents of `camera_from_target` by unit sizes, of b candidates;
+            None for a group that no candidate moves.
+        joint: Of each, the number of the joint that has it, from 0; empty if none has one.
+    """
+
+    code: str
+    about: tuple[str, ...]
+    since: tuple[int | None, ...]
+    unit: str
+    moves: tuple[Array | None, ...]
+    joint: tuple[int, ...] = ()
+
+    @property
+    def sizes(self) -> int:
+        """How many sizes each has."""
+        return int(next(m.shape[-1] for m in self.moves if m is not None))
+
+    def only(self, which: int) -> Candidates:
+        """One of them."""
+        moves = tuple(None if m is None else m[:, which : which + 1].copy() for m in self.moves)
+        joint = self.joint[which : which + 1]
+        return Candidates(self.code, (self.about[which],), (self.since[which],), self.unit, moves, joint)
+
+
+def one_candidate(code: str, about: str, unit: str, moves: tuple[Array | None, ...]) -> Candidates:
+    """A candidate alone, whose moves are (n, 6, q) by group."""
+    return Candidates(code, (about,), (None,), unit, tuple(None if m is None else m[:, None] for m in moves))

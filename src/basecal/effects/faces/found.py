@@ -1,0 +1,89 @@
+"""An effect that a score test found, and the words that effects have for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.geometry import Array
+
+AGAIN = "Calibrate again when it is fixed."
+
+
+class Words(NamedTuple):
+    """A finding in words.
+
+    Attributes:
+        code: Of the finding.
+        what: The problem, with its number and unit.
+        do: What to do, sentences.
+        why: The cause, if it is known.
+    """
+
+    code: str
+    what: str
+    do: tuple[str, ...]
+    why: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundEffect:
+    """An effect that the residuals show, and noise does not explain.
+
+    Attributes:
+        effect: Its name.
+        code: Of its candidate, such as `joint-offset`.
+        about: The robot, camera, target or transform that has it.
+        is_camera: Whether that is a camera.
+        is_target: Whether that is a target.
+        since: Number of the first sample that has it; None if all samples do.
+        unit: Unit of the sizes.
+        size: (q,) correction of the recording.
+        covariance: (q, q).
+        moved: (p,) shift of the answer's columns when the recording is corrected.
+        joint: Which joint of the robot has it, from 0; None if none does.
+        is_certain: Whether chance is excluded; other effects predict held-out blocks better all the same.
+        or_target: The target whose size, off by as much the other way, has the same effect; "" if none has.
+    """
+
+    effect: str
+    code: str
+    about: str
+    is_camera: bool
+    is_target: bool
+    since: int | None
+    unit: str
+    size: Array
+    covariance: Array
+    moved: Array
+    joint: int | None = None
+    is_certain: bool = True
+    or_target: str = ""
+
+    @property
+    def sigma(self) -> float:
+        """Of a single size."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+
+def rounded(value: float, sigma: float) -> str:
+    """A value with its sigma to two digits."""
+    digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
+    return f"{value:.{digits}f} +/- {sigma:.{digits}f}"
+
+
+def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
+    """Length of a vector with its sigma, both times a unit."""
+    length = float(np.linalg.norm(values))
+    along = values / max(length, 1e-300)
+    sigma = float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
+    return rounded(unit * length, unit * sigma)
+
+
+def rounded_tangent(found: FoundEffect) -> str:
+    """Shift [mm] and rotation [deg] of a tangent."""
+    shift = rounded_length(found.size[:3], found.covariance[:3, :3], 1e3)
+    turn = rounded_length(found.size[3:], found.covariance[3:, 3:], float(np.degrees(1)))
+    return f"{shift} mm and {turn} deg"

@@ -1,0 +1,36 @@
+"""A fault of a simulated cell that runs, as it is switched on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.geometry import Array
+
+DEGREE, MILLI, SECOND, ONE = math.radians(1), 1e-3, 1.0, 1.0
+
+
+@dataclass(frozen=True)
+class SimulatedFault:
+    """A fault that can be switched on.
+
+    Attributes:
+        name: Such as `joint-offsets`.
+        unit: Of its size as it is written.
+        scale: The unit, in SI.
+        usual: Its size if none is given.
+        about: What it does, in words.
+        is_sudden: Whether it occurs at a moment, after a number of moves of the arm.
+        draw: Values of a robot's parameter of this size, of so many joints; None of what the simulator makes itself.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    usual: float
+    about: str
+    is_sudden: bool = False
+    draw: Callable[[float, int, np.random.Generator], Array] | None = None

@@ -1,0 +1,129 @@
+"""The views of a solved problem as effects see them: what moves each view, and when it was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from basecal.geometry import SE3, Array, IntArray
+from basecal.kinematics import SerialChain
+
+Moves = tuple[Array | None, ...]
+"""By group of views, (n, 6, q) right tangents of `camera_from_target` by unit sizes; None for a group that is still."""
+
+
+class Group(Protocol):
+    """Views of one target by one camera, n of them."""
+
+    @property
+    def camera(self) -> str:
+        """Name of the camera."""
+
+    @property
+    def target(self) -> str:
+        """Name of the target."""
+
+    @property
+    def target_mount(self) -> str:
+        """Name of the target's transform."""
+
+    @property
+    def sample(self) -> IntArray:
+        """(n,) numbers of the samples."""
+
+    @property
+    def eye(self) -> str | None:
+        """Robot that carries the camera; None for the world."""
+
+    @property
+    def hand(self) -> str | None:
+        """Robot that carries the target; None for the world."""
+
+    @property
+    def eye_joints(self) -> Array | None:
+        """(n, joints) as recorded [rad]."""
+
+    @property
+    def hand_joints(self) -> Array | None:
+        """(n, joints) as recorded [rad]."""
+
+    def __len__(self) -> int:
+        """How many views there are."""
+
+
+class Views(Protocol):
+    """All views, by group; derivatives are right tangents of `camera_from_target`."""
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups."""
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots that were recorded at more than one pose."""
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the transforms that views depend on: mounts and bases."""
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the targets that have a size."""
+
+    @property
+    def chains(self) -> Mapping[str, SerialChain]:
+        """Kinematics as stated, by robot that was recorded by joints."""
+
+    @property
+    def estimated(self) -> Mapping[str, frozenset[str]]:
+        """Names of the effects that are estimated as unknowns, by robot, camera or target."""
+
+    @property
+    def samples(self) -> IntArray:
+        """Numbers of all recorded samples in their order in time."""
+
+    @property
+    def times(self) -> Array:
+        """Of `samples`: their times [s], or their order if `timed` is false."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether all samples have a time, and not all the same."""
+
+    def rank(self, group: Group) -> IntArray:
+        """Indices of the samples of a group's views in `samples`, (n,)."""
+
+    def by_flange(self, k: int, robot: str) -> Array:
+        """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
+
+    def depends(self, k: int, name: str) -> bool:
+        """Whether views of a group depend on a transform."""
+
+    def by_frame(self, k: int, name: str) -> Array:
+        """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
+
+    def target_from_camera(self, k: int) -> SE3:
+        """Of the views of a group, (n,)."""
+
+    def recorded_pose(self, k: int, robot: str) -> SE3:
+        """Poses of a robot's flange in a group's views, (n,); identity if it carries nothing there."""
+
+    def velocity(self, robot: str) -> Array | None:
+        """Body velocity of a robot at each of `samples`, (n, 6) by unit of `times`; None off a path."""
+
+
+def carried(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
+    """Moves of the groups whose camera or target a robot carries."""
+    return tuple(move(views, k, robot) if robot in (g.eye, g.hand) else None for k, g in enumerate(views.groups))
+
+
+def joints_of(group: Group, robot: str) -> Array | None:
+    """Recorded joints of a robot in a group's views, (n, joints) [rad]."""
+    return group.eye_joints if group.eye == robot else group.hand_joints
+
+
+def elapsed_share(views: Views) -> Array:
+    """Share of the time from the first sample to the last that has passed at each of `samples`, 0 to 1."""
+    return np.asarray((views.times - views.times[0]) / max(views.times[-1] - views.times[0], 1e-300))

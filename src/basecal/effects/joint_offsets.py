@@ -1,0 +1,209 @@
+"""Joint offsets: what is to be added to each recorded joint [rad], (n,).
+
+Up to the first joint that moved they turn the arm as its base does; the last one turns what the flange carries as the
+mounts do. If these are free, a free offset there is held at zero, which defines the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.robot_parameter import (
+    Columns,
+    Posture,
+    RobotParameter,
+    RobotParameters,
+    Unobserved,
+    joint_lines,
+)
+from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
+from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
+from basecal.effects.faces.views import Views, carried, joints_of
+from basecal.fields.parameters import Parameters
+from basecal.fields.values import Sigma
+from basecal.geometry import Array, read_only
+from basecal.kinematics import SerialChain
+
+NAME = "joint_offsets"
+SIGMA_RAD = 0.005  # of a prior: 0.3 deg, wider than a mastered arm's joints are off
+_ROUNDING = 1e-9  # of a digit, that is not rounded up for
+_DEG = float(np.degrees(1))
+_KEYS = (
+    "joint_offsets_rad",
+    "joint_offsets_sigma_rad",
+    "joint_offsets_covariance",
+    "joint_offsets_seen",
+    "joint_names",
+)
+
+
+class Stated(Parameters):
+    """What is known of the offsets: the sigma of each [rad]."""
+
+    sigma_rad: Sigma | None = None
+
+
+def columns(chain: SerialChain, stated: Stated) -> Columns:
+    """A column for each joint."""
+    sigma = None if stated.sigma_rad is None else np.full(chain.n, stated.sigma_rad)
+    return Columns(np.eye(chain.n), sigma)
+
+
+def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array:
+    """The offsets, at any joints."""
+    return values[..., None, :] if values.ndim > 1 else values
+
+
+def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
+    """Of the flange to each joint."""
+    return at.true.by_joints
+
+
+def unobserved(of: Unobserved) -> str:
+    """Why the data do not hold the offsets of some joints."""
+    still = next(
+        (row for row in range(of.joint_count) if row not in of.rows), 0
+    )  # of the first joints, as many as the base
+    ends = {0: "the first joint moves the arm as its base does"}
+    if still > 1:
+        ends[0] = f"joints 1 to {still} move the arm as its base does, in these samples"
+    ends[of.joint_count - 1] = "the last one as the mounts on its flange do"
+    reasons = [ends[row] for row in of.rows if row in ends]
+    if any(row >= still and row not in ends for row in of.rows):
+        reasons.append("the samples hardly move the others by themselves")
+    why = f"{of.joints}: {', '.join(reasons)}"
+    if of.by_prior:
+        rest = f"the sigmas of {of.base} and of the mounts contain what they leave open"
+        return f"offsets known from their prior alone: {why}; {rest}"
+    rest = f"{of.base} and the mounts make up for them"
+    return f"offsets that are unobservable and fixed at zero as a gauge: {why}; {rest}"
+
+
+def report(robot: str, found: RobotParameters) -> list[str]:
+    """A line for each joint."""
+    lines = joint_lines(found, _DEG, "deg", 4)
+    return [f"joint offsets of {robot}, to be added to its recorded joints", *lines]
+
+
+def to_dict(found: Mapping[str, RobotParameters]) -> dict[str, Any]:
+    """The fields of `calibration.json`."""
+    if not found:
+        return dict.fromkeys(_KEYS)
+    rows = {robot: (of.values, of.sigma, of.covariance, of.seen, of.joints) for robot, of in found.items()}
+    return {key: {robot: row[k] for robot, row in rows.items()} for k, key in enumerate(_KEYS)}
+
+
+def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
+    """The values in these fields, by robot."""
+    values, _, covariances, seen, names = (data.get(key) or {} for key in _KEYS)
+    found = {}
+    for robot in values:
+        n = len(names[robot])
+        covariance = read_only(covariances[robot], (n, n), "joint_offsets_covariance")
+        rad, known = read_only(values[robot], (n,), "joint_offsets_rad"), np.array(seen[robot], dtype=bool)
+        found[robot] = RobotParameters(tuple(names[robot]), rad, np.sqrt(np.diag(covariance)), known, covariance)
+    return found
+
+
+def suggested_sigma(offsets_rad: Array) -> float:
+    """Sigma of a prior of joint offsets that found ones do not contradict [rad]: the largest, to one digit upwards.
+
+    It is not below what is usual of arms that were mastered.
+    """
+    largest = float(np.abs(offsets_rad).max(initial=SIGMA_RAD))
+    digit = 10.0 ** np.floor(np.log10(largest))
+    return round(float(np.ceil(largest / digit - _ROUNDING) * digit), 9)
+
+
+def entry(values: Array) -> str:
+    """The entry of cell.yaml that estimates them, with a prior that found values do not contradict."""
+    return f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(values)}}}`"
+
+
+def shared_errors(at: Posture) -> SharedErrors:
+    """A rotation of each joint that is equal at all stops."""
+    return SharedErrors(at.true.by_joints, np.ones(at.chain.n, dtype=bool))
+
+
+def likely(sigmas: Mapping[str, Array]) -> Words:
+    """Offsets that the noise shows."""
+    robots, turns = " and ".join(sigmas), np.array([turn for _, turn in sigmas.values()])
+    what = f"Joints of {robots} likely have offsets of {_DEG * turns.max():.2g} deg (1 sigma)."
+    return Words("robot-model", what, (f"To estimate them, write {entry(turns)} at {robots}.",))
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each joint of each robot off by a constant [rad], then all joints of a robot at once.
+
+    If many joints are off, none alone explains much.
+    """
+    for robot, chain in views.chains.items():
+        if NAME in views.estimated.get(robot, ()):
+            continue
+        moves = carried(views, robot, partial(_moves, chain=chain))
+        each = tuple(None if m is None else np.swapaxes(m, -1, -2)[..., None] for m in moves)
+        every = tuple(range(chain.n))
+        yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", each, every)
+        yield one_candidate("joint-offsets", robot, "rad", moves)
+
+
+def _moves(views: Views, k: int, robot: str, chain: SerialChain) -> Array:
+    """How views of a group move with each joint of a robot, (n, 6, joints)."""
+    joints = joints_of(views.groups[k], robot)
+    return views.by_flange(k, robot) @ (np.zeros((6, chain.n)) if joints is None else chain.jacobian(joints))
+
+
+def words(found: FoundEffect) -> Words:
+    """One joint, or several with the clearest named."""
+    sigmas = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    clearest = int(np.argmax(np.abs(found.size) / np.where(sigmas > 0, sigmas, np.inf)))
+    joint = clearest if found.joint is None else found.joint
+    offset = rounded(_DEG * found.size[clearest], _DEG * float(sigmas[clearest]))
+    what = f"Joint {joint + 1} of {found.about} is off by {offset} deg."
+    if found.joint is None:
+        what = f"Several joints of {found.about} are off; the clearest is joint {joint + 1}, by {offset} deg."
+    do = f"Add it to the recorded joint, or write {entry(found.size)} at {found.about} in cell.yaml."
+    return Words("robot-model", what, (f"Check the zeros of the joints of {found.about}.", do, AGAIN))
+
+
+def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+    """Offsets of one sigma [rad]."""
+    return np.asarray(size * rng.standard_normal(joints))
+
+
+EFFECT = Effect(
+    NAME,
+    parameter=RobotParameter(
+        Stated,
+        "the offset",
+        derivative,
+        columns,
+        report,
+        to_dict,
+        from_dict,
+        entry,
+        shift=shift,
+        largest_sigma=0.3,
+        unobserved=unobserved,
+    ),
+    random=RandomEffect(
+        KINEMATICS,
+        "of its joint offsets",
+        by_joints=shared_errors,
+        likely=likely,
+        is_certain=True,
+        is_mapped=True,
+        replaced_by=(NAME, "link_parameters"),
+    ),
+    candidates=candidates,
+    words=words,
+    fault=SimulatedFault("joint-offsets", "deg", DEGREE, 0.2, "the zero of each joint is off, one sigma", draw=drawn),
+)

@@ -1,0 +1,54 @@
+"""Length scale of a robot: its poses too short by a fraction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.views import Views, carried
+from basecal.geometry import Array
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each robot, too short by a fraction."""
+    for robot in views.robots:
+        yield one_candidate("length-scale", robot, "", carried(views, robot, _moves))
+
+
+def _moves(views: Views, k: int, robot: str) -> Array:
+    pose = views.recorded_pose(k, robot)
+    outward = np.zeros((len(views.groups[k]), 6, 1))
+    outward[:, :3] = pose.rotation.mT @ pose.translation[..., None]
+    return views.by_flange(k, robot) @ outward
+
+
+def words(found: FoundEffect) -> Words:
+    """Poses too short or too long, or with one robot its target too large or too small."""
+    percent = 100 * found.size[0]
+    amount = f"{rounded(abs(percent), 100 * found.sigma)} %"
+    what = f"Poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}"
+    do = (f"Check the kinematic calibration of {found.about} and the length of its tool.", AGAIN)
+    if not found.or_target:
+        return Words("length-scale", f"{what}.", ("Check that the target is printed to scale.", *do))
+    other = f"{found.or_target} is {'smaller' if percent > 0 else 'larger'} than stated by as much"
+    why = "One robot cannot tell the two apart."
+    return Words("length-scale", f"{what}, or {other}.", (f"Measure {found.or_target}.", *do), why)
+
+
+EFFECT = Effect(
+    "length_scale",
+    candidates=candidates,
+    words=words,
+    absent={
+        "statement": "links hold a robot's lengths; poses alone show one number of them",
+        "size": "a candidate without a prior: only a certain one is reported",
+        "unknown": "its robot's links are",
+        "random": "links and smooth errors contain it",
+        "map": "what it moves is contained in the widening of the answer",
+        "fault": "link-errors makes arms too long or too short",
+    },
+)

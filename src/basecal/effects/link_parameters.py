@@ -1,0 +1,147 @@
+"""Link parameters: right tangents of the origins of a chain's joints, last of its tip [m, rad], (n + 1, 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import Words
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.robot_parameter import Columns, Posture, RobotParameter, RobotParameters
+from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
+from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
+from basecal.fields.parameters import Parameters
+from basecal.fields.values import Sigma
+from basecal.geometry import Array, read_only
+from basecal.geometry.se3_jacobians import right_jacobian
+from basecal.kinematics import SerialChain
+
+NAME = "link_parameters"
+SIGMA_M, SIGMA_RAD = 1e-3, 2e-3  # of a prior: wider than arms are made to
+_METRES_PER_RADIAN = 0.5  # of link errors that explain the data equally, the smallest counts so
+_TURN_PER_METRE = 1.0  # [rad/m] of a simulated link
+
+
+class Stated(Parameters):
+    """What is known of the links: the sigmas of each turn [rad] and shift [m]."""
+
+    sigma_rad: Sigma | None = None
+    sigma_m: Sigma | None = None
+
+
+def zero(joints: int) -> Array:
+    """No error of any origin."""
+    return np.zeros((joints + 1, 6))
+
+
+def columns(chain: SerialChain, stated: Stated) -> Columns:
+    """A column for each number, in its unit."""
+    if stated.sigma_m is not None and stated.sigma_rad is not None:
+        per_axis = np.repeat([stated.sigma_m, stated.sigma_rad], 3)
+        return Columns(np.eye(6 * (chain.n + 1)), np.tile(per_axis, chain.n + 1))
+    return Columns(np.diag(np.tile(np.repeat([_METRES_PER_RADIAN, 1.0], 3), chain.n + 1)), None)
+
+
+def moved(chain: SerialChain, values: Array) -> SerialChain:
+    """The chain with its origins moved."""
+    return chain.moved(values) if np.any(values) else chain
+
+
+def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
+    """Of the flange to each origin."""
+    links = at.true.by_links
+    by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
+    turned = by_link @ right_jacobian(values)[..., None, :, :, :]
+    return np.asarray(np.swapaxes(turned, -2, -3).reshape(links.shape))
+
+
+def report(robot: str, found: RobotParameters) -> list[str]:
+    """A line for each origin, and the tip."""
+    lines = [f"link errors of {robot}, right tangents of each joint's origin, then of the tip"]
+    for k, tangent in enumerate(found.values, 1):
+        shown = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
+        lines.append(f"  {k:<3}t {''.join(shown[:3])} mm   r {''.join(shown[3:])} deg")
+    return lines
+
+
+def to_dict(found: Mapping[str, RobotParameters]) -> dict[str, Any]:
+    """The field of `calibration.json`."""
+    by_robot = {}
+    for robot, of in found.items():
+        halves = {"t_m": of.values[:, :3], "r_rad": of.values[:, 3:]}
+        by_robot[robot] = {**halves, "sigma_t_m": of.sigma[:, :3], "sigma_r_rad": of.sigma[:, 3:]}
+    return {"link_parameters": by_robot or None}
+
+
+def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
+    """The values in this field, by robot."""
+    found = {}
+    for robot, entry in (data.get("link_parameters") or {}).items():
+        values, sigma = (
+            np.concatenate([read_only(entry[f"{of}{key}"], (None, 3), f"{of}{key}") for key in ("t_m", "r_rad")], -1)
+            for of in ("", "sigma_")
+        )
+        found[robot] = RobotParameters((), values, sigma, np.ones(values.shape, dtype=bool))
+    return found
+
+
+def entry(values: Array) -> str:
+    """The entry of cell.yaml that estimates them."""
+    return f"`link_parameters: {{status: prior, sigma_rad: {SIGMA_RAD}, sigma_m: {SIGMA_M}}}`"
+
+
+def shared_errors(at: Posture) -> SharedErrors:
+    """A shift and a rotation of each origin, and of the tip."""
+    return SharedErrors(at.true.by_links, np.tile(np.repeat([False, True], 3), at.chain.n + 1))
+
+
+def likely(sigmas: Mapping[str, Array]) -> Words:
+    """Link errors that the noise shows."""
+    robots, (shift, turn) = " and ".join(sigmas), np.max(list(sigmas.values()), axis=0)
+    size = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg (1 sigma)"
+    do = f"To estimate them, write {entry(np.zeros(0))} at {robots}."
+    return Words("robot-model", f"Links of {robots} likely differ from the URDF by {size}.", (do,))
+
+
+def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+    """Errors of one sigma per axis [m], rotated by 1 mrad a millimetre."""
+    return np.repeat([size, size * _TURN_PER_METRE], 3) * rng.standard_normal((joints + 1, 6))
+
+
+EFFECT = Effect(
+    NAME,
+    parameter=RobotParameter(
+        Stated,
+        "an error of the links",
+        derivative,
+        columns,
+        report,
+        to_dict,
+        from_dict,
+        entry,
+        zero=zero,
+        moved=moved,
+        is_by_joint=False,
+    ),
+    random=RandomEffect(
+        KINEMATICS,
+        "of its links",
+        by_joints=shared_errors,
+        likely=likely,
+        is_certain=True,
+        is_mapped=True,
+        replaced_by=(NAME,),
+    ),
+    fault=SimulatedFault(
+        "link-errors",
+        "mm",
+        MILLI,
+        0.5,
+        "each link is off, one sigma per axis, and turned by 1 mrad a mm",
+        draw=drawn,
+    ),
+    absent={"candidate": "42 numbers of six joints: cross-validation chooses them, and their sigma shows them"},
+)

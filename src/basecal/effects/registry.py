@@ -1,0 +1,50 @@
+"""Every effect: a new one is a module, and its name here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from basecal.effects import (
+    bending,
+    clock_drift,
+    clock_offset,
+    deflection,
+    drift,
+    joint_offsets,
+    length_scale,
+    link_parameters,
+    smooth,
+    step,
+    target_size,
+)
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.robot_parameter import RobotParameter
+
+EFFECTS: Mapping[str, Effect] = {
+    module.EFFECT.name: module.EFFECT
+    for module in (
+        smooth,
+        joint_offsets,
+        link_parameters,
+        deflection,
+        length_scale,
+        target_size,
+        clock_offset,
+        clock_drift,
+        step,
+        drift,
+        bending,
+    )
+}
+"""By name, in the order in which they are estimated and looked for."""
+
+ROBOT_PARAMETERS: Mapping[str, RobotParameter] = {
+    name: effect.parameter for name, effect in EFFECTS.items() if effect.parameter is not None
+}
+"""What can be estimated of a robot's own kinematics, by the key in cell.yaml."""
+
+RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
+    name: effect.random for name, effect in EFFECTS.items() if effect.random is not None
+}
+"""Errors that a robot's stops share, by name."""

@@ -1,0 +1,65 @@
+"""Errors of an arm that are smooth in its pose: geometry, gears and sag, alike at stops that are near one another.
+
+A Gaussian process over poses with a squared-exponential kernel in sqrt(|dp|^2 + (1 m * angle)^2), by its leading modes:
+it varies slowly, so that a dozen describe it. Source: Rasmussen & Williams 2006 (4.2), Williams & Seeger 2001 (modes).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.random_effect import RandomEffect
+from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
+from basecal.geometry import SE3, Array, BoolArray
+from basecal.numerics.spectral import spectrum
+
+# Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
+LENGTH_M = 0.7
+_ARM_M = 1.0
+_MOST_STOPS = 150  # that the modes are found of: more are between these
+_MOST_MODES = 16  # of each of six coordinates, which bounds the time
+_LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single stops
+
+
+def errors(poses: SE3, seen: BoolArray) -> SharedErrors | None:
+    """Errors of each coordinate by modes, at recorded poses."""
+    found = modes(poses, seen)
+    return SharedErrors.in_every_coordinate(found) if found.shape[1] else None
+
+
+def modes(poses: SE3, seen: BoolArray) -> Array:
+    """Of a unit error of each mode the size at each stop of a robot, equal in every coordinate, (stops, k)."""
+    few = poses[np.flatnonzero(seen)[:: -(-int(seen.sum()) // _MOST_STOPS)]]
+    of = spectrum(kernel(few, few), _LEAST_MODE)
+    return np.asarray(kernel(poses, few) @ of.inverse_root[:, of.held][:, -_MOST_MODES:])
+
+
+def kernel(first: SE3, second: SE3) -> Array:
+    """How alike errors are at poses of a flange, (n,) and (m,) to (n, m): 1 at the same."""
+    apart = first.translation[:, None] - second.translation[None]
+    # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
+    traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T
+    turn = np.arccos(np.clip((traces - 1) / 2, -1, 1))
+    squared = np.sum(apart**2, -1) + _ARM_M**2 * turn**2
+    return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))
+
+
+_EVERY_ARM = "a stand-in for the effects of joints and links on arms that record poses alone"
+
+EFFECT = Effect(
+    "smooth",
+    random=RandomEffect(
+        SharedPrior((2.5, 2.0), "assumed: larger than what differs between neighbouring stops"),
+        "smooth over {length_m:g} m",
+        by_poses=errors,
+        figures={"length_m": LENGTH_M},
+    ),
+    absent={
+        "statement": _EVERY_ARM,
+        "unknown": "a function of the pose, not a number",
+        "candidate": "its sigma is estimated, and no value of it can be",
+        "map": "the error map takes its variance, as it has no values at joints",
+        "fault": "joint-offsets, link-errors and sag make such errors",
+    },
+)

@@ -1,0 +1,53 @@
+"""Size of a target: larger than stated by a fraction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.views import Views
+from basecal.geometry import Array
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each target, larger by a fraction; with a single robot that is the same as all its poses too short."""
+    for target in views.targets if len(views.robots) > 1 else ():
+        moves = (by_size(views, k) if g.target == target else None for k, g in enumerate(views.groups))
+        yield one_candidate("length-scale", target, "", tuple(moves))
+
+
+def by_size(views: Views, k: int) -> Array:
+    """How views of a group move with the size of their target by a fraction, (n, 6, 1).
+
+    A target that is larger than stated appears nearer than it is, since its image is larger.
+    """
+    nearer = np.zeros((len(views.groups[k]), 6, 1))
+    nearer[:, :3] = views.target_from_camera(k).translation[..., None]
+    return nearer
+
+
+def words(found: FoundEffect) -> Words:
+    """Larger or smaller than stated."""
+    percent = 100 * found.size[0]
+    amount = f"{rounded(abs(percent), 100 * found.sigma)} %"
+    what = f"{found.about} is {amount} {'larger' if percent > 0 else 'smaller'} than stated."
+    return Words("length-scale", what, ("Measure its print.", AGAIN))
+
+
+EFFECT = Effect(
+    "target_size",
+    candidates=candidates,
+    words=words,
+    elsewhere={"statement": "basecal.cell.targets: the lengths of each kind"},
+    absent={
+        "size": "a candidate without a prior: only a certain one is reported",
+        "unknown": "a ruler measures it better than views of arms whose lengths err as much",
+        "random": "each target has one",
+        "map": "what it moves is contained in the widening of the answer",
+        "fault": "link-errors of both arms looks the same; `study` varies the stated size",
+    },
+)

@@ -1,0 +1,1 @@
+"""Numbers, sigmas, poses and entries as files hold them, and what is wrong with one, in one line."""

@@ -1,0 +1,25 @@
+"""What `cell.yaml` may say of any kind of parameters of a robot."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import model_validator as checks_whole
+
+from basecal.fields.values import Entry, Status
+
+
+class Parameters(Entry):
+    """What is known beforehand of parameters of a robot, whose prior is about zero; a kind of them adds its sigmas."""
+
+    status: Status = "fixed"
+
+    @checks_whole(mode="after")
+    def _sigmas_of_prior(self) -> Self:
+        sigmas = [name for name in type(self).model_fields if name.startswith("sigma")]
+        given = [name for name in sigmas if getattr(self, name) is not None]
+        wanted = sigmas if self.status == "prior" else []
+        if given != wanted:
+            expected = " and ".join(sorted(wanted)) or "no sigma"
+            raise ValueError(f"status {self.status} takes {expected}, got {' and '.join(sorted(given)) or 'none'}")
+        return self

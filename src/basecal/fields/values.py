@@ -1,0 +1,218 @@
+"""Numbers, sigmas and poses as `cell.yaml` may hold them, as pydantic types.
+
+Limits on size keep later arithmetic finite: no length of a cell reaches 1e6 m and no sigma lies under 1e-12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import field_validator as checks
+
+from basecal.errors import nearest
+from basecal.fields.problems import SHORT, short
+from basecal.geometry import SE3
+
+LARGEST = 1e6
+"""Of any number, [m, px, rad]: a thousand kilometres; its square times any number of samples is far from overflow."""
+
+SMALLEST_LENGTH_M, LARGEST_LENGTH_M = 1e-6, 1e3
+"""Of what is printed or measured with a ruler, such as a square: from what a microscope resolves to a kilometre."""
+
+SMALLEST_SIGMA = 1e-12
+"""[m, px, rad]: below what any instrument has; the inverse of its square is far from overflow."""
+
+_NO_TURN = 1e-9  # of a rotation matrix from the identity: beyond the digits in which it was written
+_TURN_RAD = 2 * np.pi * 1.001  # [rad] with room for the digits in which a turn was written
+_ROTATIONS = ("q_xyzw", "rotvec_rad", "rpy_deg")
+
+
+def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
+    """A check of one positive number or `count` of them (any number where None)."""
+
+    def check(value: Any) -> list[float]:
+        """The numbers as a list."""
+        single = not isinstance(value, list)
+        values = [value] * (count or 1) if single else value
+        if count not in (None, len(values)) or not values or not all(map(_is_sigma, values)):
+            many = "a list of them" if count is None else f"{count} of them"
+            raise ValueError(f"expected one positive number or {many}, got {short(value) if single else value}")
+        return [float(v) for v in values]
+
+    return check
+
+
+def _sigma(value: Any) -> Any:
+    if not _is_sigma(value):
+        raise ValueError(f"expected a positive number, got {short(value)}")
+    return value
+
+
+def _is_sigma(value: Any) -> bool:
+    return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST
+
+
+def known_names(what: str, names: tuple[str, ...]) -> AfterValidator:
+    """A check that a name is one of those known."""
+
+    def check(name: str) -> str:
+        """The name, if it is known."""
+        if name not in names:
+            raise ValueError(f"no {what} {name[:SHORT]!r}{nearest(name[:SHORT], names)}; there are: {', '.join(names)}")
+        return name
+
+    return AfterValidator(check)
+
+
+def empty(value: Any) -> Any:
+    """An entry, also one with nothing after its colon."""
+    return {} if value is None else value
+
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Length = Annotated[float, Field(ge=SMALLEST_LENGTH_M, le=LARGEST_LENGTH_M)]
+Pixels = Annotated[float, Field(gt=0, le=LARGEST)]
+Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Sigma = Annotated[float, BeforeValidator(_sigma)]
+Sigma2 = Annotated[list[float], BeforeValidator(_sigmas(2))]
+Sigma3 = Annotated[list[float], BeforeValidator(_sigmas(3))]
+Sigmas = Annotated[list[float], BeforeValidator(_sigmas(None))]
+Status = Literal["fixed", "prior", "free"]
+_Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
+
+
+_TWO = Field(min_length=2, max_length=2)
+MOST_POINTS = 1000
+"""Squares along a side, or tags of a target: more than any detector finds."""
+
+_MOST_SIDE = 100_000  # [px] of an image, ten times what sensors have
+# Two whole numbers: the sides of an image [px], squares or corners along both sides of a board.
+ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=_MOST_SIDE)]], _TWO]
+Squares = Annotated[list[Annotated[int, Field(ge=3, le=MOST_POINTS)]], _TWO]
+Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _TWO]
+
+
+class Entry(BaseModel):
+    """A mapping of known fields."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
+class PoseEntry(Entry):
+    """A pose as written by hand."""
+
+    t_m: Vector | None = None
+    q_xyzw: _Row | None = None
+    rotvec_rad: Vector | None = None
+    rpy_deg: Vector | None = None
+    matrix: Annotated[list[_Row], Field(min_length=4, max_length=4)] | None = None
+
+    @checks("q_xyzw")
+    @classmethod
+    def _unit(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None:
+            SE3.from_quaternion(value, np.zeros(3))
+        return value
+
+    @checks("rotvec_rad")
+    @classmethod
+    def _within_a_turn(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (length := float(np.linalg.norm(value))) > _TURN_RAD:
+            expected = f"no rotation vector is longer than a turn, {2 * np.pi:.3g} rad"
+            raise ValueError(f"has length {length:.3g}, {expected}: it looks like degrees, write radians")
+        return value
+
+    @checks("matrix")
+    @classmethod
+    def _rigid(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+        if value is not None:
+            SE3.from_matrix(value)
+        return value
+
+
+class UnknownEntry(PoseEntry):
+    """A transform that is known, known roughly, or not."""
+
+    status: Status = "free"
+    sigma_t_m: Sigma3 | None = None
+    sigma_r_rad: Sigma3 | None = None
+    guess: PoseEntry | None = None
+
+
+def given(pose: PoseEntry) -> list[str]:
+    """Names of the fields of the pose that are written."""
+    return [name for name in PoseEntry.model_fields if getattr(pose, name) is not None]
+
+
+def pose_se3(pose: PoseEntry) -> SE3:
+    """The transform of a checked pose; one of a position alone has no rotation."""
+    if pose.matrix is not None:
+        return SE3.from_matrix(pose.matrix)
+    if pose.q_xyzw is not None:
+        return SE3.from_quaternion(pose.q_xyzw, pose.t_m or ())
+    if pose.rpy_deg is not None:
+        return SE3.from_rpy(np.deg2rad(pose.rpy_deg), pose.t_m or ())
+    return SE3.from_rotvec(pose.rotvec_rad or np.zeros(3), pose.t_m or ())
+
+
+def full_pose(pose: PoseEntry) -> PoseEntry:
+    """The pose itself, when it has a position and one rotation.
+
+    Raises:
+        ValueError: if not.
+    """
+    names = given(pose)
+    rotations = [name for name in names if name in _ROTATIONS]
+    if "matrix" in names and len(names) > 1:
+        raise ValueError("expected `matrix` alone, without t_m and other rotations")
+    if "matrix" not in names and not ("t_m" in names and len(rotations) == 1):
+        got = ", ".join(names) or "neither"
+        raise ValueError(f"expected t_m and exactly one of {', '.join(_ROTATIONS)}, or a 4x4 matrix; got {got}")
+    return pose
+
+
+def _point_pose(pose: PoseEntry) -> PoseEntry:
+    names = given(pose)
+    if not names:
+        raise ValueError("expected t_m, the position of the point")
+    if names != ["t_m"]:
+        full_pose(pose)
+        if not np.allclose(pose_se3(pose).rotation, np.eye(3), atol=_NO_TURN):
+            raise ValueError("a single point has no rotation; give t_m alone")
+    return pose
+
+
+def _check_status(entry: UnknownEntry, pose_check: Callable[[PoseEntry], PoseEntry], sigmas: set[str]) -> None:
+    stated = {name for name in ("sigma_t_m", "sigma_r_rad") if getattr(entry, name) is not None}
+    wanted = sigmas if entry.status == "prior" else set()
+    if stated - wanted:
+        why = "of a single point has no rotation" if entry.status == "prior" else f"with status {entry.status} has none"
+        raise ValueError(f"a transform {why}: remove {', '.join(sorted(stated - wanted))}")
+    if wanted - stated:
+        raise ValueError(f"status prior needs {', '.join(sorted(wanted - stated))}")
+    if entry.status == "free":
+        if given(entry):
+            raise ValueError("status free takes no pose; write it as `guess: {...}`, or set status fixed or prior")
+        if entry.guess is not None:
+            pose_check(entry.guess)
+        return
+    if entry.guess is not None:
+        raise ValueError(f"status {entry.status} takes no guess; write the pose beside the status")
+    pose_check(entry)
+
+
+def _rigid_unknown(entry: UnknownEntry) -> UnknownEntry:
+    _check_status(entry, full_pose, {"sigma_t_m", "sigma_r_rad"})
+    return entry
+
+
+def _point_unknown(entry: UnknownEntry) -> UnknownEntry:
+    _check_status(entry, _point_pose, {"sigma_t_m"})
+    return entry
+
+
+Mount = Annotated[UnknownEntry, AfterValidator(_rigid_unknown), BeforeValidator(empty)]
+PointMount = Annotated[UnknownEntry, AfterValidator(_point_unknown), BeforeValidator(empty)]

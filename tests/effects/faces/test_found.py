@@ -1,0 +1,31 @@
+"""Sizes with their sigmas in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.effects.faces.found import FoundEffect, rounded, rounded_length, rounded_tangent
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [(0.12345, 0.0123, "0.123 +/- 0.012"), (12.3, 4.0, "12.3 +/- 4.0"), (5.0, 0.0, "5.000000000 +/- 0.000000000")],
+)
+def test_two_digits_of_sigma(value, sigma, text):
+    """As many of the value."""
+    assert rounded(value, sigma) == text
+
+
+def test_a_length_has_the_sigma_along_it():
+    """In the unit requested; across it the sigma does not count."""
+    assert rounded_length(np.array([3e-3, 4e-3]), np.diag([1e-6, 1e-6]), 1e3) == "5.0 +/- 1.0"
+    assert rounded_length(np.array([5e-3, 0.0]), np.diag([1e-6, 1.0]), 1e3) == "5.0 +/- 1.0"
+
+
+def test_a_tangent_is_a_shift_and_a_rotation():
+    """In millimetres and degrees."""
+    size, covariance = np.array([2e-3, 0, 0, 0, np.radians(0.5), 0]), np.diag([1e-8] * 3 + [1e-6] * 3)
+    found = FoundEffect("step", "base-moved", "eye", False, False, 3, "", size, covariance, np.zeros(6))
+    assert rounded_tangent(found) == "2.00 +/- 0.10 mm and 0.500 +/- 0.057 deg"
+    assert found.sigma == pytest.approx(1e-4)

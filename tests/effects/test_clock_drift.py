@@ -1,0 +1,46 @@
+"""A clock that drifts is an offset that grows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.accuracy.systematic_errors.test_search import on_a_path
+
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.effects.clock_drift import candidates as clock_drifts
+from basecal.effects.clock_offset import candidates as clock_offsets
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.simulation import Scenario, simulate
+from made_views import Made
+
+
+def test_a_clock_that_drifts_is_right_in_the_middle():
+    """Half of a clock's offset at the last sample, and less than none at the first; of stamps that say when."""
+    made = simulate(Scenario(samples=1, layout="eye_to_hand", target="pose"), 0)
+    cell, recording = on_a_path(0.0)
+    problem, _ = build_problem(cell, recording)
+    of = Situation(
+        problem,
+        State(made.truth, made.cameras, np.zeros((0, 6))),
+        problem,
+        {s.sample: s.stamp_s for s in recording.samples},
+    )
+    (offset,), (drift,) = clock_offsets(of), clock_drifts(of)
+    share = np.linspace(-0.5, 0.5, 50)[of.rank(problem.groups[0])]
+    np.testing.assert_allclose(drift.moves[0], share[:, None, None, None] * offset.moves[0], atol=1e-12)
+    assert not list(clock_drifts(Situation(problem, of.state, problem, {})))
+
+
+@pytest.mark.parametrize(("count", "timed", "told"), [(6, True, True), (5, True, False), (6, False, False)])
+def test_clocks_drift_over_six_samples_and_more(count, timed, told):
+    """From half less at the first to half more at the last, by their stamps."""
+    of = Made(count, timed=timed)
+    found = list(clock_drifts(of))
+    assert [(each.code, each.about, each.unit) for each in found] == (
+        [("clock-drift", ("wrist",), "s")] if told else []
+    )
+    if told:
+        (offset,) = clock_offsets(of)
+        share = np.linspace(-0.5, 0.5, count)[:, None, None, None]
+        np.testing.assert_allclose(found[0].moves[0], share * offset.moves[0], atol=1e-12)

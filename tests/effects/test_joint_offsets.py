@@ -1,0 +1,137 @@
+"""Joint offsets: columns, what is said of them, and their fields in `calibration.json`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import RobotParameters
+from basecal.effects import joint_offsets as of
+from basecal.effects.faces.robot_parameter import Unobserved
+from basecal.errors import InputError
+from basecal.estimation.noise.random_effects import posture_at_stops, shared_errors
+from basecal.estimation.problem.robot_parameters import Kinematics
+from basecal.simulation import Scenario
+from basecal.simulation.arms import six_axis
+from made_views import moved_by_pose, views_of
+from simulated_problem import simulated_problem
+
+SCENARIO = Scenario(samples=8, joints=True)
+COVARIANCE = np.diag([4.0, 9.0])
+FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([2.0, 3.0]), np.array([True, False]), COVARIANCE)
+
+
+@pytest.mark.parametrize(("stated", "sigma"), [({"status": "free"}, None), ({"sigma_rad": 0.01}, [0.01] * 6)])
+def test_a_column_a_joint(stated, sigma):
+    """A radian each, with the prior's sigma where there is one."""
+    columns = of.columns(six_axis(), of.Stated(**{"status": "prior", **stated}))
+    np.testing.assert_array_equal(columns.basis, np.eye(6))
+    assert (columns.sigma if sigma is None else columns.sigma.tolist()) == sigma
+
+
+def test_fields_of_the_calibration():
+    """A field for each number, by robot; read back alike."""
+    data = of.to_dict({"arm": FOUND})
+    assert data["joint_offsets_rad"]["arm"].tolist() == [0.1, 0.2]
+    assert data["joint_offsets_sigma_rad"]["arm"].tolist() == [2.0, 3.0]
+    assert data["joint_names"] == {"arm": ("a", "b")}
+    (back,) = of.from_dict(data).values()
+    assert back.joints == ("a", "b")
+    for name in ("values", "sigma", "seen", "covariance"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(FOUND, name))
+
+
+def test_nothing_is_null():
+    """Without robots every field is null, and null reads as none."""
+    nothing = of.to_dict({})
+    assert len(nothing) == 5
+    assert set(nothing.values()) == {None}
+    assert of.from_dict(nothing) == of.from_dict({}) == {}
+
+
+@pytest.mark.parametrize(("key", "wrong"), [("joint_offsets_rad", [1.0]), ("joint_offsets_covariance", [[1.0]])])
+def test_numbers_of_other_shapes_are_refused(key, wrong):
+    """As many numbers as joints."""
+    with pytest.raises(InputError, match=f"{key} has shape"):
+        of.from_dict(of.to_dict({"arm": FOUND}) | {key: {"arm": wrong}})
+
+
+def test_why_an_offset_is_not_seen():
+    """The ends by what they hang on, the others by how little they move; and what makes up for them."""
+    ends = of.unobserved(
+        Unobserved(
+            "joints 1 (a) and 4 (d)",
+            (
+                0,
+                3,
+            ),
+            4,
+            "eye_base",
+            True,
+        )
+    )
+    assert ends.endswith(
+        "joints 1 (a) and 4 (d): the first joint moves the arm as its base does, the last one as the mounts on its "
+        "flange do; the sigmas of eye_base and of the mounts contain what they leave open"
+    )
+    middle = of.unobserved(Unobserved("joint 2 (b)", (1,), 4, "eye_base", False))
+    assert "fixed at zero as a gauge: joint 2 (b): the samples hardly move the others by themselves;" in middle
+    chained = of.unobserved(
+        Unobserved(
+            "joints 1 (a), 2 (b) and 4 (d)",
+            (
+                0,
+                1,
+                3,
+            ),
+            4,
+            "eye_base",
+            False,
+        )
+    )
+    assert "joints 1 to 2 move the arm as its base does, in these samples, the last one as the mounts" in chained
+
+
+def test_shared_errors_move_the_flange_as_offsets_do():
+    """To first order as the chain at joints that are off."""
+    problem = simulated_problem(SCENARIO)
+    at, offsets = posture_at_stops(problem, "eye"), 1e-6 * np.arange(1.0, 7.0)
+    off = Kinematics(at.chain, {"joint_offsets": offsets}).forward(at.recorded)
+    moved = (at.chain.forward(at.recorded).inverse() @ off).log()
+    np.testing.assert_allclose(of.shared_errors(at).by_stop @ offsets, moved, atol=1e-10)
+
+
+def test_estimated_offsets_leave_no_random_effect():
+    """Nor do estimated links, which hold them."""
+    for kind in ("joint_offsets", "link_parameters"):
+        estimated = replace(SCENARIO, joint_offset_rad=1e-3, link_error=(1e-4, 1e-4), **{kind: "prior"})
+        assert shared_errors(of.EFFECT.random, simulated_problem(estimated), "eye") is None
+
+
+def test_joint_offsets():
+    """One unit of a joint's offset moves the view as the flange of an arm whose joint stands elsewhere."""
+    views = views_of(Scenario(samples=6, joints=True))
+    problem, every = views.problem, list(of.candidates(views))
+    assert [(candidates.code, candidates.about[0]) for candidates in every] == [
+        (code, robot) for robot in ("eye", "hand") for code in ("joint-offset", "joint-offsets")
+    ]
+    found = {candidates.about[0]: candidates for candidates in every[::2]}
+    for alone, together in zip(every[::2], every[1::2], strict=True):
+        np.testing.assert_array_equal(together.moves[0][:, 0], np.moveaxis(alone.moves[0][..., 0], 1, 2))
+    assert found.keys() == {"eye", "hand"}
+    (group,) = problem.groups
+    for robot, joints in (("eye", group.eye_joints), ("hand", group.hand_joints)):
+        assert found[robot].joint == tuple(range(6))
+        for joint in range(6):
+            moved = problem.chains[robot].forward(joints + 1e-6 * np.eye(6)[joint])
+            expected = moved_by_pose(views, robot, moved)
+            np.testing.assert_allclose(1e-6 * found[robot].moves[0][:, joint, :, 0], expected, atol=1e-11)
+
+
+def test_offsets_that_are_estimated_or_have_no_joints_are_not_tested():
+    """Neither robots given by poses nor those whose offsets are unknowns already."""
+    assert list(of.candidates(views_of(Scenario(samples=6)))) == []
+    estimated = Scenario(samples=12, joints=True, joint_offset_rad=1e-3, joint_offsets="prior")
+    assert list(of.candidates(views_of(estimated))) == []

@@ -1,0 +1,133 @@
+"""Every effect: each face is there or lacks with a reason, and does what faces do."""
+
+from __future__ import annotations
+
+import re
+from string import Formatter
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from basecal.cell import RobotParameters
+from basecal.effects.faces.effect import Face
+from basecal.effects.faces.robot_parameter import Posture, Unobserved
+from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS
+from basecal.simulation import Scenario
+from basecal.simulation.arms import six_axis
+from derivatives import check_derivative
+from made_views import views_of
+
+ARM = six_axis()
+JOINTS = np.random.default_rng(0).uniform(-2, 2, (4, 6))
+SIGMAS = {"eye": np.array([5e-4, 1e-3]), "hand": np.array([1e-4, 2e-3])}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_each_face_is_there_or_lacks_with_a_reason(name):
+    """Never both, and a reason is a phrase."""
+    effect = EFFECTS[name]
+    assert effect.name == name
+    assert effect.faces | effect.absent.keys() == set(get_args(Face))
+    assert not effect.faces & effect.absent.keys()
+    assert all(len(reason.split()) >= 4 for reason in effect.absent.values())
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_what_is_found_has_words(name):
+    """An effect that score tests look for is put into words."""
+    assert (EFFECTS[name].candidates is None) == (EFFECTS[name].words is None)
+
+
+def test_faults_have_names_of_their_own():
+    """Each is drawn of its size: twice the size is twice the values."""
+    faults = [effect.fault for effect in EFFECTS.values() if effect.fault is not None]
+    assert len({fault.name for fault in faults}) == len(faults)
+    for name, effect in EFFECTS.items():
+        assert (effect.fault is not None and effect.fault.draw is not None) == (name in ROBOT_PARAMETERS)
+    for draw in (fault.draw for fault in faults if fault.draw is not None):
+        one, two = (draw(size, 6, np.random.default_rng(0)) for size in (1.0, 2.0))
+        np.testing.assert_allclose(two, 2 * one)
+
+
+@pytest.mark.parametrize("joints", [False, True])
+def test_candidates_have_moves_for_all_views(joints):
+    """Of each kind (n, b, 6, q), as many as are named."""
+    views, found = views_of(Scenario(samples=12, joints=joints)), 0
+    for effect in EFFECTS.values():
+        for kind in () if effect.candidates is None else effect.candidates(views):
+            assert kind.moves[0].shape == (12, len(kind.about), 6, kind.sizes)
+            assert len(kind.since) == len(kind.about)
+            found += 1
+    assert found > 5
+
+
+@pytest.mark.parametrize("name", RANDOM_EFFECTS)
+def test_sizes_are_expected_by_a_source(name):
+    """Or assumed; a factor spans them, and the words of the report can be filled in."""
+    effect = RANDOM_EFFECTS[name]
+    assert {field for _, field, _, _ in Formatter().parse(effect.report) if field} <= effect.figures.keys()
+    assert effect.expected.turn[0] > 0
+    assert effect.expected.turn[1] > 1
+    assert re.search(r"assumed|\d{4}", effect.expected.source)
+    assert (effect.by_joints is None) != (effect.by_poses is None)
+
+
+@pytest.mark.parametrize("name", [name for name, each in RANDOM_EFFECTS.items() if each.likely is not None])
+def test_what_the_noise_shows_is_put_into_words(name):
+    """With the robots, the size and an entry of cell.yaml."""
+    words = RANDOM_EFFECTS[name].likely(SIGMAS)
+    assert "eye and hand" in words.what
+    assert "0.11 deg" in words.what
+    assert f"`{name}: {{status: " in words.do[0]
+
+
+def flange(kind, values):
+    true = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values)
+    return kind.moved(ARM, values).forward(true)
+
+
+@pytest.mark.parametrize("name", ROBOT_PARAMETERS)
+def test_zero_is_the_robot_as_stated(name):
+    """Nothing moves, and what was not looked for is stated as fixed."""
+    kind = ROBOT_PARAMETERS[name]
+    np.testing.assert_array_equal(flange(kind, kind.zero(6)).matrix, ARM.forward(JOINTS).matrix)
+    assert kind.stated().status == "fixed"
+
+
+@pytest.mark.parametrize("name", ROBOT_PARAMETERS)
+def test_the_derivative_is_that_of_the_flange(name):
+    """To each value, at values of some size."""
+    kind = ROBOT_PARAMETERS[name]
+    values = 0.1 * kind.scale * np.random.default_rng(1).standard_normal(kind.zero(6).shape)
+    true, moved = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values), kind.moved(ARM, values)
+    at = Posture(ARM, JOINTS, moved.at(true))
+    before = flange(kind, values).inverse()
+
+    def after(step):
+        return (before @ flange(kind, values + kind.scale * step.reshape(values.shape))).log()
+
+    check_derivative(after, kind.scale * kind.derivative(at, kind.stated(), values))
+
+
+@pytest.mark.parametrize("name", ROBOT_PARAMETERS)
+def test_what_was_found_is_written_read_and_reported(name):
+    """A heading with the robot's name and a line at least; the fields of the calibration give it back."""
+    kind = ROBOT_PARAMETERS[name]
+    values = np.arange(kind.zero(6).size, dtype=float).reshape(kind.zero(6).shape)
+    joints = ARM.joint_names if kind.is_by_joint else ()
+    covariance = np.eye(values.size) if kind.is_by_joint else None
+    found = RobotParameters(joints, values, np.ones(values.shape), np.ones(values.shape, dtype=bool), covariance)
+    np.testing.assert_array_equal(kind.from_dict(kind.to_dict({"arm": found}))["arm"].values, values)
+    heading, *lines = kind.report("arm", found)
+    assert "arm" in heading
+    assert len(lines) == len(values)
+
+
+@pytest.mark.parametrize("name", ROBOT_PARAMETERS)
+def test_values_by_joint_say_why_they_are_not_seen(name):
+    """Others are left out as a whole."""
+    kind = ROBOT_PARAMETERS[name]
+    assert (kind.unobserved is not None) == kind.is_by_joint
+    if kind.unobserved is not None:
+        assert "joint 2 (b)" in kind.unobserved(Unobserved("joint 2 (b)", (1,), 6, "eye_base", True))

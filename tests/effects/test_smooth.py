@@ -1,0 +1,55 @@
+"""Smooth errors by few modes are those of the kernel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from basecal.effects.smooth import LENGTH_M, kernel, modes
+from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3
+from basecal.geometry.rotation import rotation_log
+from basecal.simulation import Scenario, simulate
+
+
+def test_modes_make_the_kernel():
+    """Products of modes are exp(-d^2 / 2 l^2) of the stops' distances d, to what the modes left out explain, 8 %."""
+    s = simulate(Scenario(samples=30), 1)
+    problem, _ = build_problem(s.cell, s.recording)
+    poses, seen = stands(problem, "hand")
+    found = modes(poses, seen)
+    turn = rotation_log(np.swapaxes(poses.rotation, -1, -2)[:, None] @ poses.rotation[None])
+    shift = poses.translation[:, None] - poses.translation[None]
+    squared = np.sum(shift**2, -1) + np.sum(turn**2, -1)
+    np.testing.assert_allclose(found @ found.T, np.exp(-0.5 * squared / LENGTH_M**2), atol=0.08)
+
+
+def test_errors_are_alike_by_a_gaussian_of_the_distance():
+    """Over 0.7 m, a radian counting as a metre: of pairs near and half a turn apart, of two different lists."""
+    rng = np.random.default_rng(0)
+    first, second = (SE3.exp(rng.uniform(-1.5, 1.5, (n, 6))) for n in (5, 3))
+    found = kernel(first, second)
+    assert found.shape == (5, 3)
+    for i in range(5):
+        for j in range(3):
+            shift = np.linalg.norm(first[i].translation - second[j].translation)
+            turn = Rotation.from_matrix(first[i].rotation.T @ second[j].rotation).magnitude()
+            assert found[i, j] == pytest.approx(np.exp(-(shift**2 + turn**2) / (2 * LENGTH_M**2)), rel=1e-9)
+    np.testing.assert_allclose(np.diag(kernel(first, first)), 1.0, atol=1e-7)
+
+
+@pytest.mark.parametrize(("spread_rad", "fewer"), [(0.6, True), (2.5, False)])
+def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
+    """As the kernel's eigenvectors: of arms that turn much all sixteen, else but for those below a hundredth."""
+    made = simulate(Scenario(samples=40, spread_rad=spread_rad), 1)
+    problem, _ = build_problem(made.cell, made.recording)
+    poses, seen = stands(problem, "hand")
+    values, vectors = np.linalg.eigh(kernel(poses, poses))
+    kept = np.flatnonzero(values > 1e-2 * values[-1])[-16:]
+    found = modes(poses, seen)
+    assert found.shape == (40, len(kept))
+    assert (len(kept) < 16) == fewer
+    expected = (vectors[:, kept] * values[kept]) @ vectors[:, kept].T
+    np.testing.assert_allclose(found @ found.T, expected, atol=1e-8)

@@ -1,0 +1,26 @@
+"""A step moves views as a frame does, from a sample on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.effects.step import candidates as steps
+from made_views import Made
+
+
+@pytest.mark.parametrize(("count", "since"), [(5, []), (6, [30]), (7, [30, 40]), (10, [30, 40, 50, 60, 70])])
+def test_steps_leave_three_samples_on_either_side(count, since):
+    """Each is told by the number of its first sample."""
+    found = list(steps(Made(count)))
+    assert [list(each.since) for each in found] == ([since] if since else [])
+    assert all(each.about == ("base",) * len(since) for each in found)
+
+
+def test_steps_of_long_recordings_are_looked_for_at_thirty_two_places():
+    """Evenly over all of them, the first and the last among them; up to 37 samples at each."""
+    (long,), (most,) = steps(Made(100)), steps(Made(37))
+    assert len(long.since) == 32
+    assert (long.since[0], long.since[-1]) == (30, 970)
+    assert set(np.diff(long.since)) == {30, 40}
+    assert list(most.since) == list(range(30, 350, 10))

@@ -1,0 +1,41 @@
+"""A target that is larger than stated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.effects.target_size import by_size, candidates
+from basecal.geometry import SE3
+from basecal.simulation import Scenario
+from made_views import Made, views_of
+
+
+def test_a_larger_target_is_seen_nearer():
+    """One millionth that a target is larger than stated takes one of its distance from the camera; nothing turns."""
+    of = views_of(Scenario(samples=12))
+    at = of.state.camera_from_target(of.problem.groups[0], of.problem.stops)
+    nearer = SE3(at.rotation, (1 - 1e-6) * at.translation)
+    np.testing.assert_allclose(1e-6 * by_size(of, 0)[..., 0], (at.inverse() @ nearer).log(), atol=1e-12)
+
+
+def test_an_led_has_no_size():
+    """It is a single point."""
+    assert list(candidates(views_of(Scenario(samples=8, target="led")))) == []
+
+
+@pytest.mark.parametrize(("robots", "targets"), [
+    (("eye", "hand"), ("board", "light")),
+    (("eye", "hand"), ("board",)),
+    (("hand",), ()),
+])  # fmt: skip
+def test_targets_have_sizes_beside_those_of_two_robots(robots, targets):
+    """Each moves its own views, by its distance; one robot too short is a target too small."""
+    of = Made(4, {"eye": "eye"}, {"target": "light", "target_mount": "bulb"}, robots=robots, targets=("board", "light"))
+    of.targets = targets or of.targets
+    found = {each.about[0]: each.moves for each in candidates(of)}
+    assert tuple(found) == targets
+    for k, name in enumerate(("board", "light")):
+        if name in found:
+            assert found[name][1 - k] is None
+            np.testing.assert_array_equal(found[name][k][:, 0, :, 0], np.tile([0, 0, k + 1.0, 0, 0, 0], (4, 1)))

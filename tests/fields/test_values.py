@@ -1,0 +1,176 @@
+"""Numbers, sigmas and poses as `cell.yaml` may hold them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from basecal.fields import values
+from basecal.fields.values import Mount, PointMount, PoseEntry, full_pose, pose_se3
+from basecal.geometry import SE3
+
+Q = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+QUARTER = SE3.from_rotvec([0, 0, np.pi / 2], [1.0, 2.0, 3.0])
+SIGMAS = {"sigma_t_m": 0.1, "sigma_r_rad": 0.2}
+
+
+def read(kind, value):
+    return TypeAdapter(kind).validate_python(value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "found"),
+    [
+        (values.Sigma, 1e-12, 1e-12),
+        (values.Sigma, 1000000, 1e6),
+        (values.Sigma2, 0.5, [0.5, 0.5]),
+        (values.Sigma3, [1, 2, 3], [1.0, 2.0, 3.0]),
+        (values.Sigmas, 2, [2.0]),
+        (values.Sigmas, [1, 2], [1.0, 2.0]),
+        (values.Number, -1e6, -1e6),
+        (values.Length, 1e3, 1e3),
+        (values.Length, 1e-6, 1e-6),
+        (values.Pixels, 1e6, 1e6),
+        (values.ImageSize, [1, 100_000], [1, 100_000]),
+        (values.Squares, [3, 1000], [3, 1000]),
+        (values.Corners, [2, 1000], [2, 1000]),
+    ],
+)
+def test_what_is_within_the_limits_is_taken(kind, value, found):
+    """At the very limits too."""
+    assert read(kind, value) == found
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        *((values.Sigma, wrong) for wrong in (0, -1.0, 0.9e-12, 1.1e6, True, "1", None, float("nan"))),
+        *((values.Sigma2, wrong) for wrong in ([1.0], [1, 2, 3], [1, 0], [], "a")),
+        *((values.Sigma3, wrong) for wrong in ([1, 2], [1, 2, -3])),
+        *((values.Sigmas, wrong) for wrong in ([], [0.0], 0)),
+        *((values.Number, wrong) for wrong in (1.1e6, -1.1e6)),
+        *((values.Length, wrong) for wrong in (0, -1.0, 1e-320, 0.9e-6, 1.1e3)),
+        *((values.Pixels, wrong) for wrong in (0, -1.0, 1.1e6)),
+        *((values.Vector, wrong) for wrong in ([1, 2], [1, 2, 3, 4])),
+        *((values.ImageSize, wrong) for wrong in ([0, 5], [100_001, 5], [5], [5, 5, 5])),
+        *((values.Squares, wrong) for wrong in ([2, 5], [5, 1001])),
+        *((values.Corners, wrong) for wrong in ([1, 5], [5, 1001])),
+    ],
+)
+def test_what_is_beyond_the_limits_is_refused(kind, value):
+    """Just beyond them too."""
+    with pytest.raises(ValidationError):
+        read(kind, value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"), [(values.Sigma3, "one positive number or 3 of them"), (values.Sigmas, "or a list of them")]
+)
+def test_sigmas_say_how_many_there_may_be(kind, message):
+    """One for all or so many."""
+    with pytest.raises(ValidationError, match=message):
+        read(kind, [1, -1])
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"t_m": [1, 2, 3], "q_xyzw": Q},
+        {"t_m": [1, 2, 3], "rotvec_rad": [0, 0, np.pi / 2]},
+        {"t_m": [1, 2, 3], "rpy_deg": [0, 0, 90]},
+        {"matrix": QUARTER.matrix.tolist()},
+    ],
+)
+def test_every_notation_is_the_same_pose(entry):
+    """A quaternion, a rotation vector, angles and a matrix."""
+    found = pose_se3(full_pose(PoseEntry.model_validate(entry)))
+    np.testing.assert_allclose(found.matrix, QUARTER.matrix, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"t_m": [1, 2, 3]}, "exactly one of q_xyzw, rotvec_rad, rpy_deg, or a 4x4 matrix; got t_m"),
+        ({"q_xyzw": Q}, "got q_xyzw"),
+        ({}, "got neither"),
+        ({"t_m": [1, 2, 3], "q_xyzw": Q, "rpy_deg": [0, 0, 0]}, "got t_m, q_xyzw, rpy_deg"),
+        ({"t_m": [1, 2, 3], "matrix": np.eye(4).tolist()}, "expected `matrix` alone"),
+    ],
+)
+def test_a_pose_has_a_position_and_one_rotation(entry, message):
+    """Neither less nor more."""
+    with pytest.raises(ValueError, match=message):
+        full_pose(PoseEntry.model_validate(entry))
+
+
+def test_rotations_are_rotations():
+    """A quaternion far from unit length and a matrix that is none are refused as they are read."""
+    for entry in ({"q_xyzw": [1.0, 1.0, 0.0, 0.0]}, {"matrix": (2 * np.eye(4)).tolist()}):
+        with pytest.raises(ValidationError):
+            PoseEntry.model_validate(entry)
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        None,
+        {},
+        {"guess": {"t_m": [1, 2, 3], "q_xyzw": Q}},
+        {"status": "fixed", "t_m": [1, 2, 3], "q_xyzw": Q},
+        {"status": "prior", "t_m": [1, 2, 3], "q_xyzw": Q, **SIGMAS},
+    ],
+)
+def test_a_mount_is_free_with_a_guess_or_known(entry):
+    """Free with or without a guess, fixed with a pose, a prior with its sigmas."""
+    assert read(Mount, entry).status == (entry or {}).get("status", "free")
+
+
+POSE = {"t_m": [1, 2, 3], "q_xyzw": Q}
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (POSE, "status free takes no pose"),
+        ({"guess": {"t_m": [1, 2, 3]}}, "exactly one of"),
+        ({"status": "fixed"}, "got neither"),
+        ({"status": "fixed", **POSE, **SIGMAS}, "with status fixed has none: remove sigma_r_rad, sigma_t_m"),
+        ({"status": "free", "sigma_t_m": 0.1}, "with status free has none: remove sigma_t_m"),
+        ({"status": "prior", **POSE, "sigma_t_m": 0.1}, "status prior needs sigma_r_rad"),
+        ({"status": "prior", **POSE}, "status prior needs sigma_r_rad, sigma_t_m"),
+        ({"status": "prior", "guess": POSE, **SIGMAS}, "status prior takes no guess"),
+    ],
+)
+def test_a_mount_suits_its_status(entry, message):
+    """What is written beside a status is what that status takes."""
+    with pytest.raises(ValidationError, match=message):
+        read(Mount, entry)
+
+
+def test_a_points_mount_has_no_rotation():
+    """A position and its sigma, at most an identity rotation beside it."""
+    assert read(PointMount, {"status": "prior", "t_m": [1, 2, 3], "sigma_t_m": 0.1}).sigma_t_m == [0.1] * 3
+    assert read(PointMount, {"status": "fixed", "t_m": [1, 2, 3], "q_xyzw": [0, 0, 0, 1]}).status == "fixed"
+    assert read(PointMount, {"guess": {"t_m": [1, 2, 3]}}).status == "free"
+    for entry, message in (
+        ({"status": "fixed"}, "expected t_m, the position of the point"),
+        ({"status": "fixed", **POSE}, "a single point has no rotation; give t_m alone"),
+        ({"status": "prior", "t_m": [1, 2, 3], **SIGMAS}, "of a single point has no rotation: remove sigma_r_rad"),
+        ({"guess": {}}, "expected t_m"),
+    ):
+        with pytest.raises(ValidationError, match=message):
+            read(PointMount, entry)
+
+
+def test_a_name_that_is_not_known_is_told_with_what_there_are():
+    """The nearest is offered; a name of any length is told by its beginning."""
+    kind = Annotated[str, values.known_names("lens", ("pinhole", "fisheye"))]
+    assert read(kind, "fisheye") == "fisheye"
+    with pytest.raises(ValidationError, match=r"no lens 'fisheyes'.*fisheye.*; there are: pinhole, fisheye"):
+        read(kind, "fisheyes")
+    with pytest.raises(ValidationError) as caught:
+        read(kind, "x" * 1000)
+    assert f"no lens '{'x' * 60}'; there are" in str(caught.value)
