@@ -12,7 +12,8 @@ import pytest
 from basecal.cell import RobotParameters
 from basecal.effects.faces.effect import Face
 from basecal.effects.faces.robot_parameter import Posture, Unobserved
-from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS
+from basecal.effects.registry import EFFECTS, LENS_PARAMETERS, RANDOM_EFFECTS, ROBOT_PARAMETERS
+from basecal.geometry import Camera
 from basecal.simulation import Scenario
 from basecal.simulation.arms import six_axis
 from derivatives import check_derivative
@@ -45,6 +46,7 @@ def test_faults_have_names_of_their_own():
     assert len({fault.name for fault in faults}) == len(faults)
     for name, effect in EFFECTS.items():
         assert (effect.fault is not None and effect.fault.draw is not None) == (name in ROBOT_PARAMETERS)
+        assert (effect.fault is not None and effect.fault.draw_lens is not None) == (name in LENS_PARAMETERS)
     for draw in (fault.draw for fault in faults if fault.draw is not None):
         one, two = (draw(size, 6, np.random.default_rng(0)) for size in (1.0, 2.0))
         np.testing.assert_allclose(two, 2 * one)
@@ -60,6 +62,28 @@ def test_candidates_have_moves_for_all_views(joints):
             assert len(kind.since) == len(kind.about)
             found += 1
     assert found > 5
+
+
+LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 0.0, 0.0]), (1280, 720))
+
+
+@pytest.mark.parametrize("name", LENS_PARAMETERS)
+def test_a_lens_that_is_drawn_is_off_by_its_size(name):
+    """In its own parameters alone, and the words give that size in the fault's unit."""
+    part, fault = LENS_PARAMETERS[name], EFFECTS[name].fault
+    true = fault.draw_lens(2 * fault.scale, LENS)
+    changed = np.flatnonzero(true.parameters != LENS.parameters)
+    assert set(changed) <= set(np.arange(9)[part.where])
+    words = part.words(LENS, true, np.full(9, 1e-3))
+    shown = {"focal_length": "-2.0000", "principal_point": "-1.4142", "distortion": "2 px"}[name]
+    assert shown in words
+    assert part.usual(LENS).shape == np.arange(9)[part.where].shape
+
+
+def test_parts_of_a_lens_are_in_its_order():
+    """Every parameter is of one of them."""
+    places = np.concatenate([np.arange(9)[part.where] for part in LENS_PARAMETERS.values()])
+    np.testing.assert_array_equal(places, np.arange(9))
 
 
 @pytest.mark.parametrize("name", RANDOM_EFFECTS)

@@ -9,15 +9,19 @@ from basecal.effects import (
     clock_drift,
     clock_offset,
     deflection,
+    distortion,
     drift,
+    focal_length,
     joint_offsets,
     length_scale,
     link_parameters,
+    principal_point,
     smooth,
     step,
     target_size,
 )
 from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameter
 
@@ -35,6 +39,9 @@ EFFECTS: Mapping[str, Effect] = {
         step,
         drift,
         bending,
+        focal_length,
+        principal_point,
+        distortion,
     )
 }
 """By name, in the order in which they are estimated and looked for."""
@@ -43,6 +50,11 @@ ROBOT_PARAMETERS: Mapping[str, RobotParameter] = {
     name: effect.parameter for name, effect in EFFECTS.items() if effect.parameter is not None
 }
 """What can be estimated of a robot's own kinematics, by the key in cell.yaml."""
+
+LENS_PARAMETERS: Mapping[str, LensParameter] = {
+    name: effect.lens for name, effect in EFFECTS.items() if effect.lens is not None
+}
+"""Parts of a lens that have an error of their own size, in the order of a lens's parameters."""
 
 RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
     name: effect.random for name, effect in EFFECTS.items() if effect.random is not None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.drift.shifts import SIZE, Shift
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
+from basecal.effects.faces.found import FoundEffect
 
 TANGENT = np.array([3e-3, 4e-3, 0, 0, 0, np.radians(1)])
 
@@ -36,7 +37,18 @@ def test_a_shift_is_named_with_its_size_and_sample(cause, words):
 
 def test_an_error_of_all_samples_is_named():
     """A joint counts from 1; what only the report judges has no words."""
-    error = SimpleNamespace(code="joint-offset", about="eye", since=None, joint=1, size=np.radians([-0.3]))
-    assert cause_of_error(error).startswith("Joint 2 of eye is off by 0.3 deg.")
-    error.code = "deflection"
-    assert cause_of_error(error) is None
+    size, covariance = np.radians([-0.3]), np.radians([[0.01]]) ** 2
+    error = FoundEffect("joint_offsets", "joint-offset", "eye", False, False, None, "rad", size, covariance, size, 1)
+    assert (
+        cause_of_error(error) == "Joint 2 of eye is off by -0.300 +/- 0.010 deg. Check the zeros of the joints of eye."
+    )
+    assert cause_of_error(replace(error, effect="deflection")) is None
+
+
+def test_a_frame_that_moved_has_a_short_name():
+    """The last of its transform."""
+    tangent = np.array([3e-3, 4e-3, 0, 0, 0, 0])
+    error = FoundEffect(
+        "step", "base-moved", "eye_base_from_hand_base", False, False, 12, "", tangent, 1e-8 * np.eye(6), tangent
+    )
+    assert cause_of_error(error).startswith("hand_base moved by 5.00 +/- 0.10 mm")

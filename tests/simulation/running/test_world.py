@@ -49,3 +49,12 @@ def test_nothing_is_wrong_by_itself():
     sound = world()
     assert not sound.pushed
     assert not any(robot.values for robot in sound.robots.values())
+
+
+@pytest.mark.parametrize("fault", ["focal-length", "principal-point", "distortion"])
+def test_a_lens_is_not_as_stated(fault):
+    """The true lens alone; the cell states the other."""
+    wrong, right = world(fault), world()
+    assert not np.array_equal(wrong.lenses["wrist"].parameters, right.lenses["wrist"].parameters)
+    stated = wrong.cell.cameras["wrist"].intrinsics.camera
+    np.testing.assert_array_equal(stated.parameters, right.lenses["wrist"].parameters)

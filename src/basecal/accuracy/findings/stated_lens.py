@@ -9,8 +9,8 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.prior_contradicted import held, innovation
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
-from basecal.effects.faces.found import rounded
-from basecal.estimation.problem.stated_lens import farthest_corner, is_stated, usual_sigmas
+from basecal.effects.registry import LENS_PARAMETERS
+from basecal.estimation.problem.stated_lens import is_stated, usual_sigmas
 from basecal.estimation.solve import Solution
 from basecal.geometry import Camera
 
@@ -37,16 +37,7 @@ def _is_contradicted(name: str, stated: Camera, solution: Solution) -> bool:
 
 
 def _message(name: str, stated: Camera, solution: Solution) -> str:
-    estimated = solution.state.cameras[name].parameters
-    sigma = np.sqrt(np.diag(solution.lens_covariance(name)))[:4]
-    unit = np.append(100 / stated.parameters[:2], [1.0, 1.0])
-    off = zip(unit * (stated.parameters - estimated)[:4], unit * sigma, strict=True)
-    fx, fy, cx, cy = (rounded(value, s) for value, s in off)
-    corner = farthest_corner(stated)
-    bent = stated.with_parameters(np.append(stated.parameters[:4], estimated[4:]))
-    corner_px = float(np.linalg.norm(bent.project(corner) - stated.project(corner)))
-    return (
-        f"the lens of {name} is not as stated: fx is off by {fx} %, fy by {fy} %, cx by {cx} px, cy by {cy} px, the "
-        f"distortion by {corner_px:.2g} px at the corner. The answer uses the estimated lens. Calibrate the lens of "
-        f"{name}, or set its intrinsics' status to free"
-    )
+    estimated, sigma = solution.state.cameras[name], np.sqrt(np.diag(solution.lens_covariance(name)))
+    off = ", ".join(part.words(stated, estimated, sigma) for part in LENS_PARAMETERS.values())
+    do = f"Calibrate the lens of {name}, or set its intrinsics' status to free."
+    return f"The lens of {name} is not as stated: {off}. The answer uses the estimated lens. {do}"

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from basecal.accuracy.drift.shifts import SIZE, Shift
+from basecal.effects import joint_offsets, length_scale, step, target_size
 from basecal.effects.faces.found import FoundEffect
+from basecal.effects.registry import EFFECTS
 
+_REPORTED = {step.EFFECT.name, joint_offsets.NAME, length_scale.EFFECT.name, target_size.EFFECT.name}
 _MOST = 3  # causes that are named where several explain the samples equally
 
 
@@ -37,22 +41,9 @@ def _moved(cause: Shift, sample: int) -> str:
 
 
 def cause_of_error(error: FoundEffect) -> str | None:
-    """What the samples have in common that noise does not explain, and what to do; None of what the report judges."""
-    words = _ERRORS.get(error.code)
-    return words and words.format(
-        about=error.about.rpartition("_from_")[2],
-        since=error.since,
-        joint=1 + (error.joint or 0),
-        deg=float(np.degrees(np.linalg.norm(error.size))),
-        percent=100 * float(np.linalg.norm(error.size)),
-        mm=1e3 * float(np.linalg.norm(error.size[:3])),
-    )
-
-
-_ERRORS = {
-    "base-moved": "{about} moved at about sample {since} by {mm:.2g} mm. Check what was bumped, and capture again.",
-    "joint-offset": "Joint {joint} of {about} is off by {deg:.2g} deg. Check its zero, or estimate `joint_offsets`.",
-    "joint-offsets": "Joints of {about} are off by {deg:.2g} deg. Check their zeros, or estimate `joint_offsets`.",
-    "length-scale": "The scale of {about} is off by {percent:.2g} %: another board, or links of another length. "
-    "Measure the board.",
-}
+    """What the samples share that noise does not explain, and what to do; None of what the report judges."""
+    words = EFFECTS[error.effect].words
+    if words is None or error.effect not in _REPORTED:
+        return None
+    found = words(replace(error, about=error.about.rpartition("_from_")[2]))
+    return f"{found.what} {found.do[0]}"

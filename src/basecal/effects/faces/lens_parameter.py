@@ -1,4 +1,4 @@
-"""An effect as parameters of a lens."""
+"""An effect as parameters of a lens that is stated without sigmas."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from basecal.geometry import Array, Camera
 
 @dataclass(frozen=True, eq=False)
 class LensParameter:
-    """Parameters of a lens that have an error of one size.
+    """Parameters of a lens whose errors have one size.
 
     Attributes:
         where: Their places among a lens's parameters.
         usual: Sigmas of their errors in a usual calibration, (k,).
         source: Of these, or `assumed`.
-        off: By how much a stated lens is off an estimated one with its sigmas, in words.
+        words: By how much a stated lens is off an estimated one whose parameters have sigmas, (4 + n,).
     """
 
     where: slice
     usual: Callable[[Camera], Array]
     source: str
-    off: Callable[[Camera, Camera, Array], str]
+    words: Callable[[Camera, Camera, Array], str]

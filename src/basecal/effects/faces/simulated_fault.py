@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.geometry import Array
+from basecal.geometry import Array, Camera
 
 DEGREE, MILLI, SECOND, ONE = math.radians(1), 1e-3, 1.0, 1.0
 
@@ -24,7 +24,8 @@ class SimulatedFault:
         usual: Its size if none is given.
         about: What it does, in words.
         is_sudden: Whether it occurs at a moment, after a number of moves of the arm.
-        draw: Values of a robot's parameter of this size, of so many joints; None of what the simulator makes itself.
+        draw: Values of a robot's parameter of this size, of so many joints, if it is one.
+        draw_lens: The true lens by the stated one, if it is a lens's.
     """
 
     name: str
@@ -34,3 +35,4 @@ class SimulatedFault:
     about: str
     is_sudden: bool = False
     draw: Callable[[float, int, np.random.Generator], Array] | None = None
+    draw_lens: Callable[[float, Camera], Camera] | None = None

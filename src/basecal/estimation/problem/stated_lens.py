@@ -7,16 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Intrinsics
+from basecal.effects.registry import LENS_PARAMETERS
 from basecal.geometry import Array, Camera
 
-_BLOCKS = slice(0, 2), slice(2, 4), slice(4, None)
-"""Of a lens's parameters: focal lengths, principal point, distortion. Each has an error of its own size."""
-
-# Assumed. Calibrations of one lens by boards differ by some tenths of a percent and a pixel or two; a principal point
-# that counts from the corner of the first pixel, not from its centre, is half a pixel off, and (w + 1) / 2 a whole one.
-_FOCAL = 2e-3  # of the focal length
-_CENTRE = 1e-3  # of the width of the image
-_DISTORTION = 1e-3  # of the width of the image, of each term at the farthest corner
 _FREEDOMS = 3.0  # of Student's t: one lens of twenty is off by more than three times these
 
 
@@ -34,20 +27,7 @@ def is_stated(lens: Intrinsics | None) -> bool:
 
 def usual_sigmas(camera: Camera) -> Array:
     """Of the errors of a usual calibration: of focal lengths, principal point and distortion terms, (4 + k,)."""
-    fx, fy, cx, _ = camera.parameters[:4]
-    width = camera.size_px[0] if camera.size_px else 2 * cx
-    undistorted = camera.with_parameters(np.append(camera.parameters[:4], np.zeros_like(camera.distortion)))
-    by_lens = undistorted.project_with_derivatives(farthest_corner(camera), intrinsics=True)[2]
-    assert by_lens is not None
-    terms = _DISTORTION * width / np.linalg.norm(by_lens[:, 4:], axis=0)
-    return np.concatenate([[_FOCAL * fx, _FOCAL * fy, _CENTRE * width, _CENTRE * width], terms])
-
-
-def farthest_corner(camera: Camera) -> Array:
-    """The direction, (3,), that a lens without distortion sees in the corner farthest from its principal point."""
-    fx, fy, cx, cy = camera.parameters[:4]
-    width, height = camera.size_px or (2 * cx, 2 * cy)
-    return np.array([max(cx, width - cx) / fx, max(cy, height - cy) / fy, 1.0])
+    return np.concatenate([part.usual(camera) for part in LENS_PARAMETERS.values()])
 
 
 def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
@@ -64,6 +44,6 @@ def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
     assert lens.camera is not None
     usual = usual_sigmas(lens.camera)
     squares = ((camera.parameters - lens.camera.parameters) ** 2 + np.diag(covariance)) / usual**2
-    blocks = (squares[block] for block in _BLOCKS)
+    blocks = (squares[part.where] for part in LENS_PARAMETERS.values())
     ratios = [np.full(len(of), (_FREEDOMS + of.sum()) / (_FREEDOMS + len(of))) for of in blocks]
     return np.asarray(usual * np.sqrt(np.maximum(np.concatenate(ratios), 1.0)))

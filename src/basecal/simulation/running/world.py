@@ -71,8 +71,17 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
             unit[3:] *= _TURN_PER_METRE / np.linalg.norm(direction[3:])
             pushed[movable[0]] = SE3.exp(size * unit)
     lenses = {name: each.intrinsics.camera for name, each in cell.cameras.items() if each.intrinsics}
-    known = {name: lens for name, lens in lenses.items() if lens is not None}
+    known = {name: _true_lens(lens, faults) for name, lens in lenses.items() if lens is not None}
     return World(cell, truth, known, robots, home, faults, pushed, seed)
+
+
+def _true_lens(stated: Camera, faults: Faults) -> Camera:
+    """A lens with its faults."""
+    lens = stated
+    for fault in (effect.fault for effect in EFFECTS.values() if effect.fault is not None):
+        if fault.draw_lens is not None and faults.size(fault.name):
+            lens = fault.draw_lens(faults.size(fault.name), lens)
+    return lens
 
 
 def _parameters(robot: str, joints: int, faults: Faults, seed: int) -> dict[str, Array]:

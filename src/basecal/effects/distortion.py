@@ -1,0 +1,60 @@
+"""Distortion: a lens bends rays otherwise than stated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.lens_parameter import LensParameter
+from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
+from basecal.geometry import Array, Camera
+
+_USUAL = 1e-3  # of the width of the image, of each term at the farthest corner
+
+
+def usual(camera: Camera) -> Array:
+    """Of each term, what moves the farthest corner by a share of the image's width."""
+    width = camera.size_px[0] if camera.size_px else 2 * camera.parameters[2]
+    return _USUAL * width / _corner_by_terms(camera)
+
+
+def farthest_corner(camera: Camera) -> Array:
+    """The direction, (3,), that a lens without distortion sees in the corner farthest from its principal point."""
+    fx, fy, cx, cy = camera.parameters[:4]
+    width, height = camera.size_px or (2 * cx, 2 * cy)
+    return np.array([max(cx, width - cx) / fx, max(cy, height - cy) / fy, 1.0])
+
+
+def _corner_by_terms(camera: Camera) -> Array:
+    """By how much a unit of each term moves the farthest corner, (n,) [px]."""
+    plain = camera.with_parameters(np.append(camera.parameters[:4], np.zeros_like(camera.distortion)))
+    by_lens = plain.project_with_derivatives(farthest_corner(camera), intrinsics=True)[2]
+    assert by_lens is not None
+    return np.asarray(np.linalg.norm(by_lens[:, 4:], axis=0))
+
+
+def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
+    """By how much it moves the farthest corner."""
+    corner = farthest_corner(stated)
+    bent = stated.with_parameters(np.append(stated.parameters[:4], estimated.parameters[4:]))
+    corner_px = float(np.linalg.norm(bent.project(corner) - stated.project(corner)))
+    return f"the distortion by {corner_px:.2g} px at the corner"
+
+
+def drawn(size: float, camera: Camera) -> Camera:
+    """A lens whose first term moves the farthest corner by so many pixels more."""
+    bent = camera.parameters.copy()
+    bent[4:5] += size / _corner_by_terms(camera)[:1]
+    return camera.with_parameters(bent)
+
+
+EFFECT = Effect(
+    "distortion",
+    lens=LensParameter(slice(4, None), usual, "assumed: as much at the corner as the principal point is off", words),
+    fault=SimulatedFault("distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", draw_lens=drawn),
+    absent={
+        "random": "a lens is the same in all views",
+        "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
+        "map": "the answer's covariance contains it",
+    },
+)

@@ -1,0 +1,44 @@
+"""Focal length: the magnification of a lens is not as stated."""
+
+from __future__ import annotations
+
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import rounded
+from basecal.effects.faces.lens_parameter import LensParameter
+from basecal.effects.faces.simulated_fault import SimulatedFault
+from basecal.geometry import Array, Camera
+
+_USUAL = 2e-3  # of the focal length
+_PERCENT = 1e-2
+
+
+def usual(camera: Camera) -> Array:
+    """A share of the focal lengths [px]."""
+    return _USUAL * camera.parameters[:2]
+
+
+def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
+    """By how much they are off."""
+    share = 100 / stated.parameters[:2]
+    off = share * (stated.parameters - estimated.parameters)[:2]
+    fx, fy = (rounded(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))
+    return f"fx is off by {fx} %, fy by {fy} %"
+
+
+def drawn(size: float, camera: Camera) -> Camera:
+    """A lens that is longer by a fraction."""
+    longer = camera.parameters.copy()
+    longer[:2] *= 1 + size
+    return camera.with_parameters(longer)
+
+
+EFFECT = Effect(
+    "focal_length",
+    lens=LensParameter(slice(0, 2), usual, "assumed: calibrations of one lens by boards differ by as much", words),
+    fault=SimulatedFault("focal-length", "%", _PERCENT, 1.0, "the lens is longer than stated", draw_lens=drawn),
+    absent={
+        "random": "a lens is the same in all views",
+        "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
+        "map": "the answer's covariance contains it",
+    },
+)

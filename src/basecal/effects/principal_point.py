@@ -1,0 +1,46 @@
+"""Principal point: the centre of a lens is not as stated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import rounded
+from basecal.effects.faces.lens_parameter import LensParameter
+from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
+from basecal.geometry import Array, Camera
+
+# One that counts from the corner of the first pixel, not from its centre, is half a pixel off, and (w + 1) / 2 a whole.
+_USUAL = 1e-3  # of the width of the image
+
+
+def usual(camera: Camera) -> Array:
+    """A share of the image's width [px]."""
+    width = camera.size_px[0] if camera.size_px else 2 * camera.parameters[2]
+    return np.full(2, _USUAL * width)
+
+
+def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
+    """By how much it is off."""
+    off = (stated.parameters - estimated.parameters)[2:4]
+    cx, cy = (rounded(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
+    return f"cx by {cx} px, cy by {cy} px"
+
+
+def drawn(size: float, camera: Camera) -> Camera:
+    """A lens whose centre is to the right and below."""
+    shifted = camera.parameters.copy()
+    shifted[2:4] += size * np.sqrt(0.5)
+    return camera.with_parameters(shifted)
+
+
+EFFECT = Effect(
+    "principal_point",
+    lens=LensParameter(slice(2, 4), usual, "assumed: calibrations of one lens differ by a pixel or two", words),
+    fault=SimulatedFault("principal-point", "px", ONE, 5.0, "the lens's centre is not as stated", draw_lens=drawn),
+    absent={
+        "random": "a lens is the same in all views",
+        "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",
+        "map": "the answer's covariance contains it",
+    },
+)

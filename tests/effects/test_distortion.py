@@ -1,0 +1,31 @@
+"""Distortion by how far it moves the farthest corner."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.effects.distortion import drawn, farthest_corner, usual
+from basecal.geometry import Camera
+
+PINHOLE = np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("camera", [
+    Camera("pinhole", PINHOLE, (1280, 720)), Camera("fisheye", PINHOLE[:8], (1280, 720)),
+])  # fmt: skip
+def test_each_term_moves_the_corner_by_as_much(camera):
+    """One sigma of each moves the farthest corner by a thousandth of the width."""
+    plain = camera.with_parameters(np.append(camera.parameters[:4], np.zeros(len(camera.distortion))))
+    corner = np.array([640 / 900, 360 / 910, 1.0])
+    np.testing.assert_allclose(farthest_corner(camera), corner)
+    for k, term in enumerate(usual(camera), start=4):
+        bent = plain.with_parameters(plain.parameters + 1e-3 * term * np.eye(len(plain.parameters))[k])
+        assert np.linalg.norm(bent.project(corner) - plain.project(corner)) == pytest.approx(1.28e-3, rel=0.01)
+
+
+def test_a_lens_without_terms_has_none():
+    """It stays as it is."""
+    plain = Camera("pinhole", PINHOLE[:4], None)
+    assert len(usual(plain)) == 0
+    np.testing.assert_array_equal(drawn(3.0, plain).parameters, plain.parameters)
