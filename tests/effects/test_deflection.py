@@ -54,20 +54,20 @@ def test_a_robot_needs_masses():
 
 def test_fields_of_the_calibration():
     """Each with its sigma and whether the data see it; read back alike, nothing being null."""
-    (back,) = of.from_dict(of.to_dict({"arm": FOUND})).values()
+    (back,) = of.EFFECT.parameter.from_dict(of.EFFECT.parameter.to_dict({"arm": FOUND})).values()
     assert back.joints == ("a", "b")
     for name in ("values", "sigma", "seen"):
         np.testing.assert_array_equal(getattr(back, name), getattr(FOUND, name))
-    assert of.to_dict({}) == {"deflection": None}
-    assert of.from_dict({"deflection": None}) == {}
+    assert of.EFFECT.parameter.to_dict({}) == {"deflection": None}
+    assert of.EFFECT.parameter.from_dict({"deflection": None}) == {}
 
 
 @pytest.mark.parametrize("key", ["rad_per_nm", "sigma_rad_per_nm"])
 def test_numbers_of_other_shapes_are_refused(key):
     """As many numbers as joints."""
-    entry = of.to_dict({"arm": FOUND})["deflection"]["arm"]
+    entry = of.EFFECT.parameter.to_dict({"arm": FOUND})["deflection"]["arm"]
     with pytest.raises(InputError, match=f"{key} has shape"):
-        of.from_dict({"deflection": {"arm": entry | {key: [1.0]}}})
+        of.EFFECT.parameter.from_dict({"deflection": {"arm": entry | {key: [1.0]}}})
 
 
 @pytest.mark.parametrize(("stated", "sigma"), [({"status": "free"}, None), ({"sigma_rad_per_nm": 2e-5}, [2e-5] * 6)])

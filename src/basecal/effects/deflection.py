@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from pydantic import field_validator as checks
@@ -16,6 +15,7 @@ from pydantic import field_validator as checks
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.joint_effect import from_dict, moves_by_joint, open_chains, to_dict
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import (
     Columns,
@@ -27,15 +27,16 @@ from basecal.effects.faces.robot_parameter import (
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
-from basecal.effects.faces.views import Views, carried, joints_of
+from basecal.effects.faces.views import Views
 from basecal.errors import InputError
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma, Vector
-from basecal.geometry import Array, read_only
+from basecal.geometry import Array
 from basecal.kinematics import SerialChain, gravity_torques
 
 NAME = "deflection"
 PER_NM = "rad/Nm"  # unit of a compliance
+_KEYS = "rad_per_nm", "sigma_rad_per_nm"
 _ALIKE = 0.7  # of the variance of compliances, what all joints of an arm share
 _SIMULATED_NM = 50.0  # a shoulder of an arm of a metre carries about that
 
@@ -92,26 +93,6 @@ def report(robot: str, found: RobotParameters) -> list[str]:
     return [f"compliances of the joints of {robot} under the torque of gravity", *lines]
 
 
-def to_dict(found: Mapping[str, RobotParameters]) -> dict[str, Any]:
-    """The field of `calibration.json`."""
-    by_robot = {
-        robot: {"rad_per_nm": of.values, "sigma_rad_per_nm": of.sigma, "seen": of.seen, "joint_names": of.joints}
-        for robot, of in found.items()
-    }
-    return {"deflection": by_robot or None}
-
-
-def from_dict(data: Mapping[str, Any]) -> dict[str, RobotParameters]:
-    """The values in this field, by robot."""
-    found = {}
-    for robot, entry in (data.get("deflection") or {}).items():
-        n = len(entry["joint_names"])
-        values = read_only(entry["rad_per_nm"], (n,), "rad_per_nm")
-        sigma = read_only(entry["sigma_rad_per_nm"], (n,), "sigma_rad_per_nm")
-        found[robot] = RobotParameters(tuple(entry["joint_names"]), values, sigma, np.array(entry["seen"], dtype=bool))
-    return found
-
-
 def entry(values: Array) -> str:
     """The entry of cell.yaml that estimates them."""
     return "`deflection: {status: free}`"
@@ -147,22 +128,12 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
     Of one compliance for all its joints, and of one for each.
     """
-    for robot, chain in views.chains.items():
-        if chain.masses is None or NAME in views.estimated.get(robot, ()):
+    for robot, chain in open_chains(views, NAME):
+        if chain.masses is None:
             continue
-        each = carried(views, robot, partial(_moves, chain=chain))
-        together = tuple(None if m is None else m.sum(-1, keepdims=True) for m in each)
-        yield one_candidate("deflection", robot, PER_NM, together)
-        yield one_candidate("deflection", robot, PER_NM, each)
-
-
-def _moves(views: Views, k: int, robot: str, chain: SerialChain) -> Array:
-    """How views move with the compliance of each joint of a robot, (n, 6, joints)."""
-    joints = joints_of(views.groups[k], robot)
-    if joints is None:
-        return np.zeros((len(views.groups[k]), 6, chain.n))
-    torques = gravity_torques(chain, joints)
-    return views.by_flange(k, robot) @ (chain.jacobian(joints) * torques[:, None, :])
+        each = moves_by_joint(views, robot, chain, gravity_torques)
+        yield one_candidate(NAME, robot, PER_NM, tuple(None if m is None else m.sum(-1, keepdims=True) for m in each))
+        yield one_candidate(NAME, robot, PER_NM, each)
 
 
 def words(found: FoundEffect) -> Words:
@@ -185,8 +156,8 @@ EFFECT = Effect(
         derivative,
         columns,
         report,
-        to_dict,
-        from_dict,
+        partial(to_dict, NAME, _KEYS),
+        partial(from_dict, NAME, _KEYS),
         entry,
         shift=shift,
         scale=0.01,  # [rad/Nm]: 1 rad under 100 Nm

@@ -7,14 +7,14 @@ mounts do. If these are free, a free offset there is held at zero, which defines
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.joint_effect import each_and_all, moves_by_joint, open_chains
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import (
     Columns,
@@ -26,7 +26,7 @@ from basecal.effects.faces.robot_parameter import (
 )
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.effects.faces.simulated_fault import DEGREE, SimulatedFault
-from basecal.effects.faces.views import Views, carried, joints_of
+from basecal.effects.faces.views import Views
 from basecal.fields.parameters import Parameters
 from basecal.fields.values import Sigma
 from basecal.geometry import Array, read_only
@@ -141,24 +141,10 @@ def likely(sigmas: Mapping[str, Array]) -> Words:
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each joint of each robot off by a constant [rad], then all joints of a robot at once.
-
-    If many joints are off, none alone explains much.
-    """
-    for robot, chain in views.chains.items():
-        if NAME in views.estimated.get(robot, ()):
-            continue
-        moves = carried(views, robot, partial(_moves, chain=chain))
-        each = tuple(None if m is None else np.swapaxes(m, -1, -2)[..., None] for m in moves)
-        every = tuple(range(chain.n))
-        yield Candidates("joint-offset", (robot,) * chain.n, (None,) * chain.n, "rad", each, every)
-        yield one_candidate("joint-offsets", robot, "rad", moves)
-
-
-def _moves(views: Views, k: int, robot: str, chain: SerialChain) -> Array:
-    """How views of a group move with each joint of a robot, (n, 6, joints)."""
-    joints = joints_of(views.groups[k], robot)
-    return views.by_flange(k, robot) @ (np.zeros((6, chain.n)) if joints is None else chain.jacobian(joints))
+    """Each joint of each robot off by a constant [rad], then all joints of a robot at once."""
+    for robot, chain in open_chains(views, NAME):
+        moves = moves_by_joint(views, robot, chain, lambda _, joints: np.ones_like(joints))
+        yield from each_and_all("joint-offset", robot, "rad", moves)
 
 
 def words(found: FoundEffect) -> Words:

@@ -21,6 +21,7 @@ from basecal.effects import (
     target_size,
 )
 from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import FoundEffect, Words
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameter
@@ -60,3 +61,10 @@ RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
     name: effect.random for name, effect in EFFECTS.items() if effect.random is not None
 }
 """Errors that a robot's stops share, by name."""
+
+
+def words_of(found: FoundEffect) -> Words:
+    """A found effect in words."""
+    words = EFFECTS[found.effect].words
+    assert words is not None
+    return words(found)

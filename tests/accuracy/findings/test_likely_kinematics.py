@@ -9,6 +9,7 @@ import pytest
 
 from basecal.accuracy.findings import likely_kinematics as module
 from basecal.accuracy.findings.likely_kinematics import likely_kinematics
+from basecal.effects.faces.found import FoundEffect
 
 SIGMAS = {"eye": np.array([5e-4, 1e-3]), "hand": np.array([1e-4, 2e-3])}
 
@@ -47,7 +48,7 @@ def test_what_may_be_chance_or_is_smooth_is_none(evidence):
 
 def test_it_is_told_once(evidence, monkeypatch):
     """Where a test of joints or the held-out samples say so it is left to them."""
-    error = SimpleNamespace(effect="joint_offsets")
+    error = FoundEffect("bending", "deflection", "eye", False, False, None, "", np.ones(1), np.eye(1), np.zeros(6))
     assert likely_kinematics(evidence(noise("joint_offsets"), systematic_error=error)) == []
     monkeypatch.setattr(module, "robot_model", lambda _: ["finding"])
     monkeypatch.setattr(module, "gravity_taken", lambda *_: "gravity pulls")

@@ -42,7 +42,7 @@ def test_an_error_of_all_samples_is_named():
     assert (
         cause_of_error(error) == "Joint 2 of eye is off by -0.300 +/- 0.010 deg. Check the zeros of the joints of eye."
     )
-    assert cause_of_error(replace(error, effect="deflection")) is None
+    assert cause_of_error(replace(error, effect="bending")) is None
 
 
 def test_a_frame_that_moved_has_a_short_name():

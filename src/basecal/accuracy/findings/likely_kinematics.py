@@ -7,9 +7,10 @@ from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import gravity_taken
 from basecal.cell import Finding
 from basecal.effects import deflection
-from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.effects.registry import RANDOM_EFFECTS, words_of
 
 _LIKELY = 10.0  # of twice the log of the evidence, beyond which it is very strong (Kass & Raftery 1995)
+_OF_ARMS = {"robot-model", "deflection"}
 _CONTAINED = "The covariance contains it."
 
 
@@ -24,13 +25,12 @@ def likely_kinematics(of: Evidence) -> list[Finding]:
     if likely is None or noise.plain_surprise - noise.surprise < _LIKELY:
         return []
     words = likely(sigmas)
-    of_arm = of.systematic_error is not None and of.systematic_error.effect in _OF_ARMS
-    if of_arm or (words.code == "robot-model" and robot_model(of)):
+    found = of.systematic_error
+    if found is not None and words_of(found).code in _OF_ARMS:
+        return []
+    if words.code == "robot-model" and robot_model(of):
         return []
     why = [_CONTAINED]
     if name == deflection.NAME:
         why.append(gravity_taken(of.cell, of.solution, tuple(sigmas)))
     return [Finding(words.code, "info", tuple(sigmas), " ".join([words.what, *why, *words.do]))]
-
-
-_OF_ARMS = {"joint_offsets", "deflection", "bending"}

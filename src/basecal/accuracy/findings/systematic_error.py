@@ -6,8 +6,8 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import gravity_taken
 from basecal.cell import Finding
-from basecal.effects import deflection, joint_offsets
-from basecal.effects.registry import EFFECTS
+from basecal.effects import deflection
+from basecal.effects.registry import words_of
 
 _EXCLUDED = "The answer excludes it, and its covariance is wider."
 _CHANCE = "It is perhaps chance; the covariance covers it."
@@ -19,11 +19,11 @@ def systematic_error(of: Evidence) -> list[Finding]:
     Joints that are off are left to `robot_model` if that finds its robots off, too: it reports all joints.
     """
     found = of.systematic_error
-    if found is None or (found.effect == joint_offsets.NAME and robot_model(of)):
+    if found is None:
         return []
-    by_effect = EFFECTS[found.effect].words
-    assert by_effect is not None
-    words = by_effect(found)
+    words = words_of(found)
+    if words.code == "robot-model" and robot_model(of):
+        return []
     why = [words.why, _EXCLUDED if found.is_certain else _CHANCE]
     if found.effect == deflection.NAME:
         why.append(gravity_taken(of.cell, of.solution, (found.about,)))

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.drift.shifts import SIZE, Shift
-from basecal.effects import joint_offsets, length_scale, step, target_size
 from basecal.effects.faces.found import FoundEffect
-from basecal.effects.registry import EFFECTS
+from basecal.effects.registry import words_of
 
-_REPORTED = {step.EFFECT.name, joint_offsets.NAME, length_scale.EFFECT.name, target_size.EFFECT.name}
+_REPORTED = {"base-moved", "robot-model", "length-scale"}
 _MOST = 3  # causes that are named where several explain the samples equally
 
 
@@ -42,8 +41,5 @@ def _moved(cause: Shift, sample: int) -> str:
 
 def cause_of_error(error: FoundEffect) -> str | None:
     """What the samples share that noise does not explain, and what to do; None of what the report judges."""
-    words = EFFECTS[error.effect].words
-    if words is None or error.effect not in _REPORTED:
-        return None
-    found = words(replace(error, about=error.about.rpartition("_from_")[2]))
-    return f"{found.what} {found.do[0]}"
+    words = words_of(replace(error, about=error.about.rpartition("_from_")[2]))
+    return f"{words.what} {words.do[0]}" if words.code in _REPORTED else None

@@ -119,11 +119,6 @@ def carried(views: Views, robot: str, move: Callable[[Views, int, str], Array]) 
     return tuple(move(views, k, robot) if robot in (g.eye, g.hand) else None for k, g in enumerate(views.groups))
 
 
-def joints_of(group: Group, robot: str) -> Array | None:
-    """Recorded joints of a robot in a group's views, (n, joints) [rad]."""
-    return group.eye_joints if group.eye == robot else group.hand_joints
-
-
 def elapsed_share(views: Views) -> Array:
     """Share of the time from the first sample to the last that has passed at each of `samples`, 0 to 1."""
     return np.asarray((views.times - views.times[0]) / max(views.times[-1] - views.times[0], 1e-300))
