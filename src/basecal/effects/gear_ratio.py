@@ -1,0 +1,118 @@
+"""Gear ratio: each joint turns more than recorded, by a share of its recorded angle, (n,)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.joint_effect import each_and_all, from_dict, moves_by_joint, open_chains, to_dict
+from basecal.effects.faces.robot_parameter import (
+    Columns,
+    Posture,
+    RobotParameter,
+    RobotParameters,
+    Unobserved,
+    joint_lines,
+)
+from basecal.effects.faces.simulated_fault import SimulatedFault
+from basecal.effects.faces.views import Views
+from basecal.fields.parameters import Parameters
+from basecal.fields.values import Sigma
+from basecal.geometry import Array
+from basecal.kinematics import SerialChain
+
+NAME = "gear_ratio"
+_KEYS = "ratio_error", "sigma_ratio_error"
+_PERCENT = 1e-2
+
+
+class Stated(Parameters):
+    """What is known of the ratios: the sigma of each, as a share."""
+
+    sigma: Sigma | None = None
+
+
+def columns(chain: SerialChain, stated: Stated) -> Columns:
+    """A column for each joint."""
+    return Columns(np.eye(chain.n), None if stated.sigma is None else np.full(chain.n, stated.sigma))
+
+
+def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array:
+    """The share of each recorded angle."""
+    return (values[..., None, :] if values.ndim > 1 else values) * joints
+
+
+def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
+    """Of the flange to each share."""
+    return at.true.by_joints * at.recorded[..., None, :]
+
+
+def unobserved(of: Unobserved) -> str:
+    """Why the data do not hold the ratios of some joints."""
+    how = "known from their prior alone" if of.by_prior else "that are unobservable"
+    return f"gear ratios {how}: {of.joints}: these joints hardly move in these samples, or as a base or mount does"
+
+
+def report(robot: str, found: RobotParameters) -> list[str]:
+    """A line for each joint."""
+    return [f"errors of the gear ratios of {robot}", *joint_lines(found, 100, "%", 4)]
+
+
+def entry(values: Array) -> str:
+    """The entry of cell.yaml that estimates them, with a prior that found values do not contradict."""
+    sigma = float(np.abs(values).max(initial=_PERCENT))
+    return f"`gear_ratio: {{status: prior, sigma: {sigma:.1g}}}`"
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each joint of each robot by a share of its angle, then all joints of a robot at once."""
+    for robot, chain in open_chains(views, NAME):
+        moves = moves_by_joint(views, robot, chain, lambda _, joints: joints)
+        yield from each_and_all("gear-ratio", robot, "", moves)
+
+
+def words(found: FoundEffect) -> Words:
+    """One joint, or several with the clearest named."""
+    sigmas = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
+    clearest = int(np.argmax(np.abs(found.size) / np.where(sigmas > 0, sigmas, np.inf)))
+    joint = clearest if found.joint is None else found.joint
+    amount = rounded(100 * found.size[clearest], 100 * float(sigmas[clearest]))
+    what = f"Joint {joint + 1} of {found.about} turns by {amount} % more than recorded."
+    if found.joint is None:
+        what = f"Gear ratios of {found.about} are off; the clearest is that of joint {joint + 1}, by {amount} %."
+    return Words("robot-model", what, (f"Write {entry(found.size)} at {found.about} in cell.yaml.", AGAIN))
+
+
+def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+    """Shares of one sigma."""
+    return np.asarray(size * rng.standard_normal(joints))
+
+
+EFFECT = Effect(
+    NAME,
+    parameter=RobotParameter(
+        Stated,
+        "the gear ratio",
+        derivative,
+        columns,
+        report,
+        partial(to_dict, NAME, _KEYS),
+        partial(from_dict, NAME, _KEYS),
+        entry,
+        shift=shift,
+        largest_sigma=0.1,
+        unobserved=unobserved,
+    ),
+    candidates=candidates,
+    words=words,
+    fault=SimulatedFault("gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=drawn),
+    absent={
+        "size": "industrial gears have a ratio of integers; hobby servos differ by percents, which a prior states",
+        "random": "industrial gears have a ratio of integers",
+    },
+)
