@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.widening import step_between, widened
+from basecal.accuracy.widening import largest, step_between, widened
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -46,3 +46,12 @@ def test_the_step_of_a_lens_is_that_of_its_parameters():
     np.testing.assert_allclose(step[where], off)
     step[where] = 0.0
     np.testing.assert_allclose(step, 0.0, atol=1e-15)
+
+
+def test_the_largest_shift_is_by_the_covariance():
+    """Not by its length: a millimetre along a direction that is known well is more than ten along another."""
+    unit = np.zeros((2, SOLUTION.problem.width))
+    unit[0, 0], unit[1, 3] = 1e-3, 1e-3
+    covariance = np.diag(np.where(np.arange(SOLUTION.problem.width) == 0, 1e-4, 1e-8))
+    known = replace(SOLUTION, covariance=covariance)
+    np.testing.assert_array_equal(largest(known, [10 * unit[0], unit[1]]), unit[1])

@@ -24,15 +24,10 @@ def test_an_led_has_no_size():
     assert list(candidates(views_of(Scenario(samples=8, target="led")))) == []
 
 
-@pytest.mark.parametrize(("robots", "targets"), [
-    (("eye", "hand"), ("board", "light")),
-    (("eye", "hand"), ("board",)),
-    (("hand",), ()),
-])  # fmt: skip
-def test_targets_have_sizes_beside_those_of_two_robots(robots, targets):
-    """Each moves its own views, by its distance; one robot too short is a target too small."""
-    of = Made(4, {"eye": "eye"}, {"target": "light", "target_mount": "bulb"}, robots=robots, targets=("board", "light"))
-    of.targets = targets or of.targets
+@pytest.mark.parametrize("targets", [("board", "light"), ("board",), ()])
+def test_targets_have_sizes(targets):
+    """Each moves its own views, by its distance."""
+    of = Made(4, {"eye": "eye"}, {"target": "light", "target_mount": "bulb"}, targets=targets)
     found = {each.about[0]: each.moves for each in candidates(of)}
     assert tuple(found) == targets
     for k, name in enumerate(("board", "light")):

@@ -36,7 +36,7 @@ from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
-from basecal.accuracy.widening import widened
+from basecal.accuracy.widening import largest, widened
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
 from basecal.effects.faces.found import FoundEffect
@@ -168,7 +168,10 @@ def _judged(
     with settings.stage("findings"):
         findings = sizes_once(cell, [*findings, *(f for check in ANSWER_CHECKS for f in check(evidence))], systematic)
     rival = None if validated is None else validated.rival
-    for other in (systematic, rival, *lenses):
+    if systematic is not None:
+        either = [each.moved for each in (systematic, *systematic.alternatives)]
+        solution = widened(solution, largest(solution, either))
+    for other in (rival, *lenses):
         solution = solution if other is None else widened(solution, other.moved)
     as_modelled = solution
     solution, clocks = _by_clocks(solution, robust, by_clocks, findings)

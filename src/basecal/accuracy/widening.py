@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
+from basecal.numerics.spectral import spectrum
 
 
 def step_between(before: Solution, after: Solution) -> Array:
@@ -20,6 +22,12 @@ def step_between(before: Solution, after: Solution) -> Array:
         elif name in before.state.cameras:
             step[where] = after.state.cameras[name].parameters - before.state.cameras[name].parameters
     return step
+
+
+def largest(solution: Solution, moves: Sequence[Array]) -> Array:
+    """Of several shifts of the columns, each (p,), the one that is largest in units of the covariance."""
+    known = spectrum(solution.covariance)
+    return max(moves, key=lambda moved: float(known.mahalanobis_squared(moved)))
 
 
 def widened(solution: Solution, moved: Array) -> Solution:

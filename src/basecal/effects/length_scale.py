@@ -27,16 +27,12 @@ def _moves(views: Views, k: int, robot: str) -> Array:
 
 
 def words(found: FoundEffect) -> Words:
-    """Poses too short or too long, or with one robot its target too large or too small."""
+    """Poses too short or too long."""
     percent = 100 * found.size[0]
     amount = f"{rounded(abs(percent), 100 * found.sigma)} %"
-    what = f"Poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}"
-    do = (f"Check the kinematic calibration of {found.about} and the length of its tool.", AGAIN)
-    if not found.or_target:
-        return Words("length-scale", f"{what}.", ("Check that the target is printed to scale.", *do))
-    other = f"{found.or_target} is {'smaller' if percent > 0 else 'larger'} than stated by as much"
-    why = "One robot cannot tell the two apart."
-    return Words("length-scale", f"{what}, or {other}.", (f"Measure {found.or_target}.", *do), why)
+    what = f"Poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}."
+    check = f"Check the kinematic calibration of {found.about} and the length of its tool."
+    return Words("length-scale", what, (check, "Check that the target is printed to scale.", AGAIN))
 
 
 EFFECT = Effect(

@@ -14,8 +14,8 @@ from basecal.geometry import Array
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
-    """Each target, larger by a fraction; with a single robot that is the same as all its poses too short."""
-    for target in views.targets if len(views.robots) > 1 else ():
+    """Each target, larger by a fraction."""
+    for target in views.targets:
         moves = (by_size(views, k) if g.target == target else None for k, g in enumerate(views.groups))
         yield one_candidate("length-scale", target, "", tuple(moves))
 

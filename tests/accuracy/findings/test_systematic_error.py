@@ -37,12 +37,14 @@ def found(code, size, sigma, about="hand", unit="", since=None, kind=None):
     )
 
 
+STEP = found("base-moved", [2e-3, 0, 0, 0, 0, 0], 1e-4, "eye_base", since=4)
+BOARD = found("length-scale", [-1e-2], 1e-3, "board", kind="target")
 WORDS = {
     "short": (found("length-scale", [1e-3], 1e-4), "Poses of hand are 0.100 +/- 0.010 % too short"),
     "long": (found("length-scale", [-2.5e-3], 2e-3), "Poses of hand are 0.25 +/- 0.20 % too long"),
     "short, or a target": (
-        replace(found("length-scale", [1e-2], 1e-3), or_target="board"),
-        "Poses of hand are 1.00 +/- 0.10 % too short, or board is smaller than stated by as much",
+        replace(found("length-scale", [1e-2], 1e-3), alternatives=(BOARD,)),
+        "Poses of hand are 1.00 +/- 0.10 % too short, or board is 1.00 +/- 0.10 % smaller than stated.",
     ),
     "larger": (found("length-scale", [0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % larger"),
     "smaller": (found("length-scale", [-0.02], 1e-3, "board", kind="target"), "board is 2.00 +/- 0.10 % smaller"),
@@ -89,7 +91,8 @@ def test_words(evidence, monkeypatch, kind):
     monkeypatch.setattr("basecal.accuracy.findings.systematic_error.gravity_taken", lambda *_: "gravity pulls")
     (finding,) = systematic_error(evidence(systematic_error=error))
     code = {"clock-drift": "clock-offset"}.get(error.code, error.code)
-    assert (finding.code, finding.severity, finding.about) == (code, "warning", (error.about,))
+    about = (error.about, *(each.about for each in error.alternatives))
+    assert (finding.code, finding.severity, finding.about) == (code, "warning", about)
     assert words in finding.message
     assert ("gravity pulls" in finding.message) == (error.unit == "rad/Nm")
 
@@ -131,14 +134,15 @@ def test_what_may_be_chance_is_an_info(evidence):
     assert words in finding.message
 
 
-@pytest.mark.parametrize(("size", "words"), [(0.01, "short, or board is smaller"), (-0.01, "long, or board is larger")])
-def test_an_arm_too_short_is_a_target_too_small(evidence, size, words):
-    """One robot does not tell which."""
-    error = replace(found("length-scale", [size], 1e-3), or_target="board")
-    assert (
-        f"Poses of hand are 1.00 +/- 0.10 % too {words}"
-        in systematic_error(evidence(systematic_error=error))[0].message
-    )
+def test_effects_that_the_data_do_not_tell_apart_are_all_named(evidence):
+    """Each with what to do, once, and whom it is about."""
+    drift = replace(found("drift", [0, 0, -2e-3, 0, np.radians(-0.1), 0], 1e-3, "hand_base"), alternatives=(STEP,))
+    (finding,) = systematic_error(evidence(systematic_error=drift))
+    assert (finding.code, finding.about) == ("drift", ("hand_base", "eye_base"))
+    assert "from the first sample to the last, or eye_base moved by 2.00" in finding.message
+    assert "The data do not tell these apart." in finding.message
+    for do in ("Let robots and camera warm up.", "Check what was bumped", "Calibrate again when it is fixed."):
+        assert finding.message.count(do) == 1
 
 
 @pytest.mark.parametrize("code", ["clock-offset", "clock-drift"])

@@ -22,14 +22,14 @@ OF_ROBOT = FoundEffect(
 OF_TARGET = replace(OF_ROBOT, about="board", is_target=True, size=np.array([0.12]))
 
 
-@pytest.mark.parametrize("found", [OF_TARGET, replace(OF_ROBOT, or_target="board")])
+@pytest.mark.parametrize("found", [OF_TARGET, replace(OF_ROBOT, alternatives=(OF_TARGET,))])
 def test_a_size_that_both_tests_find_is_told_once(found):
     """By the test that knows the arms' noise, with its sigma and what to write; other findings stay."""
     told = sizes_once(CELL, [SIZE, OTHER, LENGTH], found)
     assert [f.code for f in told] == ["board-size", "poor-fit"]
     assert "board is 1.136 +/- 0.013 times as large as stated" in told[0].message
     assert f"square_m would be {1.13636 * CELL.targets['board'].target.options['square_m']:.5g}" in told[0].message
-    assert ("which one robot does not tell" in told[0].message) == bool(found.or_target)
+    assert ("which the data do not tell" in told[0].message) == bool(found.alternatives)
 
 
 def test_of_two_robots_the_one_whose_lengths_are_off_is_told():
@@ -49,7 +49,7 @@ def test_a_size_that_nothing_else_finds_stays(found):
 
 def test_a_length_without_a_suspected_size_stays():
     """There is nothing to tell once."""
-    assert sizes_once(CELL, [LENGTH], replace(OF_ROBOT, or_target="board")) == [LENGTH]
+    assert sizes_once(CELL, [LENGTH], replace(OF_ROBOT, alternatives=(OF_TARGET,))) == [LENGTH]
 
 
 def test_a_board_stated_too_large_is_told_as_smaller():

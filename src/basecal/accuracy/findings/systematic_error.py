@@ -27,5 +27,6 @@ def systematic_error(of: Evidence) -> list[Finding]:
     why = [words.why, _EXCLUDED if found.is_certain else _CHANCE]
     if found.effect == deflection.NAME:
         why.append(gravity_taken(of.cell, of.solution, (found.about,)))
+    about = [each.about for each in (found, *found.alternatives)]
     message = " ".join([words.what, *filter(None, why), *words.do])
-    return [Finding(words.code, "warning" if found.is_certain else "info", (found.about,), message)]
+    return [Finding(words.code, "warning" if found.is_certain else "info", tuple(dict.fromkeys(about)), message)]

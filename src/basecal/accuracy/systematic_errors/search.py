@@ -6,7 +6,7 @@ Score tests find; only what they find is solved for, with noise estimated anew, 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from basecal.numerics.spectral import spectrum
 
 _SUSPECT = 0.02  # chance of a score below which an error is solved for
 _COST = 0.5  # among errors, one of many costs as much as the unknown that says which: half the log of their number
+_RANK_DIGITS = 6  # that rounding of exactly confounded errors leaves equal
 _TRIES = 3  # errors that are solved for at most, which bounds the time
 
 
@@ -41,6 +42,7 @@ class _Suspect:
         candidate: It alone.
         size: (q,) to first order.
         freedoms: How many of its sizes the data tell.
+        statistic: Its chi-square.
         log_chance: Logarithm of the chance that any of its code has such a score.
         several: Logarithm of how many these are.
     """
@@ -49,8 +51,14 @@ class _Suspect:
     candidate: Candidates
     size: Array
     freedoms: int
+    statistic: float
     log_chance: float
     several: float
+
+    @property
+    def rank(self) -> float:
+        """Logarithm of its chance among errors of all codes."""
+        return self.log_chance - _COST * self.several
 
 
 def systematic_error(
@@ -82,7 +90,8 @@ def systematic_error(
         if found is not None:
             return found
     situation = _situation(solution, recorded, stamps)
-    suspects = [suspect for suspect in _suspects(situation) if confirmed(situation, suspect.candidate)]
+    every = _suspects(situation)
+    suspects = [suspect for suspect in _tried(situation, every) if confirmed(situation, suspect.candidate)]
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
         certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
@@ -96,7 +105,8 @@ def systematic_error(
     chances = [min(s.log_chance, _log_chance(s, before, each)) for s, each in zip(suspects, after, strict=True)]
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
     is_certain = bool(chances[k] < np.log(CONFIRMED_SIGNIFICANCE))
-    return replace(_described(situation, suspects[k], solution, after[k]), is_certain=is_certain)
+    described = _described(situation, suspects[k], solution, after[k])
+    return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
 
 
 def running_error(solution: Solution, stamps: Mapping[int, float], settings: Settings) -> FoundEffect | None:
@@ -115,19 +125,18 @@ def running_error(solution: Solution, stamps: Mapping[int, float], settings: Set
     if not solution.converged or not solution.problem.groups or solution.problem.models:
         return None
     situation = _situation(solution, solution.problem, stamps)
-    suspects = (suspect for suspect in _suspects(situation) if confirmed(situation, suspect.candidate))
-    suspect = next(suspects, None)
+    every = _suspects(situation)
+    tried = (suspect for suspect in _tried(situation, every) if confirmed(situation, suspect.candidate))
+    suspect = next(tried, None)
     if suspect is None:
         return None
-    across = sums(situation.about, suspect.candidate).across[0]
-    moved = -situation.about.inverse @ across.T @ suspect.size
     least = np.log(CONFIRMED_SIGNIFICANCE)
     is_certain = suspect.log_chance < least
     if not is_certain:
         after = _solved_again(_without(solution, situation, suspect), settings)
         is_certain = _log_chance(suspect, solution, after) < least
-    described = _described(situation, replace(suspect, size=0 * suspect.size), solution, solution)
-    return replace(described, moved=moved, is_certain=bool(is_certain))
+    alternatives = _alternatives(situation, suspect, every)
+    return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
 
 def _reconciling(
@@ -135,12 +144,14 @@ def _reconciling(
 ) -> FoundEffect | None:
     """The error without which the residuals are as stated after all; None where none does that."""
     situation = _situation(as_stated, recorded, stamps)
-    for suspect in _suspects(situation):
+    every = _suspects(situation)
+    for suspect in _tried(situation, every):
         if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE) and confirmed(situation, suspect.candidate):
             moved = _without(as_stated, situation, suspect).problem
             after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
             if not any(each.too_small for each in contradicted_sigmas(after)):
-                return _described(situation, suspect, solution, after)
+                described = _described(situation, suspect, solution, after)
+                return replace(described, alternatives=_alternatives(situation, suspect, every))
     return None
 
 
@@ -170,7 +181,8 @@ def _suspects(of: Situation) -> list[_Suspect]:
         scores = score(of.about, kind)
         for b in map(int, np.flatnonzero(scores.log_chance < np.log(_SUSPECT))):
             alone = float(scores.log_chance[b])
-            unlikely.append(_Suspect(name, kind.only(b), scores.size[b], int(scores.freedoms[b]), alone, 0.0))
+            freedoms, statistic = int(scores.freedoms[b]), float(scores.statistic[b])
+            unlikely.append(_Suspect(name, kind.only(b), scores.size[b], freedoms, statistic, alone, 0.0))
     found: dict[tuple[str, str], tuple[float, _Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
@@ -181,8 +193,47 @@ def _suspects(of: Situation) -> list[_Suspect]:
         if (code, name) not in found or rank < found[code, name][0]:
             chance = suspect.log_chance + several
             found[code, name] = rank, replace(suspect, log_chance=chance, several=several)
-    ranked = sorted(found.values(), key=lambda each: each[0])
-    return [suspect for _, suspect in ranked[:_TRIES]]
+    ranked = sorted(found.values(), key=lambda each: round(each[0], _RANK_DIGITS))
+    return [suspect for _, suspect in ranked]
+
+
+def _tried(of: Situation, suspects: Sequence[_Suspect]) -> list[_Suspect]:
+    """The suspects that are solved for: the least likely ones that move the data each otherwise."""
+    tried: list[_Suspect] = []
+    for suspect in suspects:
+        if len(tried) < _TRIES and not any(_left(of, suspect, other)[1] == 0 for other in tried):
+            tried.append(suspect)
+    return tried
+
+
+def _alternatives(of: Situation, chosen: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
+    """Effects that the data do not tell from the chosen one: with one of them, chance makes what is left of it."""
+    same = chosen.effect, chosen.candidate.about
+    others = [each for each in suspects if (each.effect, each.candidate.about) != same]
+    likely = [each for each in others if each.rank < chosen.rank - np.log(_SUSPECT)]
+    return tuple(
+        _to_first_order(of, each)
+        for each in likely
+        if log_chance_of(*_left(of, chosen, each)) + chosen.several > np.log(_SUSPECT)
+    )
+
+
+def _left(of: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
+    """Chi-square and freedoms that are left of a suspect if another is in the model, too."""
+    first, second = suspect.candidate, other.candidate
+    pairs = zip(first.moves, second.moves, strict=True)
+    moves = tuple(_beside(pair, (first.sizes, second.sizes)) for pair in pairs)
+    together = score(of.about, Candidates("", ("",), (None,), "", moves))
+    return max(float(together.statistic[0]) - other.statistic, 0.0), int(together.freedoms[0]) - other.freedoms
+
+
+def _beside(pair: tuple[Array | None, Array | None], sizes: tuple[int, int]) -> Array | None:
+    """Moves of a group by the sizes of two candidates."""
+    known = next((moves for moves in pair if moves is not None), None)
+    if known is None:
+        return None
+    none = (np.zeros((*known.shape[:3], q)) for q in sizes)
+    return np.concatenate([zero if m is None else m for m, zero in zip(pair, none, strict=True)], axis=-1)
 
 
 def _candidates(of: Situation) -> Iterator[tuple[str, Candidates]]:
@@ -208,12 +259,19 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
 
 def _described(of: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
+    again = score(linearised(after.noise.held_by(after.problem), after.state), suspect.candidate)
+    return _named(of, suspect, suspect.size + again.size[0], again.information[0], step_between(before, after))
+
+
+def _to_first_order(of: Situation, suspect: _Suspect) -> FoundEffect:
+    """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
+    found, across = score(of.about, suspect.candidate), sums(of.about, suspect.candidate).across[0]
+    return _named(of, suspect, found.size[0], found.information[0], -of.about.inverse @ across.T @ found.size[0])
+
+
+def _named(of: Situation, suspect: _Suspect, size: Array, information: Array, moved: Array) -> FoundEffect:
     candidate, about = suspect.candidate, suspect.candidate.about[0]
-    again = score(linearised(after.noise.held_by(after.problem), after.state), candidate)
-    size, covariance = suspect.size + again.size[0], spectrum(again.information[0]).inverse
     is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
-    targets = {g.target for g in of.problem.groups}
-    either = candidate.code == "length-scale" and len(of.robots) == len(targets) == 1
     return FoundEffect(
         suspect.effect,
         candidate.code,
@@ -223,10 +281,9 @@ def _described(of: Situation, suspect: _Suspect, before: Solution, after: Soluti
         candidate.since[0],
         candidate.unit,
         size,
-        covariance,
-        step_between(before, after),
+        spectrum(information).inverse,
+        moved,
         next(iter(candidate.joint), None),
-        or_target=targets.pop() if either else "",
     )
 
 

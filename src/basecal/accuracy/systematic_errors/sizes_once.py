@@ -25,14 +25,16 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | Non
     suspected = any(f.code == "board-size" and f.severity == "warning" for f in findings)
     if not suspected or found is None or found.code != "length-scale" or not found.is_certain:
         return list(findings)
-    target = found.about if found.is_target else found.or_target
-    if not target:
+    either = (found, *found.alternatives)
+    size = next((each for each in either if each.is_target), None)
+    if size is None:
         return [f for f in findings if f.code != "board-size"]
-    factor = 1 / (1 - found.size[0] if found.is_target else 1 + found.size[0])
-    sigma = found.sigma * factor**2
+    target, factor = size.about, 1 / (1 - size.size[0])
+    sigma = size.sigma * factor**2
     what = f"{target} is {rounded(factor, sigma)} times as large as stated"
-    if found.or_target:
-        what += f" where the lengths of {found.about}'s poses are right, which one robot does not tell"
+    robots = [each.about for each in either if not each.is_target]
+    if robots:
+        what += f" if the lengths of the poses of {' and '.join(robots)} are right, which the data do not tell"
     fix = f"measure {target} and state its true size{as_written(cell, target, factor)}"
     after = "the answer leaves it out, and its covariance is the wider for it"
     finding = Finding("board-size", "warning", (target,), f"{what}: {fix}; {after}")

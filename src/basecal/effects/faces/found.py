@@ -45,7 +45,7 @@ class FoundEffect:
         moved: (p,) shift of the answer's columns when the recording is corrected.
         joint: Which joint of the robot has it, from 0; None if none does.
         is_certain: Whether chance is excluded; other effects predict held-out blocks better all the same.
-        or_target: The target whose size, off by as much the other way, has the same effect; "" if none has.
+        alternatives: Effects that the data do not tell from it.
     """
 
     effect: str
@@ -60,7 +60,7 @@ class FoundEffect:
     moved: Array
     joint: int | None = None
     is_certain: bool = True
-    or_target: str = ""
+    alternatives: tuple[FoundEffect, ...] = ()
 
     @property
     def sigma(self) -> float:
