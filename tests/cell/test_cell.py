@@ -8,6 +8,7 @@ import pytest
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
 from basecal.errors import FrameNotFound
 from basecal.geometry import SE3, Camera
+from basecal.simulation import Scenario, simulate
 
 FIXED = Unknown("fixed", SE3.identity())
 
@@ -69,3 +70,13 @@ def test_distortion_terms_of_a_camera():
     ):
         assert CellCamera("wrist", "eye", intrinsics=intrinsics).distortion_terms == terms
     assert CellCamera("wrist", "eye", model="fisheye", intrinsics=Intrinsics("free")).distortion_terms == 4
+
+
+def test_one_transform_may_be_known_otherwise():
+    """A base, or the mount of a camera or a target; all else stays."""
+    cell = simulate(Scenario(samples=1), 0).cell
+    for name in cell.transforms:
+        changed = cell.with_transform(name, Unknown("fixed", SE3.identity()))
+        assert {n: u.status for n, u in changed.transforms.items() if u.status != cell.transforms[n].status} == {
+            name: "fixed"
+        }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -253,6 +253,13 @@ class Cell:
         for thing in things:
             named[self.mount_name(thing.name)] = thing.mount
         return named
+
+    def with_transform(self, name: str, unknown: Unknown) -> Cell:
+        """The cell with something else known of one of its `transforms`."""
+        bases = {r: unknown for r in self.robots if r != self.reference and self.base_name(r) == name}
+        cameras = {k: replace(c, mount=unknown) if self.mount_name(k) == name else c for k, c in self.cameras.items()}
+        targets = {k: replace(c, mount=unknown) if self.mount_name(k) == name else c for k, c in self.targets.items()}
+        return replace(self, bases={**self.bases, **bases}, cameras=cameras, targets=targets)
 
     @property
     def asked(self) -> list[str]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 
 from basecal.accuracy.input_check import rewriting
 from basecal.accuracy.input_check.image_resolution import other_resolution
-from basecal.cell import Cell, Observation, PixelObservation, PointObservation, PoseObservation, Recording
+from basecal.cell import Cell, Observation, PixelObservation, PointObservation, PoseObservation, Recording, Unknown
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.geometry import SE3
 
@@ -72,6 +73,7 @@ def convention_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHy
         *_of_symmetry(cell, PoseObservation in kinds),
         *_of_mirrors(kinds),
         *_of_lenses(cell, recording),
+        *_of_fixed(cell),
     ]
 
 
@@ -351,6 +353,24 @@ def _of_lenses(cell: Cell, recording: Recording) -> Iterator[ConventionHypothesi
                 _freed(name),
                 nested=True,
             )
+
+
+def _of_fixed(cell: Cell) -> Iterator[ConventionHypothesis]:
+    for name, unknown in cell.transforms.items():
+        if unknown.status == "fixed":
+            yield ConventionHypothesis(
+                "fixed-contradicted",
+                (name,),
+                f"{name} is not as stated",
+                f"measure {name} again, or set its status to free",
+                "",
+                partial(_with_free, name),
+                nested=True,
+            )
+
+
+def _with_free(name: str, cell: Cell, recording: Recording) -> Rewritten:
+    return cell.with_transform(name, Unknown("free", cell.transforms[name].mean)), recording
 
 
 def _freed(name: str) -> Callable[[Cell, Recording], Rewritten]:

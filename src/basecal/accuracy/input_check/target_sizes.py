@@ -65,10 +65,13 @@ def size_hypotheses(
 
 def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
     """A target `factor` times as large as stated, or so much further away than its observed poses say."""
+    words = f"{name} is {factor:.4g} times as large as stated"
+    if len(cell.robots) == 1:  # whose lengths by the inverse factor fit as well
+        words += f", or poses of {next(iter(cell.robots))} are {factor:.4g} times as long as they are"
     return ConventionHypothesis(
         "board-size",
         (name,),
-        f"{name} is {factor:.4g} times as large as stated",
+        words,
         f"measure {name} and state its true size{as_written(cell, name, factor)}",
         "",
         lambda cell, recording: (resized(cell, {name: factor}), _further(recording, name, factor)),

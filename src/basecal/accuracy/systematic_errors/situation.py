@@ -73,6 +73,11 @@ class Situation:
         return self.problem.groups
 
     @cached_property
+    def fixed(self) -> tuple[str, ...]:
+        """Of `frames` those that are stated as fixed."""
+        return tuple(name for name in self.frames if self.problem.unknowns[name].status == "fixed")
+
+    @cached_property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets that have a size."""
         return tuple(sorted({g.target for g in self.groups if g.target_mount not in self.problem.point_mounts}))

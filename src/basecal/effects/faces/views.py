@@ -69,6 +69,10 @@ class Views(Protocol):
         """Names of the transforms that views depend on: mounts and bases."""
 
     @property
+    def fixed(self) -> tuple[str, ...]:
+        """Of `frames` those that are stated as fixed."""
+
+    @property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets that have a size."""
 

@@ -1,0 +1,38 @@
+"""Fixed transform: a base or a mount that is stated as fixed, and is elsewhere in all samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.views import Views
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each fixed base and mount, by any tangent."""
+    for name in views.fixed:
+        moves = (views.by_frame(k, name) if views.depends(k, name) else None for k in range(len(views.groups)))
+        yield one_candidate("fixed-contradicted", name, "", tuple(moves))
+
+
+def words(found: FoundEffect) -> Words:
+    """By how much it is off."""
+    what = f"{found.about} is stated as fixed, and the data have it {rounded_tangent(found)} aside."
+    do = f"Measure {found.about} again, or state it as a prior with its sigmas."
+    return Words("fixed-contradicted", what, (do, AGAIN))
+
+
+EFFECT = Effect(
+    "fixed_transform",
+    candidates=candidates,
+    words=words,
+    elsewhere={"statement": "basecal.cell.schema: status, with the sigmas of a prior", "unknown": "basecal.estimation"},
+    absent={
+        "size": "a candidate without a prior: only a certain one is reported",
+        "random": "each cell states one",
+        "map": "what it moves is contained in the widening of the answer",
+        "fault": "base-bumped and board-remounted move one from the first sample on, given @0",
+    },
+)
