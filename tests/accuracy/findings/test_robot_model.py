@@ -10,6 +10,7 @@ import pytest
 from basecal.accuracy.cross_validation.robot_model_selection import Candidate
 from basecal.accuracy.findings import robot_model as module
 from basecal.accuracy.findings.robot_model import robot_model, robot_model_findings
+from basecal.effects.faces.found import FoundEffect
 
 
 def candidate(kind="none", robots=("arm",), joint=None, error_m=None, rms=1.0):
@@ -82,3 +83,26 @@ def test_links_that_help():
     assert "links are off by up to 5 mm and 0.57 deg" in found.message
     assert "whether freeing the joint offsets of hand helps more is undecided" in found.message
     assert "and `link_parameters: {status: prior, sigma_rad: 0.002, sigma_m: 0.001}` at arm in" in found.message
+
+
+def found(effect, about="hand", is_certain=True, alternatives=()):
+    size = np.array([0.004])
+    return FoundEffect(
+        effect, "", about, False, False, None, "", size, np.eye(1), size, 1, is_certain, alternatives=alternatives
+    )
+
+
+@pytest.mark.parametrize(("other", "chosen", "is_left_out"), [
+    (found("gear_ratio"), "joint", True),
+    (found("gear_ratio"), "links", False),
+    (found("gear_ratio", "arm"), "joint", False),
+    (found("gear_ratio", is_certain=False), "offsets", False),
+    (found("gear_ratio", alternatives=(found("joint_offsets"),)), "joint", False),
+    (found("joint_offsets"), "joint", False),
+    (found("step"), "joint", False),
+    (None, "joint", False),
+])  # fmt: skip
+def test_offsets_that_stand_in_for_another_effect_are_left_out(evidence, other, chosen, is_left_out):
+    """A certain effect of the same robot's joints that is no offset, and that the data tell from one."""
+    made = evidence(robot_model=choice(candidate(chosen, ("hand",), 1, error_m=2e-3)), systematic_error=other)
+    assert (robot_model(made) == []) == is_left_out

@@ -14,11 +14,23 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.cell import Finding
 from basecal.effects import joint_offsets, link_parameters
+from basecal.effects.faces.found import FoundEffect
+from basecal.effects.registry import ROBOT_PARAMETERS
 
 
 def robot_model(of: Evidence) -> list[Finding]:
-    """What the choice says, see `robot_model_findings`."""
-    return [] if of.robot_model is None else robot_model_findings(of.robot_model)
+    """See `robot_model_findings`; nothing if offsets stand in for another effect of the joints."""
+    if of.robot_model is None or _is_other_effect(of.systematic_error, of.robot_model.chosen):
+        return []
+    return robot_model_findings(of.robot_model)
+
+
+def _is_other_effect(found: FoundEffect | None, chosen: Candidate) -> bool:
+    """Whether an effect of joints is certain that no choice has, of a robot whose offsets are chosen."""
+    if found is None or not found.is_certain or chosen.kind not in ("joint", "offsets"):
+        return False
+    effects = {each.effect for each in (found, *found.alternatives)} & ROBOT_PARAMETERS.keys()
+    return found.about in chosen.robots and bool(effects) and effects.isdisjoint({OFFSETS, LINKS})
 
 
 def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:

@@ -6,7 +6,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import gravity_taken
 from basecal.cell import Finding
-from basecal.effects import deflection
+from basecal.effects import deflection, joint_offsets
 from basecal.effects.registry import words_of
 
 _EXCLUDED = "The answer excludes it, and its covariance is wider."
@@ -19,14 +19,13 @@ def systematic_error(of: Evidence) -> list[Finding]:
     Joints that are off are left to `robot_model` if that finds its robots off, too: it reports all joints.
     """
     found = of.systematic_error
-    if found is None:
+    named = () if found is None else (found, *found.alternatives)
+    if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(of)):
         return []
     words = words_of(found)
-    if words.code == "robot-model" and robot_model(of):
-        return []
     why = [words.why, _EXCLUDED if found.is_certain else _CHANCE]
     if found.effect == deflection.NAME:
         why.append(gravity_taken(of.cell, of.solution, (found.about,)))
-    about = [each.about for each in (found, *found.alternatives)]
+    about = [each.about for each in named]
     message = " ".join([words.what, *filter(None, why), *words.do])
     return [Finding(words.code, "warning" if found.is_certain else "info", tuple(dict.fromkeys(about)), message)]
