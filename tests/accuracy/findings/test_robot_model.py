@@ -104,5 +104,7 @@ def found(effect, about="hand", is_certain=True, alternatives=()):
 ])  # fmt: skip
 def test_offsets_that_stand_in_for_another_effect_are_left_out(evidence, other, chosen, is_left_out):
     """A certain effect of the same robot's joints that is no offset, and that the data tell from one."""
-    made = evidence(robot_model=choice(candidate(chosen, ("hand",), 1, error_m=2e-3)), systematic_error=other)
+    arm = SimpleNamespace(of=lambda _: np.zeros((7, 6)))
+    chosen_model = choice(candidate(chosen, ("hand",), 1, error_m=2e-3), robots=(arm,))
+    made = evidence(robot_model=chosen_model, systematic_error=other)
     assert (robot_model(made) == []) == is_left_out
