@@ -56,7 +56,10 @@ class Trial:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of it; times in seconds after the fault, None where it did not happen."""
+    """What became of it; times in seconds after the fault, None where it did not happen.
+
+    In phase `reconnecting` the link is cut before the fault already. A stop between the two has a negative time.
+    """
 
     other_stopped_s: float | None
     faulty_halted_s: float | None
@@ -122,9 +125,10 @@ def _go_on(rig: Rig, trial: Trial) -> None:
 
 def _outcome(trial: Trial, log, fault_s: float, ended_s: float | None, error: str) -> Outcome:
     other = next(name for name in ARMS if name != trial.arm)
-    stops = [at - fault_s for at, what in log[other] if what == "stop" and at >= fault_s]
+    since_s = min([fault_s, *(at for at, what in log[trial.arm] if what.startswith("fault"))])
+    stops = [at - fault_s for at, what in log[other] if what == "stop" and at >= since_s]
     halts = [at - fault_s for at, what in log[trial.arm] if what.startswith("halted") and at >= fault_s - 0.05]
-    moves = sum(what == "move" and at > fault_s for name in ARMS for at, what in log[name])
+    moves = sum(what == "move" and at > since_s for name in ARMS for at, what in log[name])
     return Outcome(min(stops, default=None), min(halts, default=None), ended_s, moves, error)
 
 
