@@ -197,7 +197,8 @@ def shown(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     filtered = -gradient / float(np.sqrt(information))
     loose = {name: replace(robot, noise=np.ones(6)) for name, robot in robots.items()}
     within_views = solve(replace(cell, robots=loose), recording, Settings(robot_noise="stated")).cost
-    freedoms = 6 * count - found.problem.width - 1
+    free = (found.problem.columns[name] for name in found.problem.unknowns.keys() & found.problem.columns.keys())
+    freedoms = 6 * count - sum(where.stop - where.start for where in free) - 1  # a lens is held by its prior
     level = np.sqrt(max(found.cost - within_views - filtered**2, 0.0) / freedoms)
     tests = 2 * sum(robot.chain.n for robot in robots.values() if robot.chain is not None)
     known, unknown = (bool(filtered > float(student.ppf(1 - 0.01 / n, freedoms)) * level) for n in (1, tests))

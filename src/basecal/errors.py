@@ -73,7 +73,7 @@ class FrameNotFound(BasecalError, KeyError):
 class NotObservable(BasecalError):
     """A transform asked for is unobservable; the message names the null directions in words."""
 
-    exit_code = 1
+    exit_code = 4
 
     def __init__(self, message: str, directions: Sequence[str] = ()) -> None:
         self.directions = tuple(directions)
@@ -83,7 +83,7 @@ class NotObservable(BasecalError):
 class RefusedCalibration(BasecalError):
     """A calibration that is refused was to be used; the message says why it is."""
 
-    exit_code = 1
+    exit_code = 4
 
     def __init__(self, reason: str = "") -> None:
         self.reason = reason
@@ -95,7 +95,7 @@ class RefusedCalibration(BasecalError):
 class NotConverged(BasecalError):
     """An iteration ended away from an optimum; `state` is where it stopped."""
 
-    exit_code = 1
+    exit_code = 4
 
     def __init__(self, message: str, state: object = None) -> None:
         self.state = state

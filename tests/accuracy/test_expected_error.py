@@ -21,6 +21,7 @@ from basecal.accuracy.expected_error import (
 )
 from basecal.accuracy.fit_details import fit_details
 from basecal.accuracy.verdict import calibrate
+from basecal.cell import Tolerance
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -129,16 +130,16 @@ def test_tolerances(dual):
         )
 
     assert check(None) is None
-    assert check(5e-4).passed
-    assert not check(3e-4).passed
-    assert not check(5e-4, verdict="doubtful").passed
-    assert not check(5e-4, found=[]).passed
-    assert check(5e-4, found=[]).expected_m is None
-    assert check(3e-4).expected_m == 4e-4
-    assert check(4e-4).as_dict() == {"tolerance_m": 4e-4, "expected_m": 4e-4, "passed": True}
+    assert check(5e-4).met
+    assert not check(3e-4).met
+    assert not check(5e-4, verdict="doubtful").met
+    assert not check(5e-4, found=[]).met
+    assert check(5e-4, found=[]).expected_95_m is None
+    assert check(3e-4).expected_95_m == 4e-4
+    assert check(4e-4) == Tolerance(4e-4, 4e-4, True)
     nothing = SimpleNamespace(asked=())
     found = check_tolerance(nothing, replace(calibration, verdict="good", settings={"tolerance_m": 1e-6}), [])
-    assert (found.expected_m, found.passed) == (0.0, True)
+    assert (found.expected_95_m, found.met) == (0.0, True)
 
 
 def test_a_target_seen_only_as_poses_is_used_at_its_origin():

@@ -59,7 +59,7 @@ def test_a_run_that_did_not_converge_is_reported(tmp_path: Path, capsys: pytest.
     answer = json.loads((run / "calibration.json").read_text())
     assert (answer["transforms"], answer["intrinsics"], answer["joint"]) == ({}, {}, None)
     capsys.readouterr()
-    assert main(["report", str(tmp_path)]) == 1
+    assert main(["report", str(tmp_path)]) == 4
     assert capsys.readouterr().out.startswith("REFUSED: the solver did not converge")
 
 
@@ -96,7 +96,7 @@ def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureF
     """A cell without samples is refused with exit code 1, says what to record, and has its run."""
     main(["new", str(tmp_path)])
     capsys.readouterr()
-    assert main(["calibrate", str(tmp_path)]) == 1
+    assert main(["calibrate", str(tmp_path)]) == 4
     said = capsys.readouterr()
     assert said.out.startswith("REFUSED: ")
     assert "record" in said.out
@@ -104,7 +104,7 @@ def test_new_cell_is_refused_with_advice(tmp_path: Path, capsys: pytest.CaptureF
     assert run is not None
     assert Path(said.err.removeprefix("page: ").rstrip()).resolve() == (run / "report.html").resolve()
     assert {finding.code for finding in read_calibration(run).findings} == {"too-few-samples"}
-    assert main(["report", str(tmp_path)]) == 1
+    assert main(["report", str(tmp_path)]) == 4
 
 
 @pytest.mark.parametrize("verb", ["calibrate", "report"])

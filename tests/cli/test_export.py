@@ -140,12 +140,12 @@ def test_one_urdf_of_two_robots(solved: Path, capsys: pytest.CaptureFixture[str]
 def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
     solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In a comment and on stderr with code 0; nothing is written of what is refused, with code 1."""
+    """In a comment and on stderr with code 0; nothing is written of what is refused, with code 4."""
     cell = tmp_path / "cell"
     shutil.copytree(solved, cell)
     run = latest_run(cell)
     assert run is not None
-    for verdict, code in (("doubtful", 0), ("refused", 1)):
+    for verdict, code in (("doubtful", 0), ("refused", 4)):
         data = json.loads((run / "calibration.json").read_text())
         (run / "calibration.json").write_text(json.dumps(data | {"verdict": verdict}))
         assert main(["export", str(cell), "--to", "ur", "-o", str(tmp_path / verdict)]) == code

@@ -50,5 +50,5 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
     """A cell that was just made is refused with the command that goes on."""
     assert main(["new", str(tmp_path / "c")]) == 0
     assert "next, where eye, hand was: basecal import poses" in capsys.readouterr().out
-    assert main(["calibrate", str(tmp_path / "c")]) == 1
+    assert main(["calibrate", str(tmp_path / "c")]) == 4
     assert "next, where eye, hand was: basecal import poses" in capsys.readouterr().out

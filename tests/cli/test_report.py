@@ -32,7 +32,7 @@ def test_a_refused_run_is_told(calibrated: Path, tmp_path: Path, capsys: pytest.
     folder = copytree(calibrated, tmp_path / "cell")
     write_calibration(Calibration("refused", joint_covariance=np.zeros((0, 0))), folder)
     capsys.readouterr()
-    assert main(["report", str(folder)]) == 1
+    assert main(["report", str(folder)]) == 4
     assert "REFUSED" in capsys.readouterr().out
 
 

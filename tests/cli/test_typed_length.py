@@ -38,20 +38,21 @@ def test_counts_are_read() -> None:
 
 
 def test_a_tolerance_decides_and_is_remembered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Missed, the run ends with 1 and says so; `report` knows it from the run, and takes another one."""
+    """Missed, the run ends with 5 and says so; `report` knows it from the run, and takes another one."""
     main(["simulate", str(tmp_path), "--samples", "12", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"])
     capsys.readouterr()
-    assert main(["calibrate", str(tmp_path), "--tolerance", "0.001mm"]) == 1
-    assert "tolerance: FAIL: 95 % of errors" in capsys.readouterr().out
-    assert main(["report", str(tmp_path)]) == 1
+    assert main(["calibrate", str(tmp_path), "--tolerance", "0.001mm"]) == 5
+    assert capsys.readouterr().out.startswith("FAIL: expected error ")
+    assert main(["report", str(tmp_path)]) == 5
     capsys.readouterr()
-    assert main(["report", str(tmp_path), "--json"]) == 1
+    assert main(["report", str(tmp_path), "--json"]) == 5
     missed = json.loads(capsys.readouterr().out)["tolerance"]
-    assert (missed["tolerance_m"], missed["passed"]) == (1e-6, False)
-    assert 1e-6 < missed["expected_m"] < 1e-2
+    assert (missed["asked_m"], missed["met"]) == (1e-6, False)
+    assert 1e-6 < missed["expected_95_m"] < 1e-2
     assert main(["report", str(tmp_path), "--tolerance", "1cm"]) == 0
-    assert "tolerance: PASS: 95 % of errors" in capsys.readouterr().out
+    assert capsys.readouterr().out.startswith("PASS: expected error ")
     run = latest_run(tmp_path)
     assert run is not None
     assert ">PASS<" in (run / "report.html").read_text(encoding="utf-8")
-    assert "tolerance: FAIL" in (run / "report.txt").read_text(encoding="utf-8")
+    assert (run / "report.txt").read_text(encoding="utf-8").startswith("FAIL: ")
+    assert json.loads((run / "calibration.json").read_text(encoding="utf-8"))["tolerance"]["asked_m"] == 1e-6

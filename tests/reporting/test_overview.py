@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.expected_error import ExpectedError
 from basecal.accuracy.fit_details import FitDetails
-from basecal.cell import Calibration, CellTarget, Recording, Residuals, Sample, SampleResidual, Unknown
+from basecal.cell import Calibration, CellTarget, Recording, Residuals, Sample, SampleResidual, Tolerance, Unknown
 from basecal.reporting.overview import overview
 from basecal.simulation import Scenario, simulate
 
@@ -37,13 +37,14 @@ def test_what_when_of_what_and_how_good():
 
 def test_a_tolerance_has_its_word():
     """`PASS` or `FAIL` apart from why."""
-    asked = replace(CALIBRATION, settings={"tolerance_m": 1e-3})
-    word, why = overview(CELL, RECORDING, asked, DETAILS, None).tolerance
-    assert (word, why) == ("PASS", "95 % of errors are expected below 0.438 mm, 1 mm are asked for")
-    word, why = overview(CELL, RECORDING, asked, FitDetails(), None).tolerance
-    assert (word, why) == ("FAIL", "1 mm are asked for, and not everything asked for is known")
-    doubtful = replace(asked, verdict="doubtful")
-    assert "only a good calibration" in overview(CELL, RECORDING, doubtful, DETAILS, None).tolerance[1]
+
+    def said(tolerance):
+        return overview(CELL, RECORDING, replace(CALIBRATION, tolerance=tolerance), DETAILS, None).tolerance
+
+    assert said(Tolerance(1e-3, 4.38e-4, True)) == ("PASS", "expected error 0.438 mm (95 %), tolerance 1 mm")
+    assert said(Tolerance(1e-4, 4.38e-4, False)) == ("FAIL", "expected error 0.438 mm (95 %), tolerance 0.1 mm")
+    assert said(Tolerance(1e-3, None, False)) == ("FAIL", "not everything requested is known, tolerance 1 mm")
+    assert "only a good calibration" in said(Tolerance(1e-3, 4.38e-4, False))[1]
 
 
 def test_a_target_seen_as_poses_beside_the_robots():

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from scipy.special import chndtrix, gammainc
 
 from basecal.accuracy.residuals.fitted_again import FittedAgain
-from basecal.cell import Calibration, Cell
+from basecal.cell import Calibration, Cell, Tolerance
 from basecal.geometry import Array
 from basecal.geometry.rotation import hat
 
@@ -36,25 +36,6 @@ class ExpectedError:
     at_m: Array
 
 
-@dataclass(frozen=True)
-class ToleranceCheck:
-    """Whether what was asked for is known as well as is needed.
-
-    Attributes:
-        tolerance_m: What is needed [m].
-        expected_m: The largest of the expected errors [m]; None where something asked for was not found.
-        passed: Whether that is within the tolerance and the verdict is good, without which it proves nothing.
-    """
-
-    tolerance_m: float
-    expected_m: float | None
-    passed: bool
-
-    def as_dict(self) -> dict[str, float | bool | None]:
-        """Plain data, as `--json` prints it."""
-        return {"tolerance_m": self.tolerance_m, "expected_m": self.expected_m, "passed": self.passed}
-
-
 def expected_errors(cell: Cell, calibration: Calibration, fitted: FittedAgain) -> tuple[ExpectedError, ...]:
     """The expected error of each transform asked for, where it is used most uncertainly.
 
@@ -78,15 +59,14 @@ def expected_errors(cell: Cell, calibration: Calibration, fitted: FittedAgain) -
     return tuple(found)
 
 
-def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[ExpectedError]) -> ToleranceCheck | None:
-    """Whether everything asked for is known to the tolerance that the settings state; None where they state none."""
-    tolerance_m = calibration.settings.get("tolerance_m")
-    if tolerance_m is None:
+def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[ExpectedError]) -> Tolerance | None:
+    """Whether everything requested is known to the tolerance that the settings state; None if they state none."""
+    asked_m = calibration.settings.get("tolerance_m")
+    if asked_m is None:
         return None
     complete = {each.transform for each in errors} == set(cell.asked)
-    expected_m = max((each.length_m for each in errors), default=0.0) if complete else None
-    within = expected_m is not None and expected_m <= tolerance_m
-    return ToleranceCheck(tolerance_m, expected_m, within and calibration.verdict == "good")
+    found = Tolerance(asked_m, max((each.length_m for each in errors), default=0.0) if complete else None, False)
+    return replace(found, met=found.is_within and calibration.verdict == "good")
 
 
 def length_quantile(covariance: Array) -> float:

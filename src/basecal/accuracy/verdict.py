@@ -36,6 +36,7 @@ from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
+from basecal.accuracy.transform_verdicts import transform_verdicts
 from basecal.accuracy.widening import largest, widened
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
 from basecal.cell.calibration import Verdict
@@ -220,6 +221,7 @@ def _calibration(
     return Calibration(
         verdict=verdict_of(findings),
         transforms=estimates,
+        verdicts=transform_verdicts(solution.problem, estimates, findings),
         status={n: solution.problem.unknowns[n].status for n in estimates},
         points=frozenset(n for n in solution.problem.point_mounts if n in estimates),
         cameras={n: (c, solution.lens_covariance(n)) for n, c in solution.state.cameras.items() if n in lenses},

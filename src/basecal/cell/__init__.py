@@ -13,6 +13,7 @@ from basecal.cell.calibration import (
     Outlier,
     Residuals,
     SampleResidual,
+    Tolerance,
     Validation,
 )
 from basecal.cell.cell import (
@@ -79,6 +80,7 @@ __all__ = [
     "Sample",
     "SampleResidual",
     "Target",
+    "Tolerance",
     "Unknown",
     "Validation",
 ]

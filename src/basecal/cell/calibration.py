@@ -27,13 +27,22 @@ class Finding:
         code: A kind from docs/findings.md, such as `unobservable-direction`.
         severity: `error` refuses, `warning` makes doubtful, `info` does neither.
         about: Names of samples, robots, cameras, targets or transforms.
-        message: One sentence or two: what is so, and what to do.
+        what: The problem, with its number and unit.
+        do: What to do: sentences, or commands to copy.
+        why: The cause, if it is known; empty if not.
     """
 
     code: str
     severity: Severity
     about: tuple[str, ...]
-    message: str
+    what: str
+    do: tuple[str, ...] = ()
+    why: str = ""
+
+    @property
+    def message(self) -> str:
+        """What, why and what to do, joined."""
+        return " ".join(part for part in (self.what, self.why, *self.do) if part)
 
 
 @dataclass(frozen=True)
@@ -205,6 +214,27 @@ class LocalFit:
     transforms: Mapping[str, SE3]
 
 
+@dataclass(frozen=True)
+class Tolerance:
+    """Whether what was requested is known as well as is needed.
+
+    Attributes:
+        asked_m: What is needed [m].
+        expected_95_m: The largest distance that 95 of 100 position errors stay below [m]; None if something requested
+            was not found.
+        met: Whether that is within the tolerance and the verdict is good, without which it proves nothing.
+    """
+
+    asked_m: float
+    expected_95_m: float | None
+    met: bool
+
+    @property
+    def is_within(self) -> bool:
+        """Whether the expected error is within the tolerance, whatever the verdict."""
+        return self.expected_95_m is not None and self.expected_95_m <= self.asked_m
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
@@ -231,6 +261,8 @@ class Calibration:
         error_map: The error over the workspace; None where no task is named.
         local: Parts of the workspace calibrated by themselves; None where no task is named.
         findings: What the user should know.
+        verdicts: Of each of `transforms`, by the findings that concern it.
+        tolerance: How the answer compares with what is needed; None if no tolerance was given.
         settings: What was asked of the solver, and `tolerance_m` where it is stated how well the answer must be known.
         inputs: `sha256:...` of each file read.
         versions: Of the programs that were used, by name.
@@ -257,6 +289,8 @@ class Calibration:
     error_map: ErrorMap | None = None
     local: tuple[LocalFit, ...] | None = None
     findings: tuple[Finding, ...] = ()
+    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
+    tolerance: Tolerance | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)

@@ -38,8 +38,8 @@ how sure that is.
 Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page of its own:
 `basecal VERB --help`.
 
-Exit codes: 0 good, 1 doubtful or refused, 2 wrong usage, 3 unreadable input,
-70 a fault of this program, 130 interrupted."""
+Exit codes: 0 good or tolerance met, 1 doubtful, 2 wrong usage, 3 unreadable input,
+4 refused, 5 tolerance missed, 70 a fault of this program, 130 interrupted."""
 
 
 _IMPORT_HELP = """Make a cell and its recording from other programs' files, or complete what is

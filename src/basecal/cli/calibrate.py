@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from basecal.cli.detected import detected_recording
 from basecal.cli.next_step import next_step
@@ -16,7 +15,6 @@ from basecal.cli.typed_length import length_m
 from basecal.errors import UsageError, printable
 
 if TYPE_CHECKING:
-    from basecal.accuracy.expected_error import ToleranceCheck
     from basecal.cell import Calibration, Cell
     from basecal.estimation.settings import Settings
 
@@ -87,23 +85,22 @@ def calibrate(
     )
     made = calibrate_folder(cell, described, settings, verbose, needed_m)
     if json:
-        print_json(with_tolerance(calibration_to_dict(made.calibration), made.tolerance))
+        print_json(calibration_to_dict(made.calibration))
     else:
-        show(described, made.calibration, verbose, made.tolerance)
+        show(described, made.calibration, verbose)
         print_page_path(made.run)
         is_refused = made.calibration.verdict == "refused"
         if is_refused and (missing := next_step(described, read_recording(cell, described), cell)):
             say(missing)
-    return exit_code(made.calibration, made.tolerance)
+    return exit_code(made.calibration)
 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedFolder:
-    """What `calibrate_folder` made: the calibration, the folder of its run, how it compares with a tolerance."""
+    """What `calibrate_folder` made: the calibration, and the folder of its run."""
 
     calibration: Calibration
     run: Path
-    tolerance: ToleranceCheck | None = None
 
 
 def _refuse_unused(method: str, start: str, task_point: object, task_box: object, station_choice: str) -> None:
@@ -141,7 +138,7 @@ def calibrate_folder(
     from basecal.accuracy.expected_error import check_tolerance
     from basecal.accuracy.fit_details import fit_details
     from basecal.accuracy.verdict import calibrate as calibrated
-    from basecal.cell.files import input_hashes, read_calibration, write_calibration
+    from basecal.cell.files import calibration_from_dict, calibration_to_dict, input_hashes, write_calibration
     from basecal.cell.format.writing import write_whole
     from basecal.cell.results.versions import used_versions
     from basecal.estimation.settings import Settings
@@ -156,32 +153,35 @@ def calibrate_folder(
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
         asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
         calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())
-        run = write_calibration(calibration, folder).parent
+        stored = calibration_from_dict(calibration_to_dict(calibration))  # what `report` will find, to the last digit
         with stages.stage("report"):
-            stored = read_calibration(run)  # what `report` will find, to the last digit
             recording = synchronous(cell, recording, stored)
             details = fit_details(cell, recording, stored)
-            tolerance = check_tolerance(cell, stored, details.errors)
-            write_whole(run / "report.txt", printable(text_report(cell, calibration, tolerance)) + "\n", within=folder)
+            calibration = replace(calibration, tolerance=check_tolerance(cell, stored, details.errors))
+            stored = replace(stored, tolerance=calibration.tolerance)
+            run = write_calibration(calibration, folder).parent
+            write_whole(run / "report.txt", printable(text_report(cell, calibration)) + "\n", within=folder)
             write_page(cell, stored, StoredRun(run, recording, details, ()))
     if verbose:
         print_stages(stages.seconds)
-    return CalibratedFolder(calibration, run, tolerance)
+    return CalibratedFolder(calibration, run)
 
 
-def show(cell: Cell, calibration: Calibration, verbose: bool = False, tolerance: ToleranceCheck | None = None) -> None:
+def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
     """Print a calibration: what matters, or the whole report."""
     from basecal.reporting.summary import summary
     from basecal.reporting.text import text_report
 
-    say((text_report if verbose else summary)(cell, calibration, tolerance))
+    say((text_report if verbose else summary)(cell, calibration))
 
 
-def with_tolerance(answer: Mapping[str, Any], tolerance: ToleranceCheck | None) -> dict[str, Any]:
-    """What `--json` prints: calibration.json, and the verdict on the tolerance where one was asked for."""
-    return dict(answer) if tolerance is None else {**answer, "tolerance": tolerance.as_dict()}
+def exit_code(calibration: Calibration) -> int:
+    """4 if it is refused, 5 if a tolerance is missed, 1 if it is doubtful, else 0.
 
-
-def exit_code(calibration: Calibration, tolerance: ToleranceCheck | None = None) -> int:
-    """0 where the verdict is good and what is needed is reached, else 1."""
-    return 0 if calibration.verdict == "good" and (tolerance is None or tolerance.passed) else 1
+    A doubtful calibration within its tolerance proves nothing, and is doubtful.
+    """
+    if calibration.verdict == "refused":
+        return 4
+    if calibration.tolerance is not None and not calibration.tolerance.is_within:
+        return 5
+    return 1 if calibration.verdict == "doubtful" else 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.cli.calibrate import exit_code, show, with_tolerance
+from basecal.cli.calibrate import exit_code, show
 from basecal.cli.page import print_page_path, stored_run, write_page
 from basecal.cli.terminal import pasted, print_json, progress
 from basecal.cli.typed_length import length_m
@@ -40,7 +40,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
     from dataclasses import replace
 
     from basecal.accuracy.expected_error import check_tolerance
-    from basecal.cell.files import latest_run, read_calibration, read_calibration_data, read_cell
+    from basecal.cell.files import calibration_to_dict, latest_run, read_calibration, read_calibration_data, read_cell
 
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
@@ -53,12 +53,12 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         print_json(read_calibration_data(run))
         return exit_code(calibration)
     stored = stored_run(cell, run, described, calibration)
-    check = check_tolerance(described, calibration, stored.details.errors)
+    calibration = replace(calibration, tolerance=check_tolerance(described, calibration, stored.details.errors))
     if json:
-        print_json(with_tolerance(read_calibration_data(run), check))
+        print_json(calibration_to_dict(calibration))
     else:
-        show(described, calibration, verbose, check)
+        show(described, calibration, verbose)
         with progress("writing the page"):
             write_page(described, calibration, stored)
         print_page_path(run)
-    return exit_code(calibration, check)
+    return exit_code(calibration)

@@ -8,7 +8,6 @@ from datetime import datetime
 from pathlib import PurePosixPath
 from typing import Any
 
-from basecal.accuracy.expected_error import check_tolerance
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.sample_use import sample_use
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording
@@ -39,11 +38,10 @@ def overview(
     cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, made: datetime | None
 ) -> Overview:
     """The overview of a calibration that was made at some time, UTC."""
-    check = check_tolerance(cell, calibration, details.errors)
     rows = tuple(_answer(cell, recording, calibration, details, made)), tuple(_things(cell))
-    if check is None:
+    if calibration.tolerance is None:
         return Overview(*rows, None)
-    word, _, why = tolerance_sentence(check).partition(": ")
+    word, _, why = tolerance_sentence(calibration.tolerance).partition(": ")
     return Overview(*rows, (word, why))
 
 

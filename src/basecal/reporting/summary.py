@@ -8,7 +8,6 @@ from textwrap import wrap
 
 import numpy as np
 
-from basecal.accuracy.expected_error import ToleranceCheck
 from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.geometry import Array
 from basecal.reporting.text import by_weight, local_rows, sigma_norms, task_sentence, tolerance_sentence
@@ -24,13 +23,12 @@ _EXACT_DECIMALS, _MOST_DECIMALS = 4, 6  # of mm and deg: where nothing is uncert
 _COLUMN = 13  # characters of a number in a row
 
 
-def summary(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | None = None) -> str:
+def summary(cell: Cell, calibration: Calibration) -> str:
     """Lines of at most `WIDTH` characters, joined by newlines; `text_report` tells all else.
 
     Args:
         cell: What was calibrated: it says which transforms are asked for.
         calibration: What came out.
-        tolerance: How it compares with what is needed, where that is stated.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
     findings = dict.fromkeys(by_weight(calibration.findings))
@@ -41,10 +39,10 @@ def summary(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | No
         lines = wrapped(f"{word}: {_said(grave[0]) if grave else 'no transform is asked for and observable.'}")
     else:
         lines, known[0] = [], f"{word}: {known[0]}"
+    if calibration.tolerance is not None:
+        lines = [*wrapped(tolerance_sentence(calibration.tolerance)), *lines]
     for place, (name, sentence) in enumerate(zip(asked, known, strict=True)):
         lines += [*wrapped(sentence), *(_rows(name, calibration) if place < _WHOLE else ())]
-    if tolerance is not None:
-        lines += wrapped(f"tolerance: {tolerance_sentence(tolerance)}")
     lines += wrapped(task_sentence(calibration)) if calibration.budget else []
     if calibration.settings.get("task_box") is not None:
         lines += [line for sentence in local_rows(calibration) for line in wrapped(sentence)]

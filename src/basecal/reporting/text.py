@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.expected_error import ToleranceCheck
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
-from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
+from basecal.cell import Calibration, Cell, Finding, LocalFit, Tolerance, Validation
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
@@ -29,19 +28,18 @@ _SHOWN_IDS = 10
 _SHOWN_SOURCES = 3  # of a budget, in one line
 
 
-def text_report(cell: Cell, calibration: Calibration, tolerance: ToleranceCheck | None = None) -> str:
+def text_report(cell: Cell, calibration: Calibration) -> str:
     """The report of a calibration, lines joined by newlines.
 
     Args:
         cell: What was calibrated: it says which transforms are asked for, and names frames for other programs.
         calibration: What came out.
-        tolerance: How it compares with what is needed, where that is stated.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
     blocks = [[verdict_sentence(cell, calibration)]]
-    if tolerance is not None:
-        blocks[0].append(f"tolerance: {tolerance_sentence(tolerance)}")
+    if calibration.tolerance is not None:
+        blocks[0].insert(0, tolerance_sentence(calibration.tolerance))
     for name in asked:
         blocks.append(_transform(name, calibration))
         if name not in calibration.points:
@@ -83,17 +81,15 @@ def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
     return f"DOUBTFUL: {answer}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {answer}."
 
 
-def tolerance_sentence(check: ToleranceCheck) -> str:
-    """Whether what was asked for is known as well as is needed, and how well."""
-    needed = f"{1e3 * check.tolerance_m:.3g} mm"
-    if check.expected_m is None:
-        return f"FAIL: {needed} are asked for, and not everything asked for is known"
-    expected = f"95 % of errors are expected below {1e3 * check.expected_m:.3g} mm"
-    if check.passed:
-        return f"PASS: {expected}, {needed} are asked for"
-    if check.expected_m <= check.tolerance_m:
-        return f"FAIL: {expected} and {needed} are asked for, but only a good calibration proves it"
-    return f"FAIL: {expected}, {needed} are asked for"
+def tolerance_sentence(check: Tolerance) -> str:
+    """Whether what was requested is known as well as is needed, and how well."""
+    needed = f"tolerance {1e3 * check.asked_m:.3g} mm"
+    if check.expected_95_m is None:
+        return f"FAIL: not everything requested is known, {needed}"
+    expected = f"expected error {1e3 * check.expected_95_m:.3g} mm (95 %), {needed}"
+    if check.met or not check.is_within:
+        return f"{'PASS' if check.met else 'FAIL'}: {expected}"
+    return f"FAIL: {expected}, but only a good calibration proves it"
 
 
 def _cross_validation_error(validation: Validation | None) -> str:
@@ -142,8 +138,9 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     is_point = name in calibration.points
     sigma_mm, sigma_deg = sigma_norms(estimate)
     heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
+    verdict = calibration.verdicts.get(name, calibration.verdict)
     lines = [
-        f"{heading}  ({status}{', a point' if is_point else ''})",
+        f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}",
         f"  t      {_row(estimate.mean.translation * 1e3, 4)} mm",
     ]
     if status != "fixed":

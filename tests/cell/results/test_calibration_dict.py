@@ -208,10 +208,13 @@ def test_no_mapping_is_refused():
 
 
 def test_findings():
-    """A code, a severity, what it is about, and words."""
-    assert finding_to_dict(Finding("a", "info", ("b", "c"), "d")) == {
+    """A code, a severity, what it is about, the three parts of its words and these joined."""
+    assert finding_to_dict(Finding("a", "info", ("b", "c"), "What.", ("Do.", "Or that."), "Why.")) == {
         "code": "a",
         "severity": "info",
         "about": ["b", "c"],
-        "message": "d",
+        "what": "What.",
+        "why": "Why.",
+        "do": ["Do.", "Or that."],
+        "message": "What. Why. Do. Or that.",
     }

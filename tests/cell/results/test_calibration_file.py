@@ -93,7 +93,7 @@ def test_shape() -> None:
     """The keys are those of the contract, in millimetres and degrees where they say so, with null for the rest."""
     data = calibration_to_dict(example())
     assert (data["schema"], data["verdict"]) == ("basecal/calibration/1", "doubtful")
-    assert data["transforms"][BASE].keys() == {"t_m", "q_xyzw", "covariance", "status"}
+    assert data["transforms"][BASE].keys() == {"t_m", "q_xyzw", "covariance", "status", "verdict"}
     assert np.shape(data["transforms"][BASE]["covariance"]) == (6, 6)
     assert data["transforms"][LIGHT]["covariance"] == [[1e-6, 0, 0], [0, 2e-6, 0], [0, 0, 3e-6]]
     assert data["intrinsics"]["wrist"] == {
@@ -206,7 +206,17 @@ def test_hashes(folder: Path) -> None:
         ({"verdict": "fine"}, "expected 'good', 'doubtful' or 'refused'"),
         ({"transforms": []}, "transforms: expected a mapping"),
         (
-            {"transforms": {BASE: {"t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 2], "covariance": SIX, "status": None}}},
+            {
+                "transforms": {
+                    BASE: {
+                        "t_m": [0, 0, 0],
+                        "q_xyzw": [0, 0, 0, 2],
+                        "covariance": SIX,
+                        "status": None,
+                        "verdict": "good",
+                    }
+                }
+            },
             "norm 2",
         ),
         ({"residuals": {}}, "residuals.rms_px: missing"),

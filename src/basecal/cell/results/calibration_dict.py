@@ -23,6 +23,7 @@ from basecal.cell.calibration import (
     Outlier,
     Residuals,
     SampleResidual,
+    Tolerance,
     Validation,
 )
 from basecal.cell.format.plain import numbers
@@ -74,6 +75,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
         "error_map": None if calibration.error_map is None else _error_map(calibration.error_map),
         "local": None if calibration.local is None else [_local(each) for each in calibration.local],
         "findings": [finding_to_dict(finding) for finding in calibration.findings],
+        "tolerance": None if calibration.tolerance is None else asdict(calibration.tolerance),
         "settings": dict(calibration.settings),
         "inputs": dict(calibration.inputs),
         "versions": dict(calibration.versions),
@@ -127,6 +129,7 @@ def _transform(name: str, calibration: Calibration) -> dict[str, Any]:
         "q_xyzw": numbers(estimate.mean.quaternion),
         "covariance": numbers(estimate.covariance[:size, :size]),
         "status": calibration.status.get(name),
+        "verdict": calibration.verdicts.get(name, calibration.verdict),
     }
 
 
@@ -226,18 +229,27 @@ def _local_of(data: Mapping[str, Any]) -> LocalFit:
 
 def finding_to_dict(finding: Finding) -> dict[str, Any]:
     """A finding as JSON holds it."""
-    about = list(finding.about)
-    return {"code": finding.code, "severity": finding.severity, "about": about, "message": finding.message}
+    return {
+        "code": finding.code,
+        "severity": finding.severity,
+        "about": list(finding.about),
+        "what": finding.what,
+        "why": finding.why,
+        "do": list(finding.do),
+        "message": finding.message,
+    }
 
 
 def _calibration(data: dict[str, Any]) -> Calibration:
     transforms, lenses = data["transforms"], data["intrinsics"] or {}
     joint, proof = data["joint"], data["certificate"]
     of_robots = {name: _parameters(each.from_dict(data), name) for name, each in ROBOT_PARAMETERS.items()}
+    verdicts = {name: entry["verdict"] for name, entry in transforms.items() if entry.get("verdict")}
     status = {name: entry["status"] for name, entry in {**transforms, **lenses}.items() if entry.get("status")}
     return Calibration(
         verdict=data["verdict"],
         transforms={name: _estimate(entry) for name, entry in transforms.items()},
+        verdicts=verdicts,
         status=status,
         points=frozenset(name for name, entry in transforms.items() if len(entry["covariance"]) == 3),
         cameras={name: (_camera(entry), _matrix(entry["covariance"])) for name, entry in lenses.items()},
@@ -262,11 +274,17 @@ def _calibration(data: dict[str, Any]) -> Calibration:
         budget=None if data.get("budget") is None else tuple(map(_budget_of, data["budget"])),
         error_map=None if data.get("error_map") is None else _error_map_of(data["error_map"]),
         local=None if data.get("local") is None else tuple(map(_local_of, data["local"])),
-        findings=tuple(_noun(Finding, {**one, "about": tuple(one["about"])}) for one in data["findings"]),
+        findings=tuple(map(_finding_of, data["findings"])),
+        tolerance=None if data.get("tolerance") is None else Tolerance(**data["tolerance"]),
         settings=data["settings"] or {},
         inputs=data["inputs"] or {},
         versions=data.get("versions") or {},
     )
+
+
+def _finding_of(data: dict[str, Any]) -> Finding:
+    about, do = tuple(data["about"]), tuple(data["do"])
+    return Finding(data["code"], data["severity"], about, data["what"], do, data["why"])
 
 
 def _parameters(found: dict[str, RobotParameters], kind: str) -> dict[str, RobotParameters]:

@@ -64,6 +64,7 @@ class _Pose(_Result):
 class _Transform(_Pose):
     covariance: Annotated[_Covariance, Field(min_length=3, max_length=6)]
     status: _Status | None
+    verdict: Literal["good", "doubtful", "refused"]
 
 
 class _Lens(_Result):
@@ -170,6 +171,9 @@ class _Finding(_Result):
     code: str
     severity: Literal["info", "warning", "error"]
     about: list[str]
+    what: str
+    why: str
+    do: list[str]
     message: str
 
 
@@ -224,6 +228,12 @@ class _Settings(_Result):
     tolerance_m: Annotated[float, Field(gt=0, le=_FARTHEST)] | None = None
 
 
+class _Tolerance(_Result):
+    asked_m: Annotated[float, Field(gt=0, le=_FARTHEST)]
+    expected_95_m: Annotated[float, Field(ge=0)] | None
+    met: bool
+
+
 class _CalibrationEntry(_Result):
     verdict: Literal["good", "doubtful", "refused"]
     transforms: dict[_Name, _Transform]
@@ -243,6 +253,7 @@ class _CalibrationEntry(_Result):
     error_map: _ErrorMap | None = None
     local: list[_LocalFit] | None = None
     findings: list[_Finding]
+    tolerance: _Tolerance | None = None
     settings: _Settings | None
     inputs: dict[str, str] | None
     versions: dict[str, str] | None = None

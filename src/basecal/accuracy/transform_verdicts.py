@@ -1,0 +1,61 @@
+"""The verdict of each transform: that of the findings that concern it.
+
+Findings concern all that they are about, and all that views tie to it: cameras, targets and robots that share views or
+a transform are one group. A finding that is about none of them concerns everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from basecal.cell import Finding
+from basecal.cell.calibration import Verdict
+from basecal.estimation.problem.problem import Problem, ViewGroup
+
+_OF_ITSELF = {"weak-direction", "unobservable-direction", "prior-dominated"}
+"""Codes of findings about how well a transform is known, which says nothing against others."""
+
+_WORST: tuple[Verdict, ...] = ("refused", "doubtful", "good")
+_BY_SEVERITY: Mapping[str, Verdict] = {"error": "refused", "warning": "doubtful", "info": "good"}
+
+
+def transform_verdicts(problem: Problem, names: Iterable[str], findings: Sequence[Finding]) -> dict[str, Verdict]:
+    """The verdict of each of these transforms.
+
+    Args:
+        problem: Whose views tie devices and transforms together.
+        names: Of the transforms.
+        findings: All that were made of the calibration.
+    """
+    parts = _parts(problem)
+    known = set().union(*parts)
+    return {name: _verdict(name, parts, known, findings) for name in names}
+
+
+def _verdict(name: str, parts: Sequence[set[str]], known: set[str], findings: Sequence[Finding]) -> Verdict:
+    own = next((part for part in parts if name in part), known)
+    found = {_BY_SEVERITY[each.severity] for each in findings if _concerns(each, name, own, known)}
+    return next((verdict for verdict in _WORST if verdict in found), "good")
+
+
+def _concerns(finding: Finding, name: str, own: set[str], known: set[str]) -> bool:
+    about = known.intersection(finding.about)
+    if finding.code in _OF_ITSELF and about:
+        return name in about
+    return not about or not about.isdisjoint(own)
+
+
+def _parts(problem: Problem) -> list[set[str]]:
+    """Names of devices and transforms, those that views tie together in one set."""
+    parts: list[set[str]] = []
+    for group in problem.groups:
+        mine = _names(group)
+        mine.update(*(part for part in parts if not part.isdisjoint(mine)))
+        parts = [part for part in parts if part.isdisjoint(mine)] + [mine]
+    return parts
+
+
+def _names(group: ViewGroup) -> set[str]:
+    devices = (group.camera, group.target, group.eye, group.hand)
+    transforms = (group.camera_mount, group.target_mount, group.eye_base, group.hand_base)
+    return {name for name in (*devices, *transforms) if name}

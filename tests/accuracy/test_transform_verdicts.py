@@ -1,0 +1,52 @@
+"""Each transform has the verdict of the findings that concern it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.accuracy.transform_verdicts import transform_verdicts
+from basecal.cell import Finding
+
+
+def views(camera, target, eye, hand, base):
+    return SimpleNamespace(
+        camera=camera,
+        target=target,
+        eye=eye,
+        hand=hand,
+        camera_mount=f"{eye}_flange_from_{camera}",
+        target_mount=f"{hand}_flange_from_{target}",
+        eye_base=None,
+        hand_base=base,
+    )
+
+
+APART = SimpleNamespace(
+    groups=[views("wrist", "board", "eye", "hand", "base"), views("top", "tag", "one", "two", "far")]
+)
+TIED = SimpleNamespace(groups=[*APART.groups, views("wrist", "tag", "eye", "two", "far")])
+
+
+@pytest.mark.parametrize(("problem", "code", "severity", "about", "base", "far"), [
+    (APART, "drift", "warning", ("board",), "doubtful", "good"),
+    (TIED, "drift", "warning", ("board",), "doubtful", "doubtful"),
+    (APART, "drift", "info", ("board",), "good", "good"),
+    (APART, "poor-fit", "warning", (), "doubtful", "doubtful"),
+    (APART, "outlier-samples", "warning", ("3", "4"), "doubtful", "doubtful"),
+    (APART, "not-converged", "error", (), "refused", "refused"),
+    (TIED, "weak-direction", "warning", ("far",), "good", "doubtful"),
+    (TIED, "unobservable-direction", "error", ("base", "eye_flange_from_wrist"), "refused", "good"),
+])  # fmt: skip
+def test_findings_concern_what_views_tie_to_them(problem, code, severity, about, base, far):
+    """Samples and nothing concern everything; how well a transform is known concerns it alone."""
+    found = transform_verdicts(problem, ["base", "far"], [Finding(code, severity, about, "what")])
+    assert found == {"base": base, "far": far}
+
+
+def test_without_findings_all_are_good():
+    """As they are where the worst of several decides."""
+    assert transform_verdicts(APART, ["far"], []) == {"far": "good"}
+    several = [Finding("a", "warning", (), ""), Finding("b", "error", ("tag",), ""), Finding("c", "info", (), "")]
+    assert transform_verdicts(APART, ["base", "far"], several) == {"base": "doubtful", "far": "refused"}
