@@ -24,6 +24,12 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(map(str, names[:_SHOWN])) + more or "none"
 
 
+def sentence(clause: str, names: Iterable[str] = ()) -> str:
+    """A clause as a sentence; names stay as they are written."""
+    is_name = clause.partition(" ")[0] in set(names)
+    return f"{clause if is_name else clause[:1].upper() + clause[1:]}."
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint " (did you mean 'x'?)", or nothing where no known name is near."""
     close = get_close_matches(name[:_LONGEST], list(islice(known, _LOOKED_AT)), n=1)

@@ -72,7 +72,7 @@ def test_sigmas_that_nobody_states_are_assumed_and_said():
     silent, stated = calibrated(made(), pixel_px=None), calibrated(made(), pixel_px=0.3)
     np.testing.assert_allclose(silent[NAME].covariance, stated[NAME].covariance)
     assert silent.noise["pixel_px"] == 0.3
-    said = [f.message for f in silent.findings if "0.3 px assumed" in f.message]
+    said = [f.message for f in silent.findings if "0.3 px are assumed" in f.message]
     assert len(said) == 1
     assert not any("assumed" in f.message for f in stated.findings)
 
@@ -101,7 +101,7 @@ def test_every_station_is_told():
     assert [f.about for f in of] == [tuple(str(int(n)) for n in s.samples) for s in stations(simulated)]
     base = stations(simulated)[1].base()
     light = (base @ stations(simulated)[1].hand_base_from_light).translation
-    assert f"light at ({', '.join(f'{1e3 * v:.1f}' for v in light)}) mm" in of[1].message
+    assert f"LED at ({', '.join(f'{1e3 * v:.1f}' for v in light)}) mm" in of[1].message
     assert f"base at ({', '.join(f'{1e3 * v:.1f}' for v in base.translation)}) mm" in of[1].message
 
 

@@ -186,7 +186,7 @@ def test_few_stops_hardly_tell_noise_of_robots_and_that_is_said():
     assert set(found.noise["robots"]) == {"eye", "hand"}
     (told,) = [f for f in found.findings if f.code == "noise-not-identifiable"]
     assert told.about == ("eye", "hand")
-    assert "eye made 11 stops" in told.message
+    assert "11 stops of eye" in told.message
 
 
 def test_rotations_that_fit_exactly_are_good():

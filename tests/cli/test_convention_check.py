@@ -36,8 +36,8 @@ def test_it_says_what_does_not(capsys: pytest.CaptureFixture[str]) -> None:
     """The finding stands in a warning, with the fix."""
     is_wrong, out, err = said(with_robots(MADE.recording, {"hand": inverted}), capsys)
     assert (is_wrong, out) == (True, "")
-    assert "warning: robot-pose-inverted, by 12 views: the poses of hand are inverted" in err
-    assert "or invert the poses" in err
+    assert "warning: robot-pose-inverted, by 12 views: The poses of hand are inverted" in err
+    assert "or invert the poses." in err
 
 
 def test_it_says_that_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:

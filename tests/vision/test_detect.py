@@ -213,7 +213,7 @@ def test_a_wrong_number_is_named_first(tmp_path: Path) -> None:
     found = detect(replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)}), told, tmp_path)
     first = found.findings[0]
     assert (first.code, first.severity, first.about) == ("few-images", "warning", ("wrist",))
-    assert first.message == "4 of 4 images of 'wrist' show no target: 'tag': tag 2 is there, not 0"
+    assert first.message == "4 of 4 images of 'wrist' show no target. 'tag': tag 2 is there, not 0."
 
 
 @pytest.mark.filterwarnings("error")
@@ -259,7 +259,7 @@ def test_the_others_are_not_searched_where_the_first_tell_why(tmp_path: Path, mo
     stated = replace(CELL, targets={"tag": CellTarget("tag", "hand", target=other)})
     found = detect(stated, told, tmp_path)
     assert len(calls) == 8
-    assert found.findings[0].message.startswith("8 of 8 images of 'wrist' show no target: 'tag': tag 2 is there, not 3")
+    assert found.findings[0].message.startswith("8 of 8 images of 'wrist' show no target. 'tag': tag 2 is there, not 3")
     assert [sample.sample for sample in found.samples] == list(range(25))
     calls.clear()
     detect(stated, replace(told, samples=told.samples[:19]), tmp_path)

@@ -25,7 +25,7 @@ def test_more_than_a_third(found: int, missed: int, many: bool, tmp_path: Path) 
     codes = [(finding.code, finding.severity) for finding in told]
     assert codes == [("few-images", "warning")] * many + [("dropped-sample", "info")] * (missed > 0)
     assert not many or told[0].message.startswith(
-        f"{missed} of {found + missed} images of 'wrist' show no target: look at"
+        f"{missed} of {found + missed} images of 'wrist' show no target. Look at"
     )
 
 
@@ -37,22 +37,22 @@ def test_targets_seen_in_turn(tmp_path: Path) -> None:
     ]
     told = list(lost_images(images, {"one": TARGETS["charuco"], "other": TARGETS["tags"]}, tmp_path))
     assert [finding.about for finding in told] == [("wrist", "other"), ("wrist", "one")]
-    assert told[0].message == "'other' is not found in 4 images of 'wrist': samples 0, 2, 4, 6"
+    assert told[0].message == "'other' is not found in 4 images of 'wrist': samples 0, 2, 4, 6."
 
 
 def test_unusable_images_count(tmp_path: Path) -> None:
     """Images that cannot be used are lost as well, each reason is told once, and nothing is said of light."""
     images = [*searched(2, 0), *(Searched(k, "wrist", f"{k}.png", unusable="is missing") for k in (2, 3))]
     few, dropped = lost_images(images, {"board": TARGETS["charuco"]}, tmp_path)
-    assert few.message == ("2 of 4 images of 'wrist' show no target: each of them, such as 2.png, is missing")
+    assert few.message == ("2 of 4 images of 'wrist' show no target. Each of them, such as 2.png, is missing.")
     assert dropped.about == ("2", "3", "wrist")
-    assert dropped.message == "each of samples 2, 3, such as 2.png, is missing; what 'wrist' saw then is left out"
+    assert dropped.message == "each of samples 2, 3, such as 2.png, is missing. They are left out for 'wrist'."
 
 
 def test_one_unusable_image_is_told_by_itself(tmp_path: Path) -> None:
     """With its path."""
     (told,) = lost_images([*searched(9, 0), Searched(9, "wrist", "9.png", unusable="is empty")], {}, tmp_path)
-    assert told.message == "sample 9: 9.png is empty; what 'wrist' saw then is left out"
+    assert told.message == "sample 9: 9.png is empty. They are left out for 'wrist'."
 
 
 def test_why_there_is_nothing(tmp_path: Path) -> None:
@@ -73,8 +73,8 @@ def test_what_is_there_instead(tmp_path: Path) -> None:
     (tmp_path / "3.png").write_bytes(b"no image")
     first, *_ = lost_images(searched(1, 5), {"board": TARGETS["charuco"]}, tmp_path)
     assert first.message == (
-        "5 of 6 images of 'wrist' show no target: 'board': no board of DICT_4X4_50; "
-        "DICT_5X5_50 has 20 markers here: write dictionary: DICT_5X5_50"
+        "5 of 6 images of 'wrist' show no target. 'board': no board of DICT_4X4_50; "
+        "DICT_5X5_50 has 20 markers here: write dictionary: DICT_5X5_50."
     )
 
 
@@ -82,4 +82,4 @@ def test_many_turned_images(tmp_path: Path) -> None:
     """Of many samples the first ten are listed."""
     (told,) = lost_images(searched(12, 0, turned=True), {"board": TARGETS["charuco"]}, tmp_path)
     assert told.code == "turned-images"
-    assert told.message.endswith("samples " + ", ".join(map(str, np.arange(10))) + ", ...")
+    assert told.what.endswith("samples " + ", ".join(map(str, np.arange(10))) + ", ....")

@@ -50,8 +50,8 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     random, systematic = _errors(stations, weights, sigma)
     found = [*findings, *_of_stations(stations)]
     if cell.pixel_px is None:
-        message = f"noise.pixel_px is not stated: {_ASSUMED_PX} px assumed for the covariance"
-        found.append(Finding("axis-shift-station", "info", (), message))
+        what = f"noise.pixel_px is not stated; {_ASSUMED_PX} px are assumed for the covariance."
+        found.append(Finding("axis-shift-station", "info", (), what, ("State noise.pixel_px in cell.yaml.",)))
     found += _of_neglected_depth(random, systematic)
     covariance = random + np.outer(systematic, systematic)
     inverted = problem.groups[0].hand == cell.reference
@@ -107,8 +107,8 @@ def _of_stations(stations: Sequence[Station]) -> list[Finding]:
         light = (base @ station.hand_base_from_light).translation
         light_mm, base_mm = (", ".join(f"{1e3 * v:.1f}" for v in p) for p in (light, base.translation))
         numbers = tuple(str(int(n)) for n in station.samples)
-        message = f"station at samples {', '.join(numbers)}: light at ({light_mm}) mm, base at ({base_mm}) mm"
-        found.append(Finding("axis-shift-station", "info", numbers, message))
+        what = f"Station at samples {', '.join(numbers)}: LED at ({light_mm}) mm, base at ({base_mm}) mm."
+        found.append(Finding("axis-shift-station", "info", numbers, what))
     return found
 
 
@@ -117,8 +117,7 @@ def _of_neglected_depth(random: Array, systematic: Array) -> list[Finding]:
     if np.all(np.abs(systematic) <= _SYSTEMATIC * sigma):
         return []
     shift, turn = 1e3 * np.linalg.norm(systematic[:3]), np.degrees(np.linalg.norm(systematic[3:]))
-    message = (
-        f"the closed form neglects how the shifts change the light's depth, which moves the base by about "
-        f"{shift:.2g} mm and {turn:.2g} deg: use shorter shifts, shifts to both sides, or the general solver"
-    )
-    return [Finding("neglected-depth", "warning", (), message)]
+    what = f"The closed form moves the base by about {shift:.2g} mm and {turn:.2g} deg."
+    why = "It neglects how the shifts change the LED's depth."
+    do = ("Use shorter shifts, shifts to both sides, or the general solver.",)
+    return [Finding("neglected-depth", "warning", (), what, do, why)]

@@ -310,4 +310,8 @@ def _sigma(key: str, value: float | Array) -> str:
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:
     for finding in by_weight(findings):
         about = f" [{', '.join(finding.about)}]" if finding.about else ""
-        yield f"{finding.severity}: {finding.code}{about}: {finding.message}"
+        yield f"{finding.severity}: {finding.code}{about}"
+        yield f"  {finding.what}"
+        if finding.why:
+            yield f"  {finding.why}"
+        yield from (f"  - {each}" for each in finding.do)

@@ -57,19 +57,17 @@ def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], fol
     for camera, images in by_camera.items():
         for reason, of in _by_reason(images).items():
             about = (*(str(image.sample) for image in of), camera)
-            message = f"{_some_of(of, images)} {reason}; what {camera!r} saw then is left out"
-            yield Finding("dropped-sample", "info", about, message)
+            what = f"{_some_of(of, images)} {reason}."
+            yield Finding("dropped-sample", "info", about, what, why=f"They are left out for {camera!r}.")
         if turned := [image.sample for image in images if image.turned]:
-            message = (
-                f"EXIF of {len(turned)} images of {camera!r} asks to turn them before they are shown; they are "
-                "searched as the sensor gave them, and their lens has to be of such images: samples "
-                f"{_listed(turned)}"
-            )
-            yield Finding("turned-images", "info", (camera,), message)
+            what = f"EXIF of {len(turned)} images of {camera!r} rotates them for display: samples {_listed(turned)}."
+            why = "They are searched as the sensor gave them."
+            do = ("State the lens of images as the sensor gives them.",)
+            yield Finding("turned-images", "info", (camera,), what, do, why)
         for name in dict.fromkeys(name for image in images for name in image.missed):
             where = [image.sample for image in images if name in image.missed]
-            message = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_listed(where)}"
-            yield Finding("dropped-sample", "info", (camera, name), message)
+            what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_listed(where)}."
+            yield Finding("dropped-sample", "info", (camera, name), what)
 
 
 def why_none(searched: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
@@ -86,8 +84,10 @@ def _few(camera: str, images: Sequence[Searched], targets: Mapping[str, Target],
     why = _reasons(empty)
     if len(empty) > _MOST * len(images):
         why += _hints(empty, targets, folder)
-    message = f"{len(empty)} of {len(images)} images of {camera!r} show no target: {'; '.join(why) or _ADVICE}"
-    yield Finding("few-images", "warning", (camera,), message)
+    what = f"{len(empty)} of {len(images)} images of {camera!r} show no target."
+    yield Finding(
+        "few-images", "warning", (camera,), what, tuple(f"{each[0].upper()}{each[1:]}." for each in why or [_ADVICE])
+    )
 
 
 def _reasons(images: Sequence[Searched]) -> list[str]:

@@ -54,7 +54,7 @@ def test_robots_in_millimetres():
     assert codes(made.cell, one) == [("length-unit", "error", ("hand",))]
     (both,) = impossible_units(made.cell, with_robots(made.recording, dict.fromkeys(("eye", "hand"), scaled(1000))))
     assert both.about == ("eye", "hand")
-    assert both.message.startswith("the poses of eye and hand are in millimetres: lengths are in metres, divide")
+    assert both.message.startswith("The poses of eye and hand are in millimetres: a flange is ")
 
 
 def test_what_was_seen_in_millimetres():
@@ -106,13 +106,11 @@ def test_beyond_fifty_metres_lengths_are_millimetres(kind):
     cell = simulate(Scenario(samples=1), 0).cell
     assert codes(cell, posed(49.9, 49.9, kind)) == []
     (flange, target) = impossible_units(cell, posed(51.2, 53.4, kind))
-    divide = "lengths are in metres, divide them by 1000"
     assert flange.about == ("hand",)
-    assert flange.message == (
-        f"the poses of hand are in millimetres: {divide} (they tell of a flange 51 m from its base)"
-    )
-    who = "the observed poses" if kind == "pose" else "the observed 3-D points"
-    assert target.message == f"{who} are in millimetres: {divide} (they tell of a target 53 m away)"
+    assert flange.what == "The poses of hand are in millimetres: a flange is 51 m from its base."
+    who = "The observed poses" if kind == "pose" else "The observed 3-D points"
+    assert target.what == f"{who} are in millimetres: a target is 53 m away."
+    assert flange.do == target.do == ("Divide lengths by 1000: they are in metres.",)
 
 
 @pytest.mark.parametrize(("size_m", "told"), [(19.9, False), (20.1, True)])
@@ -123,9 +121,7 @@ def test_no_target_is_wider_than_twenty_metres(size_m, told):
     cell = resized(made.cell, {"board": size_m / width})
     found = impossible_units(cell, made.recording)
     assert [f.about for f in found] == ([("board",)] if told else [])
-    assert not told or found[0].message == (
-        "the size of board is in millimetres: lengths are in metres, divide it by 1000 (it is stated to be 20 m wide)"
-    )
+    assert not told or found[0].what == "The size of board is in millimetres: it is stated to be 20 m wide."
     blind = [replace(s, observations=()) for s in made.recording.samples]
     assert impossible_units(cell, Recording(tuple(blind))) == []
     pictured = [replace(s, images={"wrist": "a.png"}) for s in blind]
@@ -139,8 +135,4 @@ def test_two_joints_that_turn_beyond_a_turn_are_in_degrees(turn_rad, told):
     joints = np.array([0.0, turn_rad, -turn_rad, 0.0, 0.0, 0.0])
     samples = [replace(s, robots={**s.robots, "hand": RobotState(joints_rad=joints)}) for s in made.recording.samples]
     found = impossible_units(made.cell, Recording(tuple(samples)))
-    assert [f.message for f in found] == (
-        ["the joints of hand are in degrees: joints_rad is in radians, turn them into radians (they reach 6.95)"]
-        if told
-        else []
-    )
+    assert [f.what for f in found] == (["The joints of hand are in degrees: they reach 6.95."] if told else [])

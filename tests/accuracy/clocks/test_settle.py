@@ -65,7 +65,7 @@ def test_a_clock_that_nothing_shows_is_said_and_not_told() -> None:
     assert "wrist" not in found.clocks
     said = [f for f in found.findings if f.about == ("wrist",)]
     assert [(f.code, f.severity) for f in said] == [("unobservable-direction", "info")]
-    assert "nothing moves enough" in said[0].message
+    assert "Nothing moves enough" in said[0].message
 
 
 def test_a_prior_that_is_contradicted_is_named() -> None:
@@ -158,7 +158,7 @@ def test_an_offset_contradicts_its_prior_at_four_sigmas(step_s: float, contradic
     assert bool(found) == contradicted
     if contradicted:
         off_ms, sigmas = ("24.1", "4.1") if step_s > 0 else ("15.9", "4.1")
-        words = f"the clock of wrist is {off_ms} ms off, {sigmas} sigma from its prior of 20.0 ms: check the prior"
+        words = f"The clock of wrist is {off_ms} ms off, {sigmas} sigma from its prior of 20.0 ms. Check the prior"
         assert found[0][:3] == ("warning", "prior-contradicted", "wrist")
         assert words in found[0][3]
     assert said(Clock("free", 0.02), 0.021, step_s) == []
@@ -169,13 +169,12 @@ def test_line_times_are_told_in_microseconds() -> None:
     name = line_of("wrist")
     (found,) = said(Clock("prior", 2e-5, 1e-6), 2.5e-5, 1e-6, name=name)
     assert found[:3] == ("warning", "prior-contradicted", "wrist")
-    assert "the line time of wrist is 26.00 us, 6.0 sigma from its prior of 20.00 us:" in found[3]
+    assert "The line time of wrist is 26.00 us, 6.0 sigma from its prior of 20.00 us." in found[3]
     (found,) = said(Clock("free", 2e-5), 2.5e-5, 0.0, seen=False, name=name)
     assert found[:3] == ("info", "unobservable-direction", "wrist")
-    assert "the line time of wrist is unobservable" in found[3]
+    assert "The line time of wrist is unobservable" in found[3]
     assert "it is held at 25.0 us, and nothing depends on it" in found[3]
     (found,) = said(Clock("free", 2e-5), 0.0254, 0.0, seen=False)
     assert (
-        "the clock of wrist is unobservable, since nothing moves enough while it records: it is held at 0.025 s"
-        in found[3]
+        "The clock of wrist is unobservable. Nothing moves enough while it records: it is held at 0.025 s" in found[3]
     )

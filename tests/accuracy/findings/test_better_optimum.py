@@ -13,7 +13,7 @@ def test_only_where_the_answer_is_another_than_the_start_led_to(evidence):
     other = evidence({"cost": 40.5}, robust=SimpleNamespace(solution=SimpleNamespace(cost=99.25)))
     (found,) = better_optimum(other)
     assert (found.code, found.severity) == ("better-optimum", "info")
-    assert "of cost 99.25, the certificate to one of 40.5:" in found.message
+    assert "of cost 99.25. The certificate led to one of 40.5" in found.message
 
 
 def test_a_closed_form_that_predicts_better_is_a_warning(evidence):
@@ -30,4 +30,4 @@ def test_guesses_that_led_astray_are_an_info():
     """The answer did not start from them."""
     found = guess_led_astray()
     assert (found.code, found.severity, found.about) == ("better-optimum", "info", ())
-    assert "the answer starts without them" in found.message
+    assert "The answer starts without them." in found.message

@@ -52,7 +52,7 @@ def test_points_in_space_that_are_off_are_told(evidence, times, severity):
     of.cell.targets = {"board": SimpleNamespace(target=BODY)}
     found = board_shape(of)
     assert [f.severity for f in found] == ([] if severity is None else [severity])
-    assert all("points of board are up to" in f.message for f in found)
+    assert all("Points of board are up to" in f.message for f in found)
 
 
 def test_a_target_without_points_has_no_shape(evidence):
@@ -61,12 +61,8 @@ def test_a_target_without_points_has_no_shape(evidence):
     of.solution.noise.shapes = {"posed": of.solution.noise.shapes["board"], **of.solution.noise.shapes}
     of.cell.targets["posed"] = SimpleNamespace(target=None)
     (found,) = board_shape(of)
-    assert found.message == (
-        "board is not flat: its points lie up to 0.36 mm off their plane; the answer takes that into account; a board "
-        "on glass or aluminium needs no such correction"
-    )
+    assert found.what == "board is not flat: its points are up to 0.36 mm off their plane."
+    assert found.why == "The answer contains the shape."
     (bent,) = board_shape(made(evidence, (0.0, 3.1, 0.0)))
-    assert bent.message == (
-        "board is not flat: its points lie up to 1.1 mm off their plane, more than printed boards do: check the points "
-        "stated, the lens model and the target's size"
-    )
+    assert bent.why == "That is more than printed boards are."
+    assert bent.do == ("Check the stated points, the lens model and the target's size.",)

@@ -32,6 +32,6 @@ def test_the_reason_of_most_samples_is_told():
     )
     problem = SimpleNamespace(groups=(SimpleNamespace(sample=range(10, 15)),))
     (found,) = many_dropped_samples(SimpleNamespace(problem=problem, findings=reasons))
-    assert found.message == "3 of 8 samples could not be used: another reason"
+    assert found.message == "3 of 8 samples could not be used. another reason"
     few = Finding("few-images", "warning", (), "")
     assert many_dropped_samples(SimpleNamespace(problem=problem, findings=(*reasons, few))) == []

@@ -16,18 +16,18 @@ def test_beyond_chance(evidence, chance, found):
     """Once in 10,000 times; with the ratio of the spread to the sigmas."""
     made = inconsistent_folds(evidence(cross_validation=spread(chance)))
     assert [f.severity for f in made] == (["warning"] if found else [])
-    assert not found or "spread 3.0 times as much as the sigmas predict: take the sigmas as 3.0" in made[0].message
+    assert not found or "spread 3.0 times as much as the sigmas predict. Take the sigmas as 3.0" in made[0].message
 
 
 def test_robots_without_noise_are_named(evidence):
     """Noise that is not stated is the first to look at; where all is stated, it may be larger."""
     made = evidence(cross_validation=spread(0.0))
     made.solution.problem.groups = (SimpleNamespace(eye="eye", hand="hand"), SimpleNamespace(eye=None, hand="hand"))
-    assert "state the noise of eye and hand," in inconsistent_folds(made)[0].message
+    assert "State the noise of eye and hand." in inconsistent_folds(made)[0].message
     made.solution.problem.stops.robot = ("hand", "hand")
-    assert "state the noise of eye," in inconsistent_folds(made)[0].message
+    assert "State the noise of eye." in inconsistent_folds(made)[0].message
     made.solution.problem.stops.robot = ("hand", "eye")
-    assert "state a larger noise of the robots," in inconsistent_folds(made)[0].message
+    assert "State a larger noise of the robots." in inconsistent_folds(made)[0].message
 
 
 def test_without_a_spread_nothing_is_said(evidence):

@@ -30,7 +30,7 @@ def test_ends_that_priors_alone_hold():
     left = "the sigmas of {} and of the mounts contain what they leave open"
     bases = {"eye": "the other bases", "hand": "eye_base_from_hand_base"}
     assert {name: f.message for name, f in found.items()} == {
-        name: f"{name}: {start}{why}{left.format(base)}" for name, base in bases.items()
+        name: f"{name}: {start}{why}{left.format(base)}." for name, base in bases.items()
     }
     assert {(f.code, f.severity) for f in found.values()} == {("prior-dominated", "info")}
 
@@ -69,7 +69,7 @@ def test_compliances_that_gravity_does_not_show(status, code, how):
         assert finding.message.startswith(f"{robot}: compliances {how}: joint")
         assert "1 (shoulder_pan)" in finding.message
         assert finding.message.endswith(
-            "the torque of gravity about them is small in these samples, or the same in all of them"
+            "the torque of gravity about them is small in these samples, or the same in all of them."
         )
     assert found.keys() == {"eye", "hand"}
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.findings.late_pictures import _Late, _said, late_pictures
+from basecal.accuracy.findings.late_pictures import _Late, _what, late_pictures
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding, PoseObservation, Recording, Sample
 from basecal.estimation.outliers.left_out import LeftOut
@@ -44,7 +44,7 @@ def test_late_triggers_are_named_with_their_delay():
     views = {s.sample: s for s in made.recording.samples if s.observations}
     (finding,) = said(made, {21: late(views[21], 0.06), 44: late(views[44], -0.08)})
     assert (finding.severity, finding.about) == ("info", ("wrist", "21", "44"))
-    assert "2 pictures of wrist were not taken when their stamps say, at samples 21, 44" in finding.message
+    assert "2 images of wrist were not taken when their stamps say, and are left out: samples 21, 44" in finding.message
     delays = [
         float(word) for word in finding.message.split("(")[1].split(")")[0].replace("ms", "").split() if word.isdigit()
     ]
@@ -69,16 +69,19 @@ def test_many_are_a_warning():
 @pytest.mark.parametrize(
     ("count", "words"),
     [
-        (1, "a picture of wrist was not taken when its stamp says, at sample 10 (30 ms late): left out"),
-        (5, "5 pictures of wrist were not taken when their stamps say, at samples 10 to 14 (30 ms late, 10 ms late, "),
-        (6, ", 10 ms early, 30 ms early, 50 ms early, ...): left out"),
+        (1, "An image of wrist was not taken when its stamp says, and is left out: sample 10 (30 ms late)."),
+        (
+            5,
+            "stamps say, and are left out: samples 10 to 14 (30 ms late, 10 ms late, ",
+        ),
+        (6, ", 10 ms early, 30 ms early, 50 ms early, ...)."),
     ],
 )
 def test_the_first_five_delays_are_told(count: int, words: str) -> None:
     """Late or early, to a millisecond; of more pictures than that an ellipsis says so."""
     late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
-    assert words in _said("wrist", late)
-    assert ("..." in _said("wrist", late)) == (count > 5)
+    assert words in _what("wrist", late)
+    assert ("..." in _what("wrist", late)) == (count > 5)
 
 
 MOTION = np.array([0.1, -0.2, 0.05, 0.3, 0.1, -0.2])  # of a camera before its target, a second
@@ -111,7 +114,9 @@ def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
     """To the millisecond, late and early, of the pictures of one camera that were left out; others say nothing."""
     (finding,) = seen_late(0.06, -0.08, 0.04)
     assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
-    assert "3 pictures of camera were not taken when their stamps say, at samples 0 to 2" in finding.message
+    assert (
+        "3 images of camera were not taken when their stamps say, and are left out: samples 0 to 2" in finding.message
+    )
     assert "(60 ms late, 80 ms early, 40 ms late)" in finding.message
     assert finding.severity == "info"  # three of a hundred are not more than 3 %
     assert seen_late(0.06, samples=34)[0].severity == "info"

@@ -28,13 +28,12 @@ def test_the_transform_that_moves_most_counts(evidence):
     made = evidence(lens_structures=of(-2.0))
     made.cell.asked = ["base", "fixed"]
     (found,) = lens_model(made)
-    assert (found.severity, "moves the answer by 2.0 sigma;" in found.message) == ("warning", True)
+    assert (found.severity, "moves the answer by 2.0 sigma." in found.message) == ("warning", True)
     made.cell.asked = ["fixed"]
     (found,) = lens_model(made)
-    assert (found.severity, "moves the answer by 0.0 sigma;" in found.message) == ("info", True)
+    assert (found.severity, "moves the answer by 0.0 sigma." in found.message) == ("info", True)
     for moved, severity in ((0.99, "info"), (1.01, "warning")):
         (found,) = lens_model(evidence(lens_structures=of(moved)))
         assert found.severity == severity
-    assert found.message.startswith(
-        "residuals of wrist go by their place in the image (chance 3e-06): 0.31 px rms that its lens model cannot have,"
-    )
+    assert found.what == "Residuals of wrist depend on their place in the image: 0.31 px rms."
+    assert found.why.startswith("Its lens model cannot have them (chance 3e-06), which moves the answer by ")

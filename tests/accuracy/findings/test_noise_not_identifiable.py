@@ -30,7 +30,7 @@ def test_robots_are_named_with_their_stops(evidence):
     made = evidence({"findings": ("of the solver",)}, recorded=recorded(5))
     few, other = noise_not_identifiable(made)
     assert (few.severity, few.about, other) == ("info", ("eye",), "of the solver")
-    assert few.message.startswith("eye made 5 stops, too few to estimate noise")
+    assert few.message.startswith("5 stops of eye are too few to estimate unstated noise.")
     made.settings = SimpleNamespace(robot_noise="stated")
     assert noise_not_identifiable(made) == ["of the solver"]
     assert noise_not_identifiable(evidence(recorded=recorded(5, unstated=()))) == []

@@ -13,8 +13,8 @@ def test_samples_without_which_nothing_is_observable(evidence):
     assert not_validated(evidence(cross_validation=SimpleNamespace(skipped=(), summary="any"))) == []
     (found,) = not_validated(evidence(cross_validation=SimpleNamespace(skipped=(11, 2), summary="any")))
     assert (found.severity, found.about) == ("info", ("2", "11"))
-    assert found.message.startswith("samples 2, 11 could not be held out")
-    assert "without them base is unobservable" in found.message
+    assert found.message.startswith("Samples 2, 11 could not be held out")
+    assert "Without them base is unobservable" in found.message
 
 
 @pytest.mark.parametrize(("count", "ending"), [(10, "8, 9 could"), (11, "8, 9, ... could")])
@@ -38,6 +38,6 @@ def test_only_what_is_estimated_can_be_unobservable(evidence):
     made.cell.asked = ["base", "fixed"]
     (found,) = not_validated(made)
     assert found.message == (
-        "samples 4 could not be held out in cross-validation, as without them base is unobservable: record more of "
-        "their kind"
+        "Samples 4 could not be held out in cross-validation. Without them base is unobservable. Record more of their "
+        "kind."
     )

@@ -21,7 +21,7 @@ def test_a_tenth_is_many(evidence, kept, severity):
     (found,) = outlier_points(evidence(robust=SimpleNamespace(outliers=outliers, points=kept)))
     assert (found.severity, found.about) == (severity, ("3", "5"))
     assert found.message.startswith(f"3 of {kept + 3} points were left out as outliers")
-    assert "at sample 5, the reason" in found.message
+    assert "At sample 5, the reason." in found.message
 
 
 def test_without_points_left_out_nothing_is_said(evidence):

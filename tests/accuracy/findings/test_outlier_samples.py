@@ -44,7 +44,7 @@ def test_bumped_samples_are_told_and_make_doubtful():
     assert found.verdict == "doubtful"
     (finding,) = found.findings
     assert (finding.code, finding.severity, finding.about) == ("outlier-samples", "warning", ("4", "5", "6"))
-    assert "samples 4 to 6 (3 of 30) were left out as outliers" in finding.message
+    assert "Samples 4 to 6 (3 of 30) were left out as outliers" in finding.message
     assert [o.sample for o in found.outliers] == [4, 5, 6]
     assert found.residuals.rms_px == pytest.approx(0.2, rel=0.1)
     assert len(found.residuals.per_sample) == 30
@@ -124,21 +124,21 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
 @pytest.mark.parametrize(
     ("left_out", "kept", "words"),
     [
-        ((7, 8, 9), range(7), "as if after sample 6 a base, a mount or the target had been moved"),
-        ((0, 1, 2), range(3, 9), "as if before sample 3 a base, a mount or the target had stood elsewhere"),
-        ((7, 8), range(7), "look at them, and record with arms at rest"),
-        ((2, 8, 9), range(3, 8), "look at them, and record with arms at rest"),
-        ((0, 1, 9), range(3, 9), "look at them, and record with arms at rest"),
-        ((4,), range(3), "look at it, and record with arms at rest"),
-        ((0, 1, 2), (), "look at them, and record with arms at rest"),
+        ((7, 8, 9), range(7), "As if after sample 6 a base, a mount or the target had been moved"),
+        ((0, 1, 2), range(3, 9), "As if before sample 3 a base, a mount or the target had been elsewhere"),
+        ((7, 8), range(7), "Look at them, and record with arms at rest"),
+        ((2, 8, 9), range(3, 8), "Look at them, and record with arms at rest"),
+        ((0, 1, 9), range(3, 9), "Look at them, and record with arms at rest"),
+        ((4,), range(3), "Look at it, and record with arms at rest"),
+        ((0, 1, 2), (), "Look at them, and record with arms at rest"),
     ],
 )
 def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
     """Three and more at one end of the recording were taken when something stood elsewhere."""
     (finding,) = outlier_samples(robust(left_out, kept))
     assert words in finding.message
-    assert ("was left out as an outlier;" in finding.message) == (len(left_out) == 1)
-    assert f"at sample {left_out[0]}, the robots' poses and the view disagree" in finding.message
+    assert ("was left out as an outlier." in finding.message) == (len(left_out) == 1)
+    assert f"At sample {left_out[0]}, the robots' poses and the view disagree" in finding.message
     assert finding.about == tuple(map(str, left_out))
 
 
@@ -156,7 +156,7 @@ def test_samples_that_close_the_loop_among_themselves_are_told():
     assert agreeing_samples(robust()) == []
     (finding,) = agreeing_samples(robust(agreeing=(5, 3, 4), samples=20))
     assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
-    assert "of 20 samples only 3 close the loop with one another, samples 3 to 5," in finding.message
+    assert "Of 20 samples only 3 agree with one another: samples 3 to 5." in finding.message
 
 
 @pytest.mark.parametrize(("error", "told"), [(5.9, False), (6.1, True), (-6.1, True)])
@@ -164,7 +164,7 @@ def test_stops_far_off_are_told(error, told):
     """From six sigmas on, by their samples; not where samples were left out, which were the outliers."""
     found = far_stops(robust(kept=range(10, 15), errors=(0.5, error)))
     assert [f.about for f in found] == ([("11",)] if told else [])
-    assert not told or "by up to 6 of its sigmas at sample 11:" in found[0].message
+    assert not told or "by up to 6 of its sigmas at sample 11." in found[0].message
     assert far_stops(robust(left_out=(3,), kept=range(10, 15), errors=(0.5, error))) == []
     assert len(far_stops(robust(kept=range(10, 15), errors=(0.5, error), points=[3]))) == told
 
@@ -213,8 +213,6 @@ def test_where_few_samples_agree_their_stops_are_not_told():
     """That is said by itself; and of two stops far off both samples and the larger error are told."""
     assert far_stops(robust(kept=range(10, 15), errors=(0.5, 9.0), agreeing=(10, 11))) == []
     (found,) = far_stops(robust(kept=range(10, 15), errors=(7.0, 0.5, -9.4)))
-    assert found.message == (
-        "a robot's pose was off by up to 9 of its sigmas at samples 10, 12: taken before the arm settled, or bumped; "
-        "leave these samples out, or state a larger noise"
-    )
+    assert found.what == "A robot's pose was off by up to 9 of its sigmas at samples 10, 12."
+    assert found.do == ("Leave these samples out, or state a larger noise.",)
     assert (found.severity, found.about) == ("warning", ("10", "12"))

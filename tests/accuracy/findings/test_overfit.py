@@ -52,7 +52,7 @@ def test_without_cross_validation_nothing_is_said(evidence):
 def test_what_cannot_be_compared_in_pixels_or_lengths_is_told_by_its_ratio(evidence, used, predicted):
     """Where one of them has none."""
     (made,) = overfit(evidence(cross_validation=compared(errors(*used), errors(*predicted))))
-    assert "is 5.0 times the residual of the same samples when they are used: there are too few" in made.message
+    assert "is 5.0 times the residual of the same samples when used. There are too few" in made.message
 
 
 def test_the_ratio_is_of_both_costs(evidence):

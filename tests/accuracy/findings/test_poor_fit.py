@@ -61,7 +61,7 @@ def test_sigmas_that_are_too_large_leave_other_reasons(evidence):
     of = {"noise": noise}, {"residuals": SimpleNamespace(rms_px=4.0)}
     found = poor_fit(evidence(of[0], **of[1], contradicted_sigmas=(large,)))
     assert [(f.severity, f.about) for f in found] == [("warning", ()), ("info", ("wrist",))]
-    assert "residuals are 4.0 px rms" in found[0].message
+    assert "Residuals are 4.0 px rms" in found[0].message
     found = poor_fit(evidence(of[0], **of[1], contradicted_sigmas=(small, large)))
     assert [f.severity for f in found] == ["warning", "info"]
     assert "times what the stated sigmas explain" in found[0].message

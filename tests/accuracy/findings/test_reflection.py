@@ -45,7 +45,7 @@ def test_spots_beside_a_light_are_told(made):
     (finding,) = found(made, beside)
     assert finding.severity == "info"
     assert finding.about == tuple(map(str, beside))
-    assert f"in 7 of {SAMPLES} pictures" in finding.message
+    assert f"in 7 of {SAMPLES} images" in finding.message
 
 
 def test_spots_near_the_light_are_a_warning(made):
@@ -54,7 +54,7 @@ def test_spots_near_the_light_are_a_warning(made):
     for count, severity in ((1, "info"), (2, "warning")):
         (finding,) = found(made, dict.fromkeys(range(count), near))
         assert finding.severity == severity
-    assert "in 2 both are near where it is predicted" in finding.message
+    assert "In 2 images both are near where it is predicted" in finding.message
 
 
 def test_without_another_spot_nothing_is_said(made, evidence):

@@ -63,7 +63,7 @@ def test_angles(step_deg):
         return SE3.from_rpy(np.radians(step_deg * np.round(np.degrees(pose.rpy) / step_deg)), pose.translation)
 
     (finding,) = found_in(read, (3e-4, 1e-4))
-    assert f"angles of hand are all multiples of {step_deg:g} deg" in finding.message
+    assert f"Angles of hand are all multiples of {step_deg:g} deg" in finding.message
 
 
 def test_few_places_say_nothing():
@@ -80,7 +80,7 @@ def test_angles_in_radians(step_rad):
         return SE3.from_rotvec(step_rad * np.round(pose.rotvec / step_rad), pose.translation)
 
     (finding,) = found_in(read, (3e-4, 1e-9))
-    assert f"angles of hand are all multiples of {1e3 * step_rad:g} mrad" in finding.message
+    assert f"Angles of hand are all multiples of {1e3 * step_rad:g} mrad" in finding.message
     assert f"{1e3 * step_rad / 12**0.5:.2g} mrad" in finding.message
     assert finding.severity == "info"
 
@@ -95,10 +95,10 @@ def test_places_and_angles_are_one_finding():
 
     (finding,) = found_in(read, (3e-4, 1e-9))
     assert (
-        "translations of hand are all multiples of 1 mm and angles of hand are all multiples of 0.1 deg"
+        "Translations of hand are all multiples of 1 mm and angles of hand are all multiples of 0.1 deg"
         in finding.message
     )
-    assert "makes 0.29 mm (1 sigma per axis), beside 0.3 mm of noise in use" in finding.message
+    assert "adds 0.29 mm (1 sigma per axis) to 0.3 mm of noise" in finding.message
     assert finding.severity == "warning"
 
 
@@ -114,9 +114,9 @@ def test_joints_in_few_digits(noisy):
     if noisy:
         problem = with_robot_noise(problem, dict.fromkeys(("eye", "hand"), np.full(6, 5e-4)))
     (finding,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
-    assert "joints of hand are all multiples of 0.1 deg" in finding.message
+    assert "Joints of hand are all multiples of 0.1 deg" in finding.message
     assert finding.severity == ("warning" if noisy else "info")
-    assert f"beside {0.5 if noisy else 0:.2g} mrad of noise in use" in finding.message
+    assert f"to {0.5 if noisy else 0:.2g} mrad of noise" in finding.message
 
 
 @pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
@@ -142,8 +142,8 @@ def test_the_noise_in_use_is_that_of_the_robot_whose_poses_are_rounded():
     used = with_robot_noise(problem, {"eye": np.full(6, 3e-4), "hand": np.full(6, 4e-3)})
     found = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=used)))
     assert [(f.about, f.severity) for f in found] == [(("eye",), "warning"), (("hand",), "info")]
-    assert "beside 0.3 mm of noise in use" in found[0].message
-    assert "beside 4 mm of noise in use" in found[1].message
+    assert "to 0.3 mm of noise" in found[0].message
+    assert "to 4 mm of noise" in found[1].message
 
 
 STEPS = (1.0, 0.1, 0.01)
@@ -175,8 +175,8 @@ def test_steps_of_angles_are_those_of_displays(step_deg, told):
     stops = SimpleNamespace(sigma=np.array([[1, 1, 1, 2, 9, 9], [9, 9, 9, 9, 9, 9.0]]), robot=("hand", "hand"))
     problem = SimpleNamespace(groups=(group,), stops=stops)
     (found,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
-    assert f"joints of hand are all multiples of {told}: rounding" in found.message
-    assert "beside 2e+03 mrad of noise in use" in found.message
+    assert f"Joints of hand are all multiples of {told}. Rounding" in found.message
+    assert "to 2e+03 mrad of noise" in found.message
 
 
 @pytest.mark.parametrize(("noise", "severity"), [

@@ -27,7 +27,7 @@ def test_jitter_within_stops_is_told(jitter_m):
     problem, _ = build_problem(made.cell, Recording(tuple(samples)))
     found = same_stop(Input(problem, ()))
     assert [(f.code, f.severity, f.about) for f in found] == ([("same-stop", "info", ("eye",))] if jitter_m else [])
-    assert not found or "its 3 stops" in found[0].message
+    assert not found or "at 3 stops" in found[0].message
     assert same_stop(Input(problem, (), on_paths=True)) == []
 
 
@@ -55,4 +55,4 @@ def test_the_farthest_from_the_first_of_a_stop_is_told(off, told):
     """Shift and turn by themselves, whichever group has seen it; other stops are other places, rounding is none."""
     found = stops_of(np.zeros(6), PLACE, off, stands=[4, 7, 4])
     assert [f.about for f in found] == ([] if told is None else [("arm",)])
-    assert told is None or f"poses of arm differ by up to {told} within its 2 stops" in found[0].message
+    assert told is None or f"Poses within one stop of arm differ by up to {told}, at 2 stops." in found[0].message

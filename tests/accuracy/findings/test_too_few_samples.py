@@ -43,8 +43,8 @@ def test_one_sample_is_too_few():
     """And so is none, however little is unknown."""
     one, _ = pose_problem(np.zeros((1, 6)), np.ones(6))
     fixed = replace(one, columns={})
-    assert messages(fixed)[0].startswith("a single sample shows a target")
-    assert messages(fixed.with_groups([]))[0].startswith("no sample shows a target")
+    assert messages(fixed)[0].startswith("A single sample shows a target")
+    assert messages(fixed.with_groups([]))[0].startswith("No sample shows a target")
 
 
 @pytest.mark.parametrize(("sigma", "few"), [(None, True), (np.ones(6), False)])

@@ -10,7 +10,7 @@ from basecal.accuracy.findings.weak_direction import weak_directions
 @pytest.fixture(autouse=True)
 def cause(monkeypatch):
     """The words about motions have tests of their own."""
-    monkeypatch.setattr(weak_direction, "describe_cause", lambda *_: "the cause")
+    monkeypatch.setattr(weak_direction, "describe_cause", lambda *_: (("Do.",), "The cause."))
     monkeypatch.setattr(weak_direction, "motions", lambda _: [])
 
 
@@ -35,7 +35,9 @@ def test_above_fifteen_hundredths(evidence, k, sigma, length_m, found):
     assert [f.about for f in told] == ([("base",)] if found else [])
     if found:
         metres, radians = (sigma, 1e-4) if k < 3 else (1e-4, sigma)
-        assert f"{1e3 * metres:.0f} mm and {np.degrees(radians):.1f} deg along an axis: the cause" in told[0].message
+        assert (
+            f"{1e3 * metres:.0f} mm and {np.degrees(radians):.1f} deg along an axis. The cause. Do." in told[0].message
+        )
 
 
 def test_what_has_no_number_is_not_weak(evidence):

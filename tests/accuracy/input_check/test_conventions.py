@@ -86,7 +86,7 @@ def test_exchanged_joints_are_named(look, monkeypatch):
     made = simulate(Scenario(samples=12, joints=True, target_mount="prior"), 3)
     found = calibrate(made.cell, exchanged(made.recording, "eye", "hand"))
     assert named(found) == {("robots-swapped", ("eye", "hand"))}
-    assert "the joints of eye and hand are exchanged" in found.findings[0].message
+    assert "The joints of eye and hand are exchanged" in found.findings[0].message
 
 
 @pytest.mark.parametrize("made", [BOARD, POSES, LIGHT])
@@ -127,7 +127,7 @@ def test_a_still_arm_by_poses_is_ambiguous():
     (finding,) = [f for f in calibration.findings if f.code == "ambiguous-convention"]
     assert (calibration.verdict, finding.severity) == ("good", "info")
     assert "robot-pose-inverted" in finding.message
-    assert "turn eye" in finding.message
+    assert "Turn eye" in finding.message
 
 
 @pytest.mark.slow

@@ -104,14 +104,14 @@ def test_what_explains_the_data_better_is_an_error_with_both_errors():
     (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
     assert (found.severity, found.about) == ("error", ("eye", "hand0"))
     errors = "0.5 mm a metre (or mrad) instead of 1 mm a metre (or mrad)"
-    assert found.message == f"words 0: fix (so read, the cross-validation error is {errors})"
+    assert found.message == f"Words 0. Under this hypothesis the cross-validation error is {errors}. Fix."
 
 
 def test_what_cannot_be_is_said():
     """Where a reading only fits as well, but the declared one contradicts facts."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
     assert found.message == (
-        "words 0: fix (as declared it fits as well, but a reach of 9 m and a board in a wall cannot be)"
+        "Words 0. As declared it fits as well, but a reach of 9 m and a board in a wall is implausible. Fix."
     )
     assert found.severity == "error"
 
@@ -137,7 +137,7 @@ def test_ambiguous_readings_are_one_finding():
     assert (found.code, found.severity, found.about) == ("ambiguous-convention", "warning", ("eye", "hand0", "hand1"))
     assert f"words 0 (inverted: 1 mm a metre (or mrad), {ASKED} 5 mm away) or words 1" in found.message
     assert f"{ASKED} 7 mm away" in found.message
-    assert found.message.endswith("to tell them apart, tell")
+    assert found.message.endswith("Check which is true. Tell.")
 
 
 def test_a_reading_that_is_no_answer_is_not_named():

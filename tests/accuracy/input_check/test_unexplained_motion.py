@@ -44,7 +44,7 @@ def test_of_shuffled_poses_nearly_all_is_left():
     assert 0.3 < share <= 1.0
     found = hopeless(mixed.problem, mixed.state)
     assert (found.code, found.severity) == ("poor-fit", "error")
-    assert f"{100 * share:.0f} % of that motion is left" in found.message
+    assert f"leave {100 * share:.0f} % of it." in found.message
     assert "one instant" in found.message
 
 
@@ -106,7 +106,7 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
     problem, state = through_a_long_lens(off_px)
     assert unexplained_motion(problem, state) < 0.2
     assert is_hopeless(problem, state) == lost
-    assert f": residuals of {off_px:.0f} px are left even in the better half" in hopeless(problem, state).message
+    assert f"leave residuals of {off_px:.0f} px." in hopeless(problem, state).message
     for count, told in ((4, False), (5, lost)):
         few = through_a_long_lens(off_px, count)
         assert is_hopeless(*few) == (told or unexplained_motion(*few) > 0.2)
@@ -168,7 +168,7 @@ def test_residuals_in_images_are_of_five_stops_and_more(by_number, stops, px):
 
 @pytest.mark.parametrize(
     ("share", "left_px", "said"),
-    [(0.19, 49.0, None), (0.21, 0.0, "21 % of that motion is left"), (0.19, 51.0, "residuals of 51 px are left")],
+    [(0.19, 49.0, None), (0.21, 0.0, "21 % of it."), (0.19, 51.0, "residuals of 51 px")],
 )
 def test_hopeless_is_a_fifth_of_the_motion_or_fifty_pixels(monkeypatch, share, left_px, said):
     """Either is told."""

@@ -80,17 +80,17 @@ def test_motions_in_words(motion, words):
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        (moved(0.0, travel=0.0), "move it, and rotate it about two axes that are not parallel"),
-        (moved(0.0), "add poses that rotate it about two axes that are not parallel"),
-        (moved(0.14, 0.1), "rotate it further, by 30 deg and more, about two axes that are not parallel"),
-        (moved(0.16, 0.1), "add poses that rotate it by 30 deg and more about another axis"),
+        (moved(0.0, travel=0.0), "Move hand, and rotate it about two axes that are not parallel"),
+        (moved(0.0), "Add poses that rotate hand about two axes that are not parallel"),
+        (moved(0.14, 0.1), "Rotate hand further, by 30 deg and more, about two axes that are not parallel"),
+        (moved(0.16, 0.1), "Add poses that rotate hand by 30 deg and more about another axis"),
     ],
 )
 def test_advice(made, problem, motion, words):
     """What to record, or to state of what the arm carries."""
-    assert advise_motion(made.cell, problem, motion) == f"{words}, or state {BOARD} as a prior or fixed"
+    assert advise_motion(made.cell, problem, motion) == f"{words}, or state {BOARD} as a prior or fixed."
     fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
-    assert advise_motion(made.cell, fixed, motion) == words
+    assert advise_motion(made.cell, fixed, motion) == f"{words}."
 
 
 @pytest.mark.parametrize(("axes", "parallel"), [("zzz", True), ("zyz", False), ("zxz", False)])
@@ -99,13 +99,13 @@ def test_an_arm_of_parallel_axes_is_not_told_to_turn_otherwise(made, problem, ax
     hand = replace(made.cell.robots["hand"], chain=arm(*axes))
     cell = replace(made.cell, robots={**made.cell.robots, "hand": hand})
     said = advise_motion(cell, problem, moved(0.5, 0.0))
-    assert said.startswith("all axes of its joints are parallel") == parallel
-    assert f"state {BOARD} as a prior or fixed" in said
-    assert advise_motion(cell, problem, moved(0.0, travel=0.0)).startswith("move it")
-    assert advise_motion(cell, problem, moved(0.0)).startswith("add poses that rotate it about two axes")
+    assert ("all joint axes of hand are parallel" in said) == parallel
+    assert f"tate {BOARD} as a prior or fixed" in said
+    assert advise_motion(cell, problem, moved(0.0, travel=0.0)).startswith("Move hand")
+    assert advise_motion(cell, problem, moved(0.0)).startswith("Add poses that rotate hand about two axes")
     fixed = replace(problem, unknowns={**problem.unknowns, BOARD: replace(problem.unknowns[BOARD], status="fixed")})
     if parallel:
-        assert f"state {BASE} as a prior or fixed" in advise_motion(cell, fixed, moved(0.5, 0.0))
+        assert f"State {BASE} as a prior or fixed" in advise_motion(cell, fixed, moved(0.5, 0.0))
 
 
 def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
@@ -116,15 +116,13 @@ def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
         return describe_cause(made.cell, problem, {m.robot: m for m in of}, names)
 
     one = cause([BASE], good, poor)
-    assert one == f"hand only translates: {advise_motion(made.cell, problem, poor)}"
+    assert one == ((advise_motion(made.cell, problem, poor),), "hand only translates.")
     both = cause([BASE], eye, poor)
-    assert both == (
-        "eye only translates, and hand only translates: rotate each about two axes that are not parallel, "
-        f"or state {CAMERA} and {BOARD} as a prior or fixed"
-    )
+    do = f"Rotate each about two axes that are not parallel, or state {CAMERA} and {BOARD} as a prior or fixed."
+    assert both == ((do,), "eye only translates, and hand only translates.")
     assert cause([BOARD, BASE], eye, poor) == one
-    assert cause([CAMERA], good, poor).startswith("the views are too few or too much alike")
-    assert cause([BASE], good, moved(0.9, 0.9)).startswith("the views are too few or too much alike")
+    assert cause([CAMERA], good, poor)[1].startswith("The views are too few or too much alike")
+    assert cause([BASE], good, moved(0.9, 0.9))[1].startswith("The views are too few or too much alike")
 
 
 def test_poor_motions_of_a_recording():
@@ -140,7 +138,7 @@ def test_poor_motions_of_a_recording():
 def test_a_robot_without_kinematics_has_no_parallel_axes(made, problem):
     """Recorded by poses, it may turn as it likes."""
     cell = SimpleNamespace(robots={"hand": SimpleNamespace(chain=None)})
-    assert advise_motion(cell, problem, moved(0.5, 0.0)).startswith("add poses")
+    assert advise_motion(cell, problem, moved(0.5, 0.0)).startswith("Add poses")
 
 
 def test_what_is_fixed_is_not_asked_for():
@@ -148,8 +146,9 @@ def test_what_is_fixed_is_not_asked_for():
     known = simulate(Scenario(samples=5, camera_mount="fixed"), 0)
     problem = build_problem(known.cell, known.recording)[0]
     both = {"eye": moved(0.5, robot="eye"), "hand": moved(0.5, 0.01)}
-    assert describe_cause(known.cell, problem, both, (BASE,)) == (
+    do, why = describe_cause(known.cell, problem, both, (BASE,))
+    assert do == (f"Rotate each about two axes that are not parallel, or state {BOARD} as a prior or fixed.",)
+    assert why == (
         "eye rotates about one axis, along (0.00, 0.00, 1.00) in eye_base, and hand rotates mostly about one axis, "
-        "along (0.00, 0.00, 1.00) in hand_base, and by at most 0.57 deg about any other: rotate each about two axes "
-        f"that are not parallel, or state {BOARD} as a prior or fixed"
+        "along (0.00, 0.00, 1.00) in hand_base, and by at most 0.57 deg about any other."
     )

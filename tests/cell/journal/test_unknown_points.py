@@ -17,7 +17,7 @@ def test_one_is_told_with_its_line() -> None:
     """Which sample, where it stands and why."""
     (found,) = unknown_points([dropped(7, {3, 24})], "s.jsonl")
     assert (found.code, found.severity, found.about) == ("dropped-sample", "info", ("7",))
-    assert found.message == "s.jsonl:8: sample 7 is dropped: id 24 is not on it"
+    assert found.message == "s.jsonl:8: sample 7 is dropped: id 24 is not on it."
 
 
 def test_many_are_one_finding_for_each_target() -> None:
@@ -31,6 +31,6 @@ def test_many_are_one_finding_for_each_target() -> None:
 def test_ids_that_count_from_one_are_told_so() -> None:
     """Where they are those of the target, each by one larger."""
     (found,) = unknown_points([dropped(1, {1, 5, 24}), dropped(2, {2, 24})], "s.jsonl")
-    assert found.message.endswith("; ids count from 0: subtract 1 from each")
+    assert found.message.endswith("Subtract 1 from each id: they count from 0.")
     (other,) = unknown_points([dropped(1, {2, 24})], "s.jsonl")
     assert "subtract" not in other.message

@@ -211,7 +211,9 @@ def test_the_first_ten_samples_left_out_are_named(lacking, shown):
         for k, sample in enumerate(made.recording.samples)
     ]
     _, (finding,) = build_problem(made.cell, Recording(tuple(samples)))
-    expected = f"{lacking} view(s) not used, no pose of hand in the same sample: sample 0, 1, 2, 3, 4, 5, 6, 7{shown}"
+    expected = (
+        f"{lacking} view(s) are not used, of sample 0, 1, 2, 3, 4, 5, 6, 7{shown}: no pose of hand in the same sample."
+    )
     assert finding.message == expected
     assert finding.about == tuple(str(k) for k in range(lacking))
 
@@ -226,7 +228,7 @@ def test_candidates_for_several_lights_are_left_out(shape):
     problem, (finding,) = build_problem(made.cell, Recording((first, *made.recording.samples[1:])))
     assert [len(group) for group in problem.groups] == [4]
     assert finding.about == ("0",)
-    assert finding.message.startswith("1 view(s) not used, candidates for several lights")
+    assert finding.message.startswith("1 view(s) are not used, of sample 0: candidates for several lights")
 
 
 def test_only_robots_with_noise_have_stops():

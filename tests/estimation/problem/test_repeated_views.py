@@ -27,9 +27,9 @@ def test_many_copies_are_listed_up_to_ten():
     assert repeated_views([]) == []
     (finding,) = repeated_views(list(range(12)))
     assert finding.code == "duplicate-samples"
-    assert finding.message.startswith("12 views repeat")
+    assert finding.message.startswith("12 views, of sample 0")
     (single,) = repeated_views([4])
-    assert single.message.startswith("the view of sample 4 repeats that of an earlier sample")
+    assert single.message.startswith("The view of sample 4 repeats that of an earlier sample")
     assert "remove them" in single.message
     assert "8, 9, ..." in finding.message
     assert "10, ..." not in finding.message

@@ -99,7 +99,7 @@ def test_views_that_no_record_surrounds_are_left_out_and_said() -> None:
     assert len(found.samples) == 60
     (finding,) = found.findings
     assert finding.code == "dropped-sample"
-    assert "10 view(s) not used" in finding.message
+    assert "10 view(s) are not used" in finding.message
 
 
 def test_two_cameras_of_one_line_become_two_samples() -> None:
@@ -184,9 +184,8 @@ def test_ten_of_the_views_left_out_are_named(gone: int, shown: str) -> None:
     assert min(s.stamp_s for s in late if s.robots) < 0.5 + 0.1 * gone + 1e-3
     (finding,) = synchronous(made.cell, Recording(late)).findings
     numbers = ", ".join(map(str, range(8)))
-    expected = (
-        f"{gone} view(s) not used, no robot was recorded within 0.25 s before and after: sample {numbers}, {shown}"
-    )
+    why = "no robot was recorded within 0.25 s before and after"
+    expected = f"{gone} view(s) are not used, of sample {numbers}, {shown}: {why}."
     assert finding.message == expected
     assert finding.about == tuple(map(str, range(gone)))
 

@@ -32,12 +32,9 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
         return []
     listed = ", ".join(f"{list_samples(pair).replace(', ', ' and ')}" for pair in pairs[:_SHOWN])
     more = f" and {len(pairs) - _SHOWN} more pairs" if len(pairs) > _SHOWN else ""
-    message = (
-        f"the same picture or view stands twice under other poses, at {listed}{more}: pair poses and pictures anew, or "
-        "remove the copies"
-    )
+    what = f"The same image or view is there twice under other poses, at {listed}{more}."
     about = tuple(str(number) for number in dict.fromkeys(number for pair in pairs for number in pair))
-    return [Finding("repeated-view", "warning", about, message)]
+    return [Finding("repeated-view", "warning", about, what, ("Pair poses and images anew, or remove the copies.",))]
 
 
 def _numbers(seen: object) -> bytes | None:

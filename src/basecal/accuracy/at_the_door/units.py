@@ -17,6 +17,9 @@ _TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; some wrists turn
 _BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
 
 
+_IN_METRES = ("Divide lengths by 1000: they are in metres.",)
+
+
 def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
     """An error for each unit that is certainly another one: degrees for radians, millimetres for metres.
 
@@ -29,9 +32,9 @@ def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
     names = [name for name, robot in cell.robots.items() if _is_in_degrees(robot, recording)]
     if names:
         who = " and ".join(names)
-        message = f"the joints of {who} are in degrees: joints_rad is in radians, turn them into radians"
         reach = max(float(np.abs(_joints(recording, name)).max()) for name in names)
-        yield Finding("angle-unit", "error", tuple(names), f"{message} (they reach {reach:.3g})")
+        what = f"The joints of {who} are in degrees: they reach {reach:.3g}."
+        yield Finding("angle-unit", "error", tuple(names), what, ("Convert joints_rad to radians.",))
 
 
 def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
@@ -62,21 +65,20 @@ def _millimetres(recording: Recording) -> Iterator[Finding]:
     far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _TOO_FAR_M}
     if far:
         who = " and ".join(far)
-        message = f"the poses of {who} are in millimetres: lengths are in metres, divide them by 1000"
-        reached = f"a flange {max(far.values()):.0f} m from its base"
-        yield Finding("length-unit", "error", tuple(far), f"{message} (they tell of {reached})")
+        what = f"The poses of {who} are in millimetres: a flange is {max(far.values()):.0f} m from its base."
+        yield Finding("length-unit", "error", tuple(far), what, _IN_METRES)
 
 
 def _of_views(recording: Recording) -> Iterator[Finding]:
     seen = [o for s in recording.samples for o in s.observations]
     kinds = {
-        "the observed poses": [o.camera_from_target.translation for o in seen if isinstance(o, PoseObservation)],
-        "the observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
+        "The observed poses": [o.camera_from_target.translation for o in seen if isinstance(o, PoseObservation)],
+        "The observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
     }
     for who, places in kinds.items():
         if places and (distance := float(np.median(lengths(np.array(places))))) > _TOO_FAR_M:
-            message = f"{who} are in millimetres: lengths are in metres, divide them by 1000"
-            yield Finding("length-unit", "error", (), f"{message} (they tell of a target {distance:.0f} m away)")
+            what = f"{who} are in millimetres: a target is {distance:.0f} m away."
+            yield Finding("length-unit", "error", (), what, _IN_METRES)
 
 
 def _of_targets(cell: Cell, recording: Recording) -> Iterator[Finding]:
@@ -88,5 +90,5 @@ def _of_targets(cell: Cell, recording: Recording) -> Iterator[Finding]:
             continue
         size = float(np.ptp(shape.points, axis=0).max())
         if size > _TOO_LARGE_M:
-            message = f"the size of {name} is in millimetres: lengths are in metres, divide it by 1000"
-            yield Finding("board-size", "error", (name,), f"{message} (it is stated to be {size:.0f} m wide)")
+            what = f"The size of {name} is in millimetres: it is stated to be {size:.0f} m wide."
+            yield Finding("board-size", "error", (name,), what, _IN_METRES)

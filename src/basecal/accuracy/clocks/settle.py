@@ -63,18 +63,16 @@ def clock_findings(clocked: Clocked, left: ClockStep) -> list[Finding]:
         known = clocked.streams.clocks[name]
         offset = clocked.offsets_s[name] + float(left.step_s[k])
         device, is_line = cameras.get(name, name), name in cameras
-        what = f"the line time of {device}" if is_line else f"the clock of {device}"
+        which = f"The line time of {device}" if is_line else f"The clock of {device}"
         if not left.seen[k]:
             at = f"{1e6 * clocked.offsets_s[name]:.1f} us" if is_line else f"{clocked.offsets_s[name]:.3f} s"
-            words = f"{what} is unobservable, since nothing moves enough while it records: it is held at {at}, and "
-            findings.append(Finding("unobservable-direction", "info", (device,), f"{words}nothing depends on it"))
+            why = f"Nothing moves enough while it records: it is held at {at}, and nothing depends on it."
+            findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
         elif known.sigma_s is not None and abs(offset - known.offset_s) > _PULLED * known.sigma_s:
             is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
             stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
             sigmas = abs(offset - known.offset_s) / known.sigma_s
-            words = (
-                f"{what} is {is_at}, {sigmas:.1f} sigma from its prior of "
-                f"{stated}: check the prior, or set its status to free"
-            )
-            findings.append(Finding("prior-contradicted", "warning", (device,), words))
+            what = f"{which} is {is_at}, {sigmas:.1f} sigma from its prior of {stated}."
+            do = ("Check the prior, or set its status to free.",)
+            findings.append(Finding("prior-contradicted", "warning", (device,), what, do))
     return findings

@@ -38,13 +38,12 @@ def board_shape(of: Evidence) -> list[Finding]:
 
 def _told(name: str, size_m: float, flat: bool, bent: bool) -> Finding:
     size = f"up to {1e3 * size_m:.2g} mm"
-    message = f"points of {name} are {size} from where they are stated"
+    what = f"Points of {name} are {size} from where they are stated."
     if flat:
-        message = f"{name} is not flat: its points lie {size} off their plane"
+        what = f"{name} is not flat: its points are {size} off their plane."
     if bent:
-        made = "printed boards do" if flat else "targets are made to"
-        message += f", more than {made}: check the points stated, the lens model and the target's size"
-        return Finding("board-shape", "warning", (name,), message)
-    message += "; the answer takes that into account"
-    message += "; a board on glass or aluminium needs no such correction" if flat else "; measure them to state them"
-    return Finding("board-shape", "info", (name,), message)
+        why = f"That is more than {'printed boards are' if flat else 'targets are made to'}."
+        do = ("Check the stated points, the lens model and the target's size.",)
+        return Finding("board-shape", "warning", (name,), what, do, why)
+    do = ("Use a board on glass or aluminium.",) if flat else ("Measure the points, and state them.",)
+    return Finding("board-shape", "info", (name,), what, do, "The answer contains the shape.")

@@ -16,5 +16,5 @@ def many_dropped_samples(given: Input) -> list[Finding]:
     if len(dropped) <= _MANY * total or any(f.code == "few-images" for f in given.findings):
         return []
     most = max((f for f in given.findings if f.code == "dropped-sample"), key=lambda f: len(f.about))
-    message = f"{len(dropped)} of {total} samples could not be used: {most.message}"
-    return [Finding("dropped-sample", "warning", (), message)]
+    what = f"{len(dropped)} of {total} samples could not be used."
+    return [Finding("dropped-sample", "warning", (), what, most.do, most.what)]

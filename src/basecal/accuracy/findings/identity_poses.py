@@ -28,6 +28,9 @@ def identity_poses(given: Input) -> list[Finding]:
     for robot, of_robot in sorted(poses.items()):
         if all(np.all(each.matrix == np.eye(4)) for each in of_robot):
             fixed = all(given.problem.unknowns[name].status == "fixed" for name in attached(given.problem, robot))
-            message = f"all recorded poses of {robot} are the identity: is its driver connected?"
-            findings.append(Finding("identity-poses", "info" if fixed else "warning", (robot,), message))
+            what, do = (
+                f"All recorded poses of {robot} are the identity.",
+                (f"Check that the driver of {robot} is connected.",),
+            )
+            findings.append(Finding("identity-poses", "info" if fixed else "warning", (robot,), what, do))
     return findings

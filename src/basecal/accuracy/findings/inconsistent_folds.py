@@ -16,10 +16,8 @@ def inconsistent_folds(of: Evidence) -> list[Finding]:
         return []
     robots = sorted({r for g in of.solution.problem.groups for r in (g.eye, g.hand) if r is not None})
     lacking = [robot for robot in robots if robot not in of.solution.problem.stops.robot]
-    noise = f"state the noise of {' and '.join(lacking)}" if lacking else "state a larger noise of the robots"
+    noise = f"State the noise of {' and '.join(lacking)}." if lacking else "State a larger noise of the robots."
     ratio = f"{np.sqrt(spread.mean_square):.1f}"
-    message = (
-        f"the folds' answers spread {ratio} times as much as the sigmas predict: take the sigmas as {ratio} times as "
-        f"large, {noise}, and look for samples taken while something moved"
-    )
-    return [Finding("inconsistent-folds", "warning", (), message)]
+    what = f"The answers of the folds spread {ratio} times as much as the sigmas predict."
+    do = f"Take the sigmas as {ratio} times as large.", noise, "Look for samples that were taken while something moved."
+    return [Finding("inconsistent-folds", "warning", (), what, do)]

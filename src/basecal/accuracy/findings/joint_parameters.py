@@ -28,7 +28,7 @@ def unobserved_joint_parameters(of: Evidence) -> list[Finding]:
                 continue
             text = unobserved(Unobserved(joints, tuple(rows), len(found.joints), base, by_prior))
             if by_prior:
-                findings.append(Finding("prior-dominated", "info", (robot,), f"{robot}: {text}"))
+                findings.append(Finding("prior-dominated", "info", (robot,), f"{robot}: {text}."))
             else:
-                findings.append(Finding("fixed-gauge", "info", (robot,), f"{robot}: {text}"))
+                findings.append(Finding("fixed-gauge", "info", (robot,), f"{robot}: {text}."))
     return findings

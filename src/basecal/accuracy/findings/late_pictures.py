@@ -36,7 +36,8 @@ def late_pictures(of: Evidence) -> list[Finding]:
         if late:
             severity: Severity = "warning" if len(late) > _FEW * of.robust.samples else "info"
             numbers = tuple(str(each.sample) for each in late)
-            found.append(Finding("clock-offset", severity, (camera, *numbers), _said(camera, late)))
+            do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
+            found.append(Finding("clock-offset", severity, (camera, *numbers), _what(camera, late), do))
     return found
 
 
@@ -61,13 +62,11 @@ def _late_of(of: Evidence, camera: str, samples: set[int]) -> list[_Late]:
     return late
 
 
-def _said(camera: str, late: list[_Late]) -> str:
+def _what(camera: str, late: list[_Late]) -> str:
     one = len(late) == 1
     by = ", ".join(f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN])
     more = ", ..." if len(late) > _SHOWN else ""
-    what = "a picture" if one else f"{len(late)} pictures"
+    images = "An image" if one else f"{len(late)} images"
     stamps = "was not taken when its stamp says" if one else "were not taken when their stamps say"
-    return (
-        f"{what} of {camera} {stamps}, at {list_samples([each.sample for each in late])} ({by}{more}): left out; look "
-        "for a trigger that was missed or a driver that stamps on arrival"
-    )
+    where = f"{list_samples([each.sample for each in late])} ({by}{more})"
+    return f"{images} of {camera} {stamps}, and {'is' if one else 'are'} left out: {where}."

@@ -19,12 +19,11 @@ def lens_model(of: Evidence) -> list[Finding]:
         moves = [_sigmas(of, found, name) for name in of.cell.asked if name in of.solution.problem.columns]
         worst = max(moves, default=0.0)
         severity: Severity = "warning" if worst > _MATTERS else "info"
-        message = (
-            f"residuals of {found.camera} go by their place in the image (chance {found.chance:.0e}): "
-            f"{found.rms_px:.2g} px rms that its lens model cannot have, which moves the answer by {worst:.1f} sigma; "
-            "the covariance covers it; try another model or more distortion terms, and fill the images to their corners"
-        )
-        findings.append(Finding("lens-model", severity, (found.camera,), message))
+        what = f"Residuals of {found.camera} depend on their place in the image: {found.rms_px:.2g} px rms."
+        moved = f"which moves the answer by {worst:.1f} sigma"
+        why = f"Its lens model cannot have them (chance {found.chance:.0e}), {moved}. The covariance covers it."
+        do = "Try another lens model or more distortion terms.", "Fill the images to their corners."
+        findings.append(Finding("lens-model", severity, (found.camera,), what, do, why))
     return findings
 
 

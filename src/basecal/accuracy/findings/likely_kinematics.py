@@ -33,4 +33,4 @@ def likely_kinematics(of: Evidence) -> list[Finding]:
     why = [_CONTAINED]
     if name == deflection.NAME:
         why.append(gravity_taken(of.cell, of.solution, tuple(sigmas)))
-    return [Finding(words.code, "info", tuple(sigmas), " ".join([words.what, *why, *words.do]))]
+    return [Finding(words.code, "info", tuple(sigmas), words.what, words.do, " ".join(why))]

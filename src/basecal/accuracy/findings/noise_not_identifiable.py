@@ -27,17 +27,15 @@ def noise_not_identifiable(of: Evidence) -> list[Finding]:
         return list(of.solution.findings)
     findings = []
     if few := robots_with_few_stops(of.recorded):
-        made = " and ".join(f"{name} made {count} stops" for name, count in few.items())
-        message = (
-            f"{made}, too few to estimate noise that is not stated by them alone: what arms have in general tells it "
-            "as much, and the covariance is the wider for it; state their noise, or record at least "
-            f"{FEWEST_STOPS} stops"
-        )
-        findings.append(Finding("noise-not-identifiable", "info", tuple(few), message))
+        counts = " and ".join(f"{count} stops of {name}" for name, count in few.items())
+        what = f"{counts} are too few to estimate unstated noise."
+        why = "Typical values of robot arms count as much; the covariance is wider."
+        do = (f"Record at least {FEWEST_STOPS} stops, or state `noise` in cell.yaml.",)
+        findings.append(Finding("noise-not-identifiable", "info", tuple(few), what, do, why))
     for robot in robots_with_one_stop(of.recorded):
-        message = (
-            f"{robot} made a single stop, where an error of its recorded pose shows in no residual; it is taken to be "
-            "as noisy as the others, or as arms in general: state its noise, or move it"
+        what = f"{robot} made a single stop, so that no residual shows an error of its pose."
+        why = "It is assumed to be as noisy as the others, or as arms in general."
+        findings.append(
+            Finding("noise-not-identifiable", "info", (robot,), what, ("State its noise, or move it.",), why)
         )
-        findings.append(Finding("noise-not-identifiable", "info", (robot,), message))
     return [*findings, *of.solution.findings]

@@ -10,5 +10,5 @@ def not_converged(of: Evidence) -> list[Finding]:
     """An error where the solver did not converge."""
     if of.solution.converged:
         return []
-    message = "the solver did not converge: check units and directions of the poses, or give a guess"
-    return [Finding("not-converged", "error", (), message)]
+    do = ("Check units and directions of the poses, or give a guess.",)
+    return [Finding("not-converged", "error", (), "The solver did not converge.", do)]

@@ -14,12 +14,10 @@ def not_validated(of: Evidence) -> list[Finding]:
     if found is None or not (found.skipped or not found.summary):
         return []
     if not found.skipped:
-        return [Finding("not-validated", "info", (), "the samples cannot be split into folds: no cross-validation")]
+        what = "There is no cross-validation: the samples cannot be split into folds."
+        return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
     shown = ", ".join(numbers[:_SHOWN]) + (", ..." if len(numbers) > _SHOWN else "")
     names = " and ".join(name for name in of.cell.asked if name in of.solution.problem.columns)
-    message = (
-        f"samples {shown} could not be held out in cross-validation, as without them {names} is unobservable: record "
-        "more of their kind"
-    )
-    return [Finding("not-validated", "info", numbers, message)]
+    what, why = f"Samples {shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
+    return [Finding("not-validated", "info", numbers, what, ("Record more of their kind.",), why)]

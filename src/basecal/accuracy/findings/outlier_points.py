@@ -6,6 +6,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
+from basecal.cell.calibration import Severity
 
 _FEW = 0.1  # share of the points: a few are the detector's everyday business
 
@@ -17,9 +18,8 @@ def outlier_points(of: Evidence) -> list[Finding]:
     if not count:
         return []
     numbers, total = sorted({o.sample for o in outliers}), of.robust.points + count
-    message = (
-        f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}; at sample "
-        f"{outliers[0].sample}, {outlier_reason(outliers[0])}; look for reflections, covered or blurred "
-        "parts of the target, and ids of another target"
-    )
-    return [Finding("outlier-points", "warning" if count > _FEW * total else "info", tuple(map(str, numbers)), message)]
+    what = f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}."
+    why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
+    do = ("Look for reflections, covered or blurred parts of the target, and ids of another target.",)
+    severity: Severity = "warning" if count > _FEW * total else "info"
+    return [Finding("outlier-points", severity, tuple(map(str, numbers)), what, do, why)]

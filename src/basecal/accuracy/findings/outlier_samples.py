@@ -11,6 +11,7 @@ from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
+from basecal.errors import sentence
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 
@@ -26,14 +27,14 @@ def outlier_samples(of: Evidence) -> list[Finding]:
     if not numbers:
         return []
     one = len(numbers) == 1
-    look = f"look at {'it' if one else 'them'}, and record with arms at rest"
-    message = (
-        f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as "
-        f"{'an outlier' if one else 'outliers'}; at sample {outliers[0].sample}, {outlier_reason(outliers[0])}; "
-        f"{_moved(numbers, of.robust.solution.problem) or look}"
-    )
+    outlier = "an outlier" if one else "outliers"
+    what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
+    why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
+    moved = _moved(numbers, of.robust.solution.problem)
+    do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
     severity: Severity = "warning" if len(numbers) > _FEW * total else "info"
-    return [Finding("outlier-samples", severity, tuple(map(str, numbers)), message)]
+    about = tuple(map(str, numbers))
+    return [Finding("outlier-samples", severity, about, sentence(what), (do,), f"{why}{moved}")]
 
 
 def _moved(numbers: Sequence[int], inliers: Problem) -> str:
@@ -43,9 +44,9 @@ def _moved(numbers: Sequence[int], inliers: Problem) -> str:
         return ""
     first, last = min(kept), max(kept)
     if numbers[0] > last:
-        return f"as if after sample {last} a base, a mount or the target had been moved: the answer is of before"
+        return f" As if after sample {last} a base, a mount or the target had been moved: the answer is of before."
     if numbers[-1] < first:
-        return f"as if before sample {first} a base, a mount or the target had stood elsewhere: the answer is of after"
+        return f" As if before sample {first} a base, a mount or the target had been elsewhere: the answer is of after."
     return ""
 
 
@@ -59,12 +60,10 @@ def agreeing_of(robust: RobustSolution) -> list[Finding]:
     numbers = sorted(robust.agreeing)
     if not numbers:
         return []
-    message = (
-        f"of {robust.samples} samples only {len(numbers)} close the loop with one another, {list_samples(numbers)}, "
-        "and the others do not: nothing was left out, and the answer is not to be trusted; check how poses and views "
-        "were paired, and whether a robot or a mount was moved between the samples"
-    )
-    return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), message)]
+    what = f"Of {robust.samples} samples only {len(numbers)} agree with one another: {list_samples(numbers)}."
+    why = "Nothing was left out, and the answer is not to be trusted."
+    do = "Check how poses and views were paired.", "Check whether a robot or a mount was moved between the samples."
+    return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
 
 
 def far_stops(of: Evidence) -> list[Finding]:
@@ -76,8 +75,6 @@ def far_stops(of: Evidence) -> list[Finding]:
     samples = sorted({int(number) for group, stop in ends for number in group.sample[np.isin(stop, far)]})
     if not samples or of.robust.agreeing or any(not o.ids for o in of.robust.outliers):
         return []
-    message = (
-        f"a robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}: taken "
-        "before the arm settled, or bumped; leave these samples out, or state a larger noise"
-    )
-    return [Finding("outlier-samples", "warning", tuple(map(str, samples)), message)]
+    what = f"A robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}."
+    why, do = "It was taken before the arm settled, or bumped.", ("Leave these samples out, or state a larger noise.",)
+    return [Finding("outlier-samples", "warning", tuple(map(str, samples)), what, do, why)]

@@ -20,12 +20,10 @@ def overfit(of: Evidence) -> list[Finding]:
     ratio = np.sqrt(predicted.cost / used.cost) if used.cost > 0 and np.isfinite(predicted.cost) else np.inf
     if ratio <= _MUCH_WORSE or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
         return []
-    message = (
-        f"the cross-validation error is {ratio:.1f} times the residual of the same samples when they are used"
-        f"{_compared(used, predicted)}: there are too few of them for all that is unknown; record more, or state what "
-        "is known as a prior"
-    )
-    return [Finding("overfit", "warning", (), message)]
+    compared = _compared(used, predicted)
+    what = f"The cross-validation error is {ratio:.1f} times the residual of the same samples when used{compared}."
+    do = ("Record more, or state what is known as a prior.",)
+    return [Finding("overfit", "warning", (), what, do, "There are too few samples for all that is unknown.")]
 
 
 def _compared(used: HeldOutErrors, predicted: HeldOutErrors) -> str:

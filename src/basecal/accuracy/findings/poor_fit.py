@@ -25,16 +25,14 @@ def poor_fit(of: Evidence) -> list[Finding]:
     sigmas = np.array([*robots.values()]).reshape(len(robots), 6)
     worst_m, worst_rad = sigmas[:, :3].max(initial=0.0), sigmas[:, 3:].max(initial=0.0)
     if "pixel_px" in solution.noise.estimated and rms_px is not None and rms_px > _DETECTOR_PX:
-        message = f"residuals are {rms_px:.1f} px rms, more than any detector's noise: something in the input is wrong"
+        what = f"Residuals are {rms_px:.1f} px rms, more than any detector's noise."
     elif worst_m > _REPEATABILITY_M or worst_rad > _REPEATABILITY_RAD:
-        message = (
-            f"residuals ask for pose noise of the robots of {1e3 * worst_m:.1f} mm and "
-            f"{np.degrees(worst_rad):.2f} deg, 1 sigma per axis, more than any arm's repeatability"
-        )
+        noise = f"{1e3 * worst_m:.1f} mm and {np.degrees(worst_rad):.2f} deg (1 sigma per axis)"
+        what = f"Residuals need pose noise of the robots of {noise}, more than any arm's repeatability."
     else:
         return found
-    advice = "check units, directions and the target's size, and state the robots' noise where it is not"
-    return [Finding("poor-fit", "warning", (), f"{message}: {advice}"), *found]
+    do = "Check units, directions and the target's size.", "State the robots' noise if it is not stated."
+    return [Finding("poor-fit", "warning", (), what, do, "Something in the input is wrong."), *found]
 
 
 def _stated(found: ContradictedSigma) -> Finding:
@@ -42,12 +40,11 @@ def _stated(found: ContradictedSigma) -> Finding:
     whose = f"poses of {found.about}" if found.of_robot else f"what {found.about} saw" if found.about else "everything"
     about = (found.about,) if found.about else ()
     if not found.too_small:
-        message = f"noise of {whose} is {found.ratio:.2g} of what was stated: the covariance is wider than it need be"
-        return Finding("poor-fit", "info", about, f"{message}; state the smaller sigmas")
-    message = (
-        f"residuals of {whose} are {found.ratio:.2f} times what the stated sigmas explain (chance {found.chance:.0e}), "
-        "and the covariance is that of the noise as estimated"
-    )
-    advice = "check units, directions, the lens and the target's size, or state larger sigmas"
+        what = f"Noise of {whose} is {found.ratio:.2g} of what was stated."
+        why = "The covariance is wider than it need be."
+        return Finding("poor-fit", "info", about, what, ("State the smaller sigmas.",), why)
+    what = f"Residuals of {whose} are {found.ratio:.2f} times what the stated sigmas explain."
+    why = f"That is not chance ({found.chance:.0e}); the covariance is that of the estimated noise."
+    do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
     severity: Severity = "warning" if found.ratio > _OFF_BY_LITTLE else "info"
-    return Finding("poor-fit", severity, about, f"{message}: {advice}")
+    return Finding("poor-fit", severity, about, what, do, why)

@@ -44,11 +44,9 @@ def contradicted_priors(solution: Solution, besides: Set[str] = frozenset()) -> 
         learnt = held(innovation(after, np.ones(len(residual))))
         off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
         if learnt.rank and off > chdtri(int(learnt.rank), SIGNIFICANCE):
-            message = (
-                f"the data contradict the prior of {name}: the answer is up to {np.abs(residual).max():.1f} of its "
-                "sigmas away, more than chance explains; state larger sigmas or a better value, or make it free"
-            )
-            found.append(Finding("prior-contradicted", "warning", (name,), message))
+            what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
+            why, do = "That is more than chance explains.", ("State larger sigmas or a better value, or make it free.",)
+            found.append(Finding("prior-contradicted", "warning", (name,), what, do, why))
     return found
 
 

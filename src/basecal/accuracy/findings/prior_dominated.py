@@ -45,7 +45,8 @@ def _dominated(solution: Solution, name: str, resting: Sequence[str]) -> list[Fi
     vectors[where], scale[where] = dominated, sigma
     found = separate_null_space(problem, solution.state, vectors, scale)
     others = [n for n in resting if n != name]
-    rests = f"; {' and '.join(others)} rest{'s' if len(others) == 1 else ''} on it" if others else ""
-    what = " and ".join(map(describe_null_space, found))
-    message = f"known from its prior alone, to which the data add nothing: {what}{rests}"
-    return [Finding("prior-dominated", "info", (name, *others), message)]
+    rests = f"{' and '.join(others)} rest{'s' if len(others) == 1 else ''} on it." if others else ""
+    what = (
+        f"Known from its prior alone, to which the data add nothing: {' and '.join(map(describe_null_space, found))}."
+    )
+    return [Finding("prior-dominated", "info", (name, *others), what, why=rests)]

@@ -26,15 +26,13 @@ def reflection(of: Evidence) -> list[Finding]:
             continue
         count, total = int(others.sum()), len(others)
         numbers = tuple(map(str, group.sample[others].tolist()))
-        message = (
-            f"{group.camera} sees other bright spots beside {group.target} in {count} of {total} pictures: "
-            "reflections, or other lights; the geometry of all pictures together tells them from it"
-        )
+        what = f"{group.camera} sees other bright spots beside {group.target} in {count} of {total} images."
+        why = "They are reflections or other lights; the geometry of all images together separates them."
         is_grave = bool(unclear.mean() > _MANY)
         if is_grave:
-            message += f", but in {int(unclear.sum())} both are near where it is predicted"
-        message += "; cover what shines, or switch the light and take pictures with and without it"
-        found.append(Finding("reflection", "warning" if is_grave else "info", numbers, message))
+            why += f" In {int(unclear.sum())} images both are near where it is predicted."
+        do = ("Cover what shines, or switch the LED and take images with and without it.",)
+        found.append(Finding("reflection", "warning" if is_grave else "info", numbers, what, do, why))
     return found
 
 

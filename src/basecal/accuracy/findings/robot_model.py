@@ -39,25 +39,26 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     if chosen.kind == "none" and choice.better is None:
         return []
     if chosen.kind == "none" and choice.better is not None:
-        gain = f"{_freed(choice.better)} may lower {_from_to(none, choice.better)}"
-        return [Finding("robot-model", "info", choice.better.robots, f"{gain}: too few samples to decide; record more")]
-    message = f"{_freed(chosen)} lowers {_from_to(none, chosen)}: {_largest(choice)}"
+        what = f"Freeing {_freed(choice.better)} may lower {_from_to(none, choice.better)}."
+        why, do = "There are too few samples to decide.", ("Record more samples.",)
+        return [Finding("robot-model", "info", choice.better.robots, what, do, why)]
+    what, why = f"Freeing {_freed(chosen)} lowers {_from_to(none, chosen)}.", _largest(choice)
     if choice.better is not None:
-        message += f"; whether {_freed(choice.better)} helps more is undecided"
+        why += f" Whether freeing {_freed(choice.better)} helps more is undecided."
     offsets = robot_parameters(choice.solution).get(OFFSETS, {})
     values = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
     entry = joint_offsets.entry(values)
     if chosen.kind == "links":
         entry += f" and {link_parameters.entry(values)}"
-    advice = f"write {entry} at {' and '.join(chosen.robots)} in cell.yaml"
-    return [Finding("robot-model", "warning", chosen.robots, f"{message}; {advice}")]
+    do = (f"Write {entry} at {' and '.join(chosen.robots)} in cell.yaml.",)
+    return [Finding("robot-model", "warning", chosen.robots, what, do, why)]
 
 
 def _freed(candidate: Candidate) -> str:
     robots = " and ".join(candidate.robots)
     if candidate.joint is not None:
-        return f"freeing joint {candidate.joint + 1} of {robots}"
-    return f"freeing the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
+        return f"joint {candidate.joint + 1} of {robots}"
+    return f"the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
 
 
 def _from_to(none: Candidate, candidate: Candidate) -> str:
@@ -71,13 +72,13 @@ def _largest(choice: RobotModelChoice) -> str:
     if choice.chosen.kind == "links":
         tangents = np.concatenate([each.of(LINKS) for each in choice.solution.state.robots.values()])
         off_m, off_rad = (float(np.linalg.norm(half, axis=1).max()) for half in np.split(tangents, 2, axis=1))
-        return f"links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg"
+        return f"Links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg."
     found = robot_parameters(choice.solution).get(OFFSETS, {})
     seen = [(abs(o.values[j]) / o.sigma[j], r, int(j)) for r, o in found.items() for j in np.flatnonzero(o.seen)]
     if not seen:
-        return "no single offset stands out"
+        return "No single offset stands out."
     _, robot, joint = max(seen)
     of = found[robot]
     value, sigma = np.degrees(of.values[joint]), np.degrees(of.sigma[joint])
-    whose = "its offset" if choice.chosen.kind == "joint" else f"the clearest, of joint {joint + 1} of {robot},"
-    return f"{whose} is {value:.2f} +/- {sigma:.2g} deg"
+    whose = "Its offset" if choice.chosen.kind == "joint" else f"The clearest offset, of joint {joint + 1} of {robot},"
+    return f"{whose} is {value:.2f} +/- {sigma:.2g} deg."

@@ -56,11 +56,10 @@ def rounded_poses(of: Evidence) -> list[Finding]:
             continue
         worst = max(found, key=lambda r: (r.severity == "warning", r.sigma))
         listed = " and ".join(f"{r.what} of {robot} are all multiples of {r.words}" for r in found)
-        message = (
-            f"{listed}: rounding alone makes {_shown(worst.sigma, worst)} (1 sigma per axis), beside "
-            f"{_shown(worst.noise, worst)} of noise in use; record poses with all their digits"
-        )
-        findings.append(Finding("rounded-poses", worst.severity, (robot,), message))
+        rounding, noise = _shown(worst.sigma, worst), _shown(worst.noise, worst)
+        why = f"Rounding alone adds {rounding} (1 sigma per axis) to {noise} of noise."
+        what, do = f"{listed[0].upper()}{listed[1:]}.", ("Record poses with all their digits.",)
+        findings.append(Finding("rounded-poses", worst.severity, (robot,), what, do, why))
     return findings
 
 

@@ -29,9 +29,8 @@ def same_stop(given: Input) -> list[Finding]:
         # Rotations that were read back as quaternions differ by rounding alone.
         if far_m < _ROUNDING and far_rad < _ROUNDING:
             continue
-        message = (
-            f"poses of {robot} differ by up to {1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad within its "
-            f"{len(first)} stops: they are taken for one place read back anew, with one error of the arm"
-        )
-        findings.append(Finding("same-stop", "info", (robot,), message))
+        far = f"{1e3 * far_m:.2g} mm and {1e3 * far_rad:.2g} mrad"
+        what = f"Poses within one stop of {robot} differ by up to {far}, at {len(first)} stops."
+        why = "They are treated as one stop with one pose error."
+        findings.append(Finding("same-stop", "info", (robot,), what, why=why))
     return findings

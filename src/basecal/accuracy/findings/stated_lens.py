@@ -20,7 +20,7 @@ def stated_lens(of: Evidence) -> list[Finding]:
     lenses = {name: of.cell.cameras[name].intrinsics for name in sorted(of.solution.problem.lenses)}
     stated = {name: lens.camera for name, lens in lenses.items() if lens is not None and is_stated(lens)}
     return [
-        Finding("intrinsics", "warning", (name,), _message(name, camera, of.solution))
+        Finding("intrinsics", "warning", (name,), *_words(name, camera, of.solution))
         for name, camera in stated.items()
         if camera is not None and _is_contradicted(name, camera, of.solution)
     ]
@@ -36,8 +36,8 @@ def _is_contradicted(name: str, stated: Camera, solution: Solution) -> bool:
     return bool(known.rank) and float(known.mahalanobis_squared(off)) > chdtri(int(known.rank), SIGNIFICANCE)
 
 
-def _message(name: str, stated: Camera, solution: Solution) -> str:
+def _words(name: str, stated: Camera, solution: Solution) -> tuple[str, tuple[str, ...], str]:
     estimated, sigma = solution.state.cameras[name], np.sqrt(np.diag(solution.lens_covariance(name)))
     off = ", ".join(part.words(stated, estimated, sigma) for part in LENS_PARAMETERS.values())
     do = f"Calibrate the lens of {name}, or set its intrinsics' status to free."
-    return f"The lens of {name} is not as stated: {off}. The answer uses the estimated lens. {do}"
+    return f"The lens of {name} is not as stated: {off}.", (do,), "The answer uses the estimated lens."

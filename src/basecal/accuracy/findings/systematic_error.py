@@ -27,5 +27,13 @@ def systematic_error(of: Evidence) -> list[Finding]:
     if found.effect == deflection.NAME:
         why.append(gravity_taken(of.cell, of.solution, (found.about,)))
     about = [each.about for each in named]
-    message = " ".join([words.what, *filter(None, why), *words.do])
-    return [Finding(words.code, "warning" if found.is_certain else "info", tuple(dict.fromkeys(about)), message)]
+    return [
+        Finding(
+            words.code,
+            "warning" if found.is_certain else "info",
+            tuple(dict.fromkeys(about)),
+            words.what,
+            words.do,
+            " ".join(filter(None, why)),
+        )
+    ]

@@ -29,5 +29,7 @@ def too_few_samples(given: Input) -> list[Finding]:
 
 
 def _finding(what: str, moved: str = "") -> Finding:
-    advice = "record at least 10 samples with every arm in different orientations (20 for a single light)"
-    return Finding("too-few-samples", "error", (), f"{what}: {advice}{f'; so far {moved}' if moved else ''}")
+    do = ("Record at least 10 samples with every arm in different orientations (20 for a single LED).",)
+    return Finding(
+        "too-few-samples", "error", (), f"{what[0].upper()}{what[1:]}.", do, f"So far {moved}." if moved else ""
+    )

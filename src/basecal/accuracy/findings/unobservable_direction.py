@@ -7,6 +7,7 @@ from basecal.accuracy.phrases.null_space import describe_direction, describe_twi
 from basecal.accuracy.phrases.robot_motion import advise_motion, describe_cause, describe_motion
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
+from basecal.errors import sentence
 from basecal.estimation.observability.motions import gauge_partners, motions
 from basecal.estimation.problem.problem import Problem
 
@@ -27,7 +28,8 @@ def unobservable_directions(of: Evidence) -> list[Finding]:
             "unobservable-direction",
             severity,
             names,
-            f"{is_unobservable(whats, names[1:])}: {describe_cause(of.cell, problem, moved, names)}",
+            sentence(is_unobservable(whats, names[1:])),
+            *describe_cause(of.cell, problem, moved, names),
         )
         for names, whats in together.items()
     ]
@@ -44,8 +46,8 @@ def unobservable_by_poses(cell: Cell, problem: Problem) -> list[Finding]:
     for motion in motions(problem).values():
         names = gauge_partners(problem, motion)
         if names:
-            what = is_unobservable([describe_twists(f"{motion.robot}_base", motion.twists_in_base)], names[1:])
-            why = f"{describe_motion(motion)}: {advise_motion(cell, problem, motion)}"
-            message = f"by the recorded poses alone {what}: {why}"
-            found.append(Finding("unobservable-direction", "error", names, message))
+            which = is_unobservable([describe_twists(f"{motion.robot}_base", motion.twists_in_base)], names[1:])
+            do, why = (advise_motion(cell, problem, motion),), sentence(describe_motion(motion), (motion.robot,))
+            what = f"By the recorded poses alone, {which}."
+            found.append(Finding("unobservable-direction", "error", names, what, do, why))
     return found

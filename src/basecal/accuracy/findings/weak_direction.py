@@ -21,8 +21,8 @@ def weak_directions(of: Evidence) -> list[Finding]:
         sigma = np.sqrt(np.diag(solution.covariance_of([name])))
         sigma_m, sigma_rad = float(sigma[:3].max()), float(sigma[3:].max())
         if sigma_m > _WEAK * solution.observability.length_m or sigma_rad > _WEAK:
-            cause = describe_cause(of.cell, solution.problem, motions(solution.problem), (name,))
+            do, why = describe_cause(of.cell, solution.problem, motions(solution.problem), (name,))
             known = f"{1e3 * sigma_m:.0f} mm and {np.degrees(sigma_rad):.1f} deg"
-            message = f"one sigma of {name} is up to {known} along an axis: {cause}"
-            found.append(Finding("weak-direction", "warning", (name,), message))
+            what = f"One sigma of {name} is up to {known} along an axis."
+            found.append(Finding("weak-direction", "warning", (name,), what, do, why))
     return found

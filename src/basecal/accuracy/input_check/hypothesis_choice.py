@@ -13,6 +13,7 @@ from basecal.accuracy.input_check.noise_evidence import noise_evidence
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
+from basecal.errors import sentence
 from basecal.geometry import SE3
 
 _CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
@@ -76,11 +77,10 @@ def decide_hypotheses(
         named = [_named(t, declared, certain) for t, certain in winning if _alike(t.fit, best.fit)]
         return tuple(dict.fromkeys(named))
     if not plausible(declared.fit):
-        message = (
-            f"the loop-closure error is {declared.fit.error_in_words()}, and no other convention of the input that was "
-            "tried closes the loops: look at the samples with the largest residuals, and at what the frames mean"
-        )
-        return () if declared.fit.in_pixels else (Finding("poor-fit", "warning", (), message),)
+        what = f"The pose consistency error is {declared.fit.error_in_words()}."
+        why = "No other convention of the input that was tried is consistent."
+        do = ("Look at the samples with the largest residuals, and at what the frames mean.",)
+        return () if declared.fit.in_pixels else (Finding("poor-fit", "warning", (), what, do, why),)
     if not is_observable(cell, declared.fit):
         return ()
     rivals = [
@@ -145,10 +145,11 @@ def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> 
     severity: Severity = "error" if certain else "warning"
     if better(tried.fit, declared.fit):
         errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
-        why = f"so read, the cross-validation error is {errors}"
+        why = f"Under this hypothesis the cross-validation error is {errors}."
     else:
-        why = f"as declared it fits as well, but {' and '.join(declared.impossible)} cannot be"
-    return Finding(hypothesis.code, severity, hypothesis.about, f"{hypothesis.words}: {hypothesis.fix} ({why})")
+        why = f"As declared it fits as well, but {' and '.join(declared.impossible)} is implausible."
+    what, do = sentence(hypothesis.words, hypothesis.about), (sentence(hypothesis.fix),)
+    return Finding(hypothesis.code, severity, hypothesis.about, what, do, why)
 
 
 def _ambiguous(cell: Cell, declared: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
@@ -160,9 +161,6 @@ def _ambiguous(cell: Cell, declared: TriedHypothesis, rivals: Sequence[TriedHypo
         for t, mm in zip(rivals, moves, strict=True)
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
-    tell = "; ".join(dict.fromkeys(t.hypothesis.tell for t in rivals))
-    message = (
-        f"held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}: check "
-        f"which is so; to tell them apart, {tell}"
-    )
-    return Finding("ambiguous-convention", severity, about, message)
+    tell = tuple(sentence(tell) for tell in dict.fromkeys(t.hypothesis.tell for t in rivals) if tell)
+    what = f"Held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}."
+    return Finding("ambiguous-convention", severity, about, what, ("Check which is true.", *tell))

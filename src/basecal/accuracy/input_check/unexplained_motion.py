@@ -27,16 +27,15 @@ def is_hopeless(problem: Problem, state: State) -> bool:
 def hopeless(problem: Problem, state: State) -> Finding:
     """An error that says so."""
     share, left_px = unexplained_motion(problem, state), _left_px(problem, state)
-    left = f"{100 * share:.0f} % of that motion is" if share > _HOPELESS else f"residuals of {left_px:.0f} px are"
-    message = (
-        f"the recorded poses do not explain how the targets move: {left} left even in the better half of the views, "
-        "and no convention, unit, order or pairing that was tried mends it"
+    left = f"{100 * share:.0f} % of it" if share > _HOPELESS else f"residuals of {left_px:.0f} px"
+    what = f"The robot poses do not explain the target's motion: even the best 50 % of the views leave {left}."
+    why = "None of the usual mistakes (conventions, units, orders, pairing) explains it."
+    do = (
+        "Check that poses and images of a sample are of one instant.",
+        "Check that poses are base_from_flange in metres, of the named robot.",
+        "Check that cameras and targets are on the robots that cell.yaml states.",
     )
-    advice = (
-        "check that poses and pictures of a sample are of one instant, that poses are base_from_flange in metres of "
-        "the robot that is named, and that cameras and targets are on the robots that the cell says"
-    )
-    return Finding("poor-fit", "error", (), f"{message}: {advice}")
+    return Finding("poor-fit", "error", (), what, do, why)
 
 
 def unexplained_motion(problem: Problem, state: State) -> float:

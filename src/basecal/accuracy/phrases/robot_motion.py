@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from basecal.cell import Cell
+from basecal.errors import sentence
 from basecal.estimation.observability.motions import HARDLY_RAD, Motion, attached, based, motions
 from basecal.estimation.problem.problem import Problem
 from basecal.numerics.spectral import principal_axes
@@ -15,8 +16,10 @@ _LITTLE_RAD = 0.15  # [rad] of rotation about a second axis, below which a robot
 _SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
 
 
-def describe_cause(cell: Cell, problem: Problem, moved: Mapping[str, Motion], names: Sequence[str]) -> str:
-    """Why unknowns are unobservable, by the motion of the robots that carry them, and what to record.
+def describe_cause(
+    cell: Cell, problem: Problem, moved: Mapping[str, Motion], names: Sequence[str]
+) -> tuple[tuple[str, ...], str]:
+    """What to record that unknowns become observable, and why they are not, by the motion of their robots.
 
     Args:
         cell: What exists.
@@ -28,15 +31,17 @@ def describe_cause(cell: Cell, problem: Problem, moved: Mapping[str, Motion], na
     poor = [m for m in near if hardly_rotates(m)]
     carrying = [m for m in poor if set(names) & set(attached(problem, m.robot))] or poor
     if len(carrying) == 1:
-        return f"{describe_motion(carrying[0])}: {advise_motion(cell, problem, carrying[0])}"
+        return (advise_motion(cell, problem, carrying[0]),), sentence(
+            describe_motion(carrying[0]), (carrying[0].robot,)
+        )
     if carrying:
         mounts = [n for m in carrying for n in attached(problem, m.robot) if problem.unknowns[n].status != "fixed"]
         causes = ", and ".join(map(describe_motion, carrying))
-        return f"{causes}: rotate each about two axes that are not parallel{_or_state(mounts)}"
-    return (
-        "the views are too few or too much alike: add samples in which every arm is rotated about two axes that are "
-        "not parallel, or state a prior or the value of what is known"
-    )
+        return (f"Rotate each about two axes that are not parallel{_or_state(mounts)}.",), sentence(
+            causes, (m.robot for m in carrying)
+        )
+    do = "Add samples in which every arm is rotated about two axes that are not parallel, or state what is known."
+    return (do,), "The views are too few or too much alike."
 
 
 def hardly_rotates(motion: Motion) -> bool:
@@ -78,15 +83,15 @@ def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
     # As those of a SCARA arm are.
     axes_are_parallel = chain is not None and principal_axes(chain.jacobian(np.zeros(chain.n))[3:].T).dimension < 2
     if axes_are_parallel and not (motion.is_still or motion.only_shifts):
-        joints = "all axes of its joints are parallel, so that it cannot rotate about another"
-        return f"{joints}; state {' and '.join(unknown or based(problem, robot))} as a prior or fixed"
+        state = f"State {' and '.join(unknown or based(problem, robot))} as a prior or fixed"
+        return f"{state}: all joint axes of {robot} are parallel, so that it cannot rotate about another."
     if motion.is_still:
-        return f"move it, and rotate it about two axes that are not parallel{known}"
+        return f"Move {robot}, and rotate it about two axes that are not parallel{known}."
     if motion.only_shifts:
-        return f"add poses that rotate it about two axes that are not parallel{known}"
+        return f"Add poses that rotate {robot} about two axes that are not parallel{known}."
     if motion.turn_rad[0] < _LITTLE_RAD:
-        return f"rotate it further, by 30 deg and more, about two axes that are not parallel{known}"
-    return f"add poses that rotate it by 30 deg and more about another axis{known}"
+        return f"Rotate {robot} further, by 30 deg and more, about two axes that are not parallel{known}."
+    return f"Add poses that rotate {robot} by 30 deg and more about another axis{known}."
 
 
 def _or_state(names: Sequence[str]) -> str:

@@ -35,7 +35,7 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | Non
     robots = [each.about for each in either if not each.is_target]
     if robots:
         what += f" if the lengths of the poses of {' and '.join(robots)} are right, which the data do not tell"
-    fix = f"measure {target} and state its true size{as_written(cell, target, factor)}"
-    after = "the answer leaves it out, and its covariance is the wider for it"
-    finding = Finding("board-size", "warning", (target,), f"{what}: {fix}; {after}")
+    do = (f"Measure {target} and state its true size{as_written(cell, target, factor)}.",)
+    why = "The answer excludes it, and its covariance is wider."
+    finding = Finding("board-size", "warning", (target,), f"{what}.", do, why)
     return [finding, *(f for f in findings if f.code not in _CODES)]

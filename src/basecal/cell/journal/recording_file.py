@@ -155,8 +155,8 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
         number = str(read.sample)
         earlier = first_lines.setdefault(number, line)
         if earlier != line:
-            message = f"sample {number} is dropped: line {earlier} has the same number; give it a new one"
-            findings.append(Finding("dropped-sample", "info", (number,), f"{path}:{line}: {message}"))
+            what = f"{path}:{line}: sample {number} is dropped: line {earlier} has the same number."
+            findings.append(Finding("dropped-sample", "info", (number,), what, ("Give it a new number.",)))
         elif isinstance(read, Dropped):
             dropped.append(read)
         else:
@@ -167,8 +167,8 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
 
 
 def _cut_finding(path: str, line: int, done: str) -> Finding:
-    message = f"{path}:{line}: the last line was cut off while it was written; {done}"
-    return Finding("dropped-sample", "info", (), message)
+    what = f"{path}:{line}: the last line was cut off while it was written."
+    return Finding("dropped-sample", "info", (), what, why=f"{done[0].upper()}{done[1:]}.")
 
 
 def _is_whole(tail: bytes) -> bool:

@@ -24,7 +24,7 @@ def unknown_points(dropped: Sequence[Dropped], path: str) -> list[Finding]:
         who = f"sample {first.sample} and {others} more are" if others else f"sample {first.sample} is"
         seen = frozenset[int]().union(*(each.reason.ids for each in of))
         from_one = (min(seen), max(seen)) == (min(known) + 1, max(known) + 1)
-        hint = f"; ids count from {min(known)}: subtract 1 from each" if from_one else ""
-        message = f"{path}:{first.line}: {who} dropped: {first.reason}{hint}"
-        findings.append(Finding("dropped-sample", "info", tuple(str(each.sample) for each in of), message))
+        do = (f"Subtract 1 from each id: they count from {min(known)}.",) if from_one else ()
+        what = f"{path}:{first.line}: {who} dropped: {first.reason}."
+        findings.append(Finding("dropped-sample", "info", tuple(str(each.sample) for each in of), what, do))
     return findings

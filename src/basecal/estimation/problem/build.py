@@ -200,8 +200,8 @@ def _views(
     findings += repeated_views(repeated)
     for why, numbers in lacking.items():
         shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-        message = f"{len(numbers)} view(s) not used, {why}: sample {shown}"
-        findings.append(Finding("dropped-sample", "info", tuple(map(str, numbers)), message))
+        what = f"{len(numbers)} view(s) are not used, of sample {shown}: {why}."
+        findings.append(Finding("dropped-sample", "info", tuple(map(str, numbers)), what))
     for camera, target, _ in views:
         check_carriers(cell, camera, target)
     return views

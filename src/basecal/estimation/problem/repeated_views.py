@@ -29,10 +29,8 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
         return []
     shown = ", ".join(map(str, numbers[:_LISTED])) + (", ..." if len(numbers) > _LISTED else "")
     one = len(numbers) == 1
-    what = f"the view of sample {shown} repeats" if one else f"{len(numbers)} views repeat"
-    where = "" if one else f", of sample {shown}"
-    message = (
-        f"{what} that of an earlier sample to the last bit, which no camera does{where}: {'it' if one else 'each'} "
-        "counts once; look for rows that were copied, and remove them"
-    )
-    return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), message)]
+    which = f"The view of sample {shown} repeats" if one else f"{len(numbers)} views, of sample {shown}, repeat"
+    what = f"{which} that of an earlier sample to the last bit."
+    why = f"No camera does that; {'it' if one else 'each'} counts once."
+    do = ("Look for rows that were copied, and remove them.",)
+    return [Finding("duplicate-samples", "info", tuple(map(str, numbers)), what, do, why)]

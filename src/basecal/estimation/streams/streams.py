@@ -240,5 +240,5 @@ def _not_followed(numbers: Sequence[int]) -> list[Finding]:
         return []
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
     why = f"no robot was recorded within {MOST_APART_S} s before and after"
-    about = tuple(map(str, numbers))
-    return [Finding("dropped-sample", "info", about, f"{len(numbers)} view(s) not used, {why}: sample {shown}")]
+    what = f"{len(numbers)} view(s) are not used, of sample {shown}: {why}."
+    return [Finding("dropped-sample", "info", tuple(map(str, numbers)), what)]
