@@ -12,7 +12,7 @@ from itertools import islice
 
 import numpy as np
 
-from basecal.accuracy.expected_error import at_points, length_quantile
+from basecal.accuracy.task.expected_error import at_points, length_quantile
 from basecal.accuracy.task.task import Task, task_at
 from basecal.cell import Calibration, PixelObservation, Recording, RobotState, Sample
 from basecal.estimation.least_squares.bundle_adjustment import batch_of

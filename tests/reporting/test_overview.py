@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from basecal.accuracy.expected_error import ExpectedError
 from basecal.accuracy.fit_details import FitDetails
+from basecal.accuracy.task.expected_error import ExpectedError
 from basecal.cell import Calibration, CellTarget, Recording, Residuals, Sample, SampleResidual, Tolerance, Unknown
 from basecal.reporting.overview import overview
 from basecal.simulation import Scenario, simulate

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from basecal.accuracy.closed_form_beside import ClosedFormBeside, closed_form_beside
-from basecal.accuracy.expected_error import ExpectedError, expected_errors
 from basecal.accuracy.residuals.fitted_again import fitted_again
 from basecal.accuracy.residuals.point_residuals import PointResiduals, residuals_of_points
 from basecal.accuracy.residuals.view_poses import ViewPoses, view_poses
+from basecal.accuracy.task.expected_error import ExpectedError, expected_errors
 from basecal.cell import Calibration, Cell, Recording
 
 

@@ -15,6 +15,7 @@ from basecal.accuracy.axis_shift import calibrate_axis_shift
 from basecal.accuracy.certify import certified
 from basecal.accuracy.clocks.search import Clocked, clocked
 from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
+from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice, choose_robot_model
 from basecal.accuracy.cross_validation.some_views import of_some_views
 from basecal.accuracy.cross_validation.validation import cross_validate
@@ -25,7 +26,7 @@ from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
-from basecal.accuracy.lens_structure import lens_structures
+from basecal.accuracy.lens_structure import LensStructure, lens_structures
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
@@ -49,6 +50,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import DEFAULT, LOG, Settings
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.streams import streams_of
+from basecal.geometry import Array
 
 _LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
 
@@ -169,11 +171,8 @@ def _judged(
     with settings.stage("findings"):
         findings = sizes_once(cell, [*findings, *(f for check in ANSWER_CHECKS for f in check(evidence))], systematic)
     rival = None if validated is None else validated.rival
-    if systematic is not None:
-        either = [each.moved for each in (systematic, *systematic.alternatives)]
-        solution = widened(solution, largest(solution, either))
-    for other in (rival, *lenses):
-        solution = solution if other is None else widened(solution, other.moved)
+    for other in (systematic, rival, *lenses):
+        solution = solution if other is None else widened(solution, _moved_by(solution, other))
     as_modelled = solution
     solution, clocks = _by_clocks(solution, robust, by_clocks, findings)
     calibration = _calibration(cell, recording, solution, fit, settings, findings)
@@ -186,6 +185,13 @@ def _judged(
         validation=None if validated is None else validated.summary,
         certificate=certificate,
     )
+
+
+def _moved_by(solution: Solution, other: FoundEffect | ClosedFormRival | LensStructure) -> Array:
+    """By how much something that noise is not moves the answer, (p,); of effects alike the one that moves it most."""
+    if isinstance(other, FoundEffect):
+        return largest(solution, [each.moved for each in (other, *other.alternatives)])
+    return other.moved
 
 
 def _by_clocks(

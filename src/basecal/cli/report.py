@@ -39,7 +39,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
     """
     from dataclasses import replace
 
-    from basecal.accuracy.expected_error import check_tolerance
+    from basecal.accuracy.task.expected_error import check_tolerance
     from basecal.cell.files import calibration_to_dict, latest_run, read_calibration, read_calibration_data, read_cell
 
     described, run = read_cell(cell), latest_run(cell)

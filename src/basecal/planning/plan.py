@@ -8,8 +8,8 @@ from itertools import islice
 
 import numpy as np
 
-from basecal.accuracy.expected_error import at_points, length_quantiles
 from basecal.accuracy.task.budget import budget
+from basecal.accuracy.task.expected_error import at_points, length_quantiles
 from basecal.accuracy.task.task import Task, least_known, placing, task_at
 from basecal.cell import BudgetEntry, Calibration, Cell, Recording, RobotState, Sample
 from basecal.errors import InputError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.expected_error import at_points
+from basecal.accuracy.task.expected_error import at_points
 from basecal.accuracy.task.task import Task, least_known, placing, task_at
 from basecal.errors import InputError
 from basecal.geometry import SE3

@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from basecal.accuracy.expected_error import length_quantiles
+from basecal.accuracy.task.expected_error import length_quantiles
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.task import least_known, placing, task_at
 from basecal.cell import Calibration, Cell, ErrorMap

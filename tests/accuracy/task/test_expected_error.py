@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi, ncx2, norm
 
-from basecal.accuracy import expected_error
-from basecal.accuracy.expected_error import (
+from basecal.accuracy.fit_details import fit_details
+from basecal.accuracy.task import expected_error
+from basecal.accuracy.task.expected_error import (
     ExpectedError,
     _places,
     at_points,
@@ -19,7 +20,6 @@ from basecal.accuracy.expected_error import (
     length_quantile,
     length_quantiles,
 )
-from basecal.accuracy.fit_details import fit_details
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Tolerance
 from basecal.estimation.problem.build import build_problem
