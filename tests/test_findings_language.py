@@ -49,10 +49,13 @@ def literal_length(text: ast.expr) -> int:
 @pytest.mark.parametrize("name", ["what", "why"])
 def test_sentences_are_short(name: str) -> None:
     """At most 20 words, each value that is filled in counted as one."""
-    long = []
-    for path in {path for path, _ in findings_made()}:
-        for node in nodes_of(parsed(path)):
-            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == name:
-                if isinstance(node.value, ast.Constant | ast.JoinedStr) and literal_length(node.value) > 20:
-                    long.append(f"{path.relative_to(SOURCE)}:{node.lineno}")
+    long = [
+        f"{path.relative_to(SOURCE)}:{node.lineno}"
+        for path in {path for path, _ in findings_made()}
+        for node in nodes_of(parsed(path))
+        if isinstance(node, ast.Assign)
+        and isinstance(node.targets[0], ast.Name)
+        and node.targets[0].id == name
+        and literal_length(node.value) > 20
+    ]
     assert long == []
