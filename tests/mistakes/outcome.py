@@ -42,11 +42,11 @@ def outcome(words: Sequence[str], folder: Path, capsys: pytest.CaptureFixture[st
     capsys.readouterr()
     exit_code = main(list(words))
     said = capsys.readouterr()
-    text = said.out if exit_code in (0, 1) else said.err
+    text = said.out if exit_code in (0, 1, 4, 5) else said.err
     lines = text.splitlines()
     end = next((i for i, line in enumerate(lines[1:], start=1) if not line.startswith("  ")), len(lines))
     first = " ".join(" ".join(lines[:end]).split())
-    run = latest_run(folder) if exit_code in (0, 1) else None
+    run = latest_run(folder) if exit_code in (0, 1, 4, 5) else None
     if run is None:
         return Outcome(exit_code, _KIND.get(exit_code, ""), first, text)
     answer = json.loads((run / "calibration.json").read_text())
