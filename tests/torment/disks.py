@@ -59,7 +59,7 @@ def read_only(chance: Random, folder: Path) -> str:
     finally:
         for path, mode in modes.items():
             path.chmod(mode)
-    if code not in (0, 1, 3) or (code == 3 and said.count("\n") != 1):
+    if code not in (0, 1, 3, 4) or (code == 3 and said.count("\n") != 1):
         raise Fell(f"{verb} where nothing may be written: exit code {code}, {said[-300:]!r}")
     if after != before:
         raise Fell(f"{verb} wrote where nothing may be written")

@@ -16,7 +16,7 @@ from basecal.errors import BasecalError
 LONGEST_S = 20  # of the processor, of a trial with a dozen samples: more is a hang
 _WAITING = 10  # times as long by the clock: beside other programs, or waiting for what never comes
 _IDLE_S = 0.1  # of the processor, while so much of the clock went by: it waits
-CODES = {0: "answered", 1: "answered", 2: "refused", 3: "refused", 130: "interrupted"}
+CODES = {0: "answered", 1: "answered", 4: "answered", 5: "answered", 2: "refused", 3: "refused", 130: "interrupted"}
 
 
 class Fell(AssertionError):

@@ -70,7 +70,7 @@ def _trial(chance: Random, folder: Path, injected: str) -> str:
     code = traced(words, folder, ["-e", f"inject={site.call}:{injected}:when={site.number}"], folder / "trace")
     happened = "INJECTED" in (folder / "trace").read_text() or code == KILLED
     (folder / "trace").unlink()
-    if code not in (KILLED, 0, 1, 3):
+    if code not in (KILLED, 0, 1, 3, 4):
         raise Fell(f"{verb}, {site.call} {site.number}, {injected}: exit code {code}")
     check_after(verb, folder, words, before)
     return "no fault" if not happened else "killed" if code == KILLED else "refused" if code == 3 else "answered"
