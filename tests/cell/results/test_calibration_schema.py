@@ -152,6 +152,7 @@ SIGMAS = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": [1e-3] * 3}
         ({"validation": {"kind": "k-fold", "folds": 5.5}}, r"validation\.folds: .*whole number|valid integer"),
         ({"noise": {"robots": {"arm": SIGMAS | {"smooth": {"sigma": [1.0] * 6}}}}}, r"robots\.arm.*length_m"),
         ({"noise": {"robots": {"arm": SIGMAS | {"smooth": {"sigma": [1.0], "length_m": 1}}}}}, r"robots\.arm.*sigma"),
+        ({"noise": {"pixel_px": []}}, r"noise\.pixel_px.*a list of 0"),
         ({"certificate": {"gap": math.inf, "global": True, "reason": ""}}, "finite number"),
     ],
 )

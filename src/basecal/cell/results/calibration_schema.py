@@ -216,7 +216,7 @@ class _Noise(_Result):
     """Sigmas by what they are of; `cameras`, `robots` and other things by name; `targets` have shapes."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, _Sigma | list[_Sigma] | dict[str, dict[str, Any]]]
+    __pydantic_extra__: dict[str, _Sigma | Annotated[list[_Sigma], Field(min_length=1)] | dict[str, dict[str, Any]]]
     cameras: dict[str, _CameraNoise] | None = None
     robots: dict[str, _RobotNoise] | None = None
     targets: dict[str, _TargetShape] | None = None
