@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from string import Formatter
 from typing import get_args
@@ -32,6 +33,13 @@ def test_each_face_is_there_or_lacks_with_a_reason(name):
     assert effect.faces | effect.absent.keys() == set(get_args(Face))
     assert not effect.faces & effect.absent.keys()
     assert all(len(reason.split()) >= 4 for reason in effect.absent.values())
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_faces_elsewhere_name_a_module(name):
+    """The first word is a module that is there."""
+    for where in EFFECTS[name].elsewhere.values():
+        importlib.import_module(re.split("[: ]", where)[0])
 
 
 @pytest.mark.parametrize("name", EFFECTS)

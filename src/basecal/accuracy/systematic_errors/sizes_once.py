@@ -25,7 +25,7 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | Non
     suspected = any(f.code == "board-size" and f.severity == "warning" for f in findings)
     if not suspected or found is None or found.code != "length-scale" or not found.is_certain:
         return list(findings)
-    either = (found, *found.alternatives)
+    either = [each for each in (found, *found.alternatives) if each.code == "length-scale"]
     size = next((each for each in either if each.is_target), None)
     if size is None:
         return [f for f in findings if f.code != "board-size"]
