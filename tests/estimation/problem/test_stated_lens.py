@@ -49,7 +49,7 @@ def test_a_problem_has_columns_for_a_stated_lens():
 
 
 def test_errors_are_as_large_as_the_data_show():
-    """The usual ones where the lens is as stated, known or not; larger where it is far off, block by block."""
+    """The usual ones if the lens is as stated, known or not; larger if it is far off, block by block."""
     usual = usual_sigmas(LENS)
     lens = Intrinsics("prior", LENS, usual)
     for share in (0.0, 1.0):
@@ -57,3 +57,19 @@ def test_errors_are_as_large_as_the_data_show():
     moved = LENS.with_parameters(LENS.parameters + 10 * usual * (np.arange(9) == 2))
     expected = np.where(np.isin(np.arange(9), (2, 3)), np.sqrt(20.6), 1.0)
     np.testing.assert_allclose(likely_sigmas(lens, moved, np.zeros((9, 9))) / usual, expected)
+
+
+@pytest.mark.parametrize("sigma", [0.3, 2.0])
+def test_likely_errors_are_those_of_a_fixed_point(sigma):
+    """The expected squares, estimated again with them as prior, give them back: data of one sigma in usual units."""
+    usual = usual_sigmas(LENS)
+    shift = np.where(np.arange(9) < 4, 20.0, 0.0)
+    used = 9.0
+    posterior = 1 / (1 / used + 1 / sigma**2)
+    moved = LENS.with_parameters(LENS.parameters + usual * shift * posterior / sigma**2)
+    lens = Intrinsics("prior", LENS, np.sqrt(used) * usual)
+    variance = (likely_sigmas(lens, moved, posterior * np.diag(usual**2)) / usual) ** 2
+    again = 1 / (1 / variance + 1 / sigma**2)
+    squares = (shift * again / sigma**2) ** 2 + again
+    np.testing.assert_allclose(variance[:4], (3 + 2 * squares[:4]) / 5, rtol=0.02)
+    np.testing.assert_allclose(variance[4:], 1.0 if sigma < 1 else variance[4], rtol=0.02)

@@ -13,7 +13,7 @@ from basecal.estimation.problem.stated_lens import is_stated, likely_sigmas
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrated, solve_from
 
-_ROUNDS = 6  # of errors and lens in turn, each of which closes half of the gap
+_ROUNDS = 4  # of errors of lenses and noise in turn; two settle most
 _SETTLED = 1.2  # factor of a sigma, which changes no answer
 
 
