@@ -18,8 +18,10 @@ from basecal.effects import (
     length_scale,
     link_parameters,
     principal_point,
+    row_time,
     smooth,
     step,
+    target_shape,
     target_size,
 )
 from basecal.effects.faces.effect import Effect
@@ -39,8 +41,10 @@ EFFECTS: Mapping[str, Effect] = {
         fixed_transform,
         length_scale,
         target_size,
+        target_shape,
         clock_offset,
         clock_drift,
+        row_time,
         step,
         drift,
         bending,

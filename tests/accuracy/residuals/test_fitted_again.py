@@ -12,7 +12,7 @@ from basecal.accuracy.residuals import fitted_again as module
 from basecal.accuracy.residuals.fitted_again import fitted_again, known_views, with_noise_of
 from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration
-from basecal.estimation.noise.target_shape import shape_of
+from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import PoseEstimate
@@ -47,7 +47,7 @@ def test_targets_have_the_shapes_that_were_found(calibration):
     for shape, moved in (([3.0, 0.0, -2.0], True), ([1.0, 2.0], False)):
         noise = {**calibration.noise, "targets": {"board": {"shape": shape}}}
         (found,) = fitted_again(MADE.cell, MADE.recording, replace(calibration, noise=noise)).problem.groups
-        expected = points + shape_of(points) @ np.array(shape) if moved else points
+        expected = points + unit_shifts(points) @ np.array(shape) if moved else points
         np.testing.assert_allclose(found.measurement.points_in_target, expected, atol=1e-15)
         assert moved == bool(np.abs(expected - points).max() > 1e-4)
 

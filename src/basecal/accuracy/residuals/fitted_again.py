@@ -9,9 +9,10 @@ import numpy as np
 
 from basecal.accuracy.robot_parameters import kinematics_of
 from basecal.cell import Calibration, Cell, Recording
+from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
-from basecal.estimation.noise.target_shape import points_of, reshaped, shape_of
+from basecal.estimation.noise.shaped_targets import points_of, reshaped
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State, ViewGroup
@@ -72,7 +73,7 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> F
     # Shapes that targets were found to have; those of a target of other points are left out.
     shapes = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
     seen = {group.target: points for group in groups if group.target in shapes and len(points := points_of(group))}
-    sizes = {name: shape_of(points).shape[-1] for name, points in seen.items()}
+    sizes = {name: unit_shifts(points).shape[-1] for name, points in seen.items()}
     shapes = {name: shape for name, shape in shapes.items() if sizes.get(name) == len(shape)}
     problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), shapes)
     state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))

@@ -16,6 +16,7 @@ from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameter
 from basecal.effects.faces.simulated_fault import SimulatedFault
+from basecal.effects.faces.target_parameter import TargetParameter
 from basecal.effects.faces.views import Views
 
 Face = Literal["statement", "size", "unknown", "random", "candidate", "map", "words", "fault"]
@@ -31,6 +32,7 @@ class Effect:
         name: Such as `joint_offsets`; of a robot's parameter the key in cell.yaml.
         parameter: As parameters of a robot that is recorded by joints, which cell.yaml states and the solver estimates.
         lens: As parameters of a lens, likewise.
+        target: As a shape of a target, whose coefficients are estimated under their prior.
         random: As an error that a robot's stops share, whose sigmas are estimated.
         candidates: As errors that score tests look for.
         words: Of a candidate that was found.
@@ -42,6 +44,7 @@ class Effect:
     name: str
     parameter: RobotParameter | None = None
     lens: LensParameter | None = None
+    target: TargetParameter | None = None
     random: RandomEffect | None = None
     candidates: Callable[[Views], Iterator[Candidates]] | None = None
     words: Callable[[FoundEffect], Words] | None = None
@@ -53,14 +56,15 @@ class Effect:
     def faces(self) -> frozenset[Face]:
         """The faces it has."""
         stated = self.parameter is not None or self.lens is not None
+        has_prior = any(each is not None for each in (self.random, self.lens, self.target))
         has: dict[Face, bool] = {
             "statement": stated,
-            "size": self.random is not None or self.lens is not None,
+            "size": has_prior,
             "unknown": stated,
-            "random": self.random is not None,
+            "random": self.random is not None or self.target is not None,
             "candidate": self.candidates is not None,
             "map": self.parameter is not None or (self.random is not None and self.random.is_mapped),
-            "words": self.words is not None or self.random is not None or self.lens is not None,
+            "words": self.words is not None or has_prior,
             "fault": self.fault is not None,
         }
         return frozenset(face for face, present in has.items() if present) | self.elsewhere.keys()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,14 @@ class Words(NamedTuple):
         what: The problem, with its number and unit.
         do: What to do, sentences.
         why: The cause, if it is known.
+        severity: Of the finding, if the effect was not found by a test.
     """
 
     code: str
     what: str
     do: tuple[str, ...]
     why: str = ""
+    severity: Literal["warning", "info"] = "warning"
 
 
 @dataclass(frozen=True, eq=False)

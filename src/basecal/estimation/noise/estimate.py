@@ -16,7 +16,7 @@ import numpy as np
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
 from basecal.estimation.noise.robot_noise import with_robot_noise
-from basecal.estimation.noise.target_shape import reshaped
+from basecal.estimation.noise.shaped_targets import reshaped
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array

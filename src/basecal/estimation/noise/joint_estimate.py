@@ -29,8 +29,8 @@ from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neig
 from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.shaped_targets import reshaped
 from basecal.estimation.noise.some_views import recorded_alone, some_views
-from basecal.estimation.noise.target_shape import reshaped
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise

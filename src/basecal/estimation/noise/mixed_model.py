@@ -14,9 +14,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from basecal.effects.faces.shared_errors import SharedErrors
+from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
-from basecal.estimation.noise.target_shape import points_of, shape_of, shaped_targets
+from basecal.estimation.noise.shaped_targets import points_of, shaped_targets
 from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.geometry import Array, IntArray
@@ -137,7 +138,9 @@ def estimates_of(problem: Problem, state: State) -> EstimatesOf:
     """What views say of a state, which models of the same state with other errors in common share."""
     shaped = shaped_targets(problem)
     return [
-        view_estimates(problem, g, state, shape_of(points_of(g)) if g.target in shaped and len(points_of(g)) else None)
+        view_estimates(
+            problem, g, state, unit_shifts(points_of(g)) if g.target in shaped and len(points_of(g)) else None
+        )
         for g in problem.groups
     ]
 

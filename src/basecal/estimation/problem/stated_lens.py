@@ -62,4 +62,4 @@ def _expected_variances(squares: Array) -> Array:
     """Of the errors in units of the usual sigmas, (4 + k,), from their expected squares; at least 1."""
     blocks = (squares[part.where] for part in LENS_PARAMETERS.values())
     ratios = [np.full(len(of), (_FREEDOMS + of.sum()) / (_FREEDOMS + len(of))) for of in blocks]
-    return np.maximum(np.concatenate(ratios), 1.0)
+    return np.asarray(np.maximum(np.concatenate(ratios), 1.0))

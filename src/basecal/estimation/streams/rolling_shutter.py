@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import WORLD, CandidateObservation, Cell, Observation, PixelObservation, Recording, Sample
+from basecal.effects.row_time import row_shift
 from basecal.geometry import SE3, Array, Camera
 
 _AT_REST = np.zeros(6)
@@ -111,6 +112,5 @@ def _mended(
     )
     points, (pose, velocity) = target.points[target.rows(ids)], placed
     after_s = (observation.pixels[:, 1] - middle) * line_s
-    project = known.lenses[observation.camera].project
-    moved = project(pose @ (SE3.exp(after_s[:, None] * velocity) @ points)) - project(pose @ points)
-    return replace(observation, pixels=observation.pixels - np.nan_to_num(moved))
+    moved = row_shift(known.lenses[observation.camera], pose, velocity, points, after_s)
+    return replace(observation, pixels=observation.pixels - moved)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.cell.targets.chessboard import chessboard_target
-from basecal.estimation.noise.board_bow import COEFFICIENTS, bow_of, height_m
+from basecal.effects.target_shape import BOW_COEFFICIENTS, bow_height_m, unit_bow
 from basecal.geometry import SE3
 
 BOARD = chessboard_target((9, 6), 0.04)
@@ -14,14 +14,14 @@ BOARD = chessboard_target((9, 6), 0.04)
 
 def test_shape_moves_points_off_their_plane_alone():
     """By the square of the place over the half size: 0.3 % of it at the end of the longer side."""
-    shape = bow_of(BOARD.points)
+    shape = unit_bow(BOARD.points)
     np.testing.assert_allclose(shape[:, :2, :], 0.0, atol=1e-12)
     assert np.abs(shape[:, 2, :]).max() == pytest.approx(3e-3 * 0.16, rel=1e-6)
 
 
 def test_height_is_that_off_the_points_own_plane():
     """Tilt and shift of the surface do not count: a twist of one sigma lifts the corner (1, 5/8) by its product."""
-    assert height_m(BOARD.points, np.array([0.0, 1.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 5 / 8, rel=1e-6)
+    assert bow_height_m(BOARD.points, np.array([0.0, 1.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 5 / 8, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -42,12 +42,12 @@ def test_coefficients_are_those_of_squares_and_the_product(tilt, u_axis, normal)
     points = BOARD.points @ SE3.from_rotvec(np.array(tilt, dtype=float), np.zeros(3)).rotation.T
     u, v = ((points - points.mean(0)) @ np.transpose([u_axis, np.cross(normal, u_axis)]) / 0.16).T
     heights = 3e-3 * 0.16 * np.array([u * u, u * v, v * v]).T
-    shape = bow_of(points + np.array([0.1, -0.2, 0.3]))
-    assert shape.shape == (len(points), 3, COEFFICIENTS)
+    shape = unit_bow(points + np.array([0.1, -0.2, 0.3]))
+    assert shape.shape == (len(points), 3, BOW_COEFFICIENTS)
     np.testing.assert_allclose(shape, np.einsum("pk,i->pik", heights, normal), atol=1e-12)
 
 
 def test_height_of_a_bowl_is_that_over_the_mean_of_its_square():
     """Of u squared, with u from -1 to 1 in nine steps, the mean is taken up by the plane: it is 5/12."""
     assert np.mean(np.linspace(-1, 1, 9) ** 2) == pytest.approx(5 / 12)
-    assert height_m(BOARD.points, np.array([1.0, 0.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 7 / 12, rel=1e-6)
+    assert bow_height_m(BOARD.points, np.array([1.0, 0.0, 0.0])) == pytest.approx(3e-3 * 0.16 * 7 / 12, rel=1e-6)

@@ -10,8 +10,8 @@ from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.points import points_target
-from basecal.estimation.noise.board_bow import bow_of
-from basecal.estimation.noise.target_shape import is_flat, off_m, points_of, reshaped, shape_of, shaped_targets
+from basecal.effects.target_shape import is_flat, point_shifts_m, unit_bow, unit_shifts
+from basecal.estimation.noise.shaped_targets import points_of, reshaped, shaped_targets
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -37,7 +37,7 @@ CHI2_LIMIT = {3: 21.1, 6: 27.9, 30: 70.1}  # by freedoms: one in ten thousand
 def misshaped(scenario, shape, seed=0):
     """A cell as stated, and one whose target is shaped so [sigmas] though its points are stated as before."""
     target = scenario.board
-    other = replace(target, points=target.points + shape_of(target.points) @ shape)
+    other = replace(target, points=target.points + unit_shifts(target.points) @ shape)
     return simulate(scenario, seed), simulate(replace(scenario, board=other), seed)
 
 
@@ -49,7 +49,7 @@ def problem_of(scenario):
 
 def test_flat_is_what_a_board_may_be_bowed_by():
     """A bow of ten sigmas leaves it flat, a target made in space is none."""
-    assert is_flat(BOARD.points + 10 * bow_of(BOARD.points)[..., 0])
+    assert is_flat(BOARD.points + 10 * unit_bow(BOARD.points)[..., 0])
     assert not is_flat(BODY.points)
     cube = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     assert is_flat(cube * [1.0, 0.7, 0.049])
@@ -104,10 +104,10 @@ def test_poses_have_no_points():
 
 def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
     """Each of half a percent of the half size; what shifts or turns the body as a whole is taken out."""
-    np.testing.assert_array_equal(shape_of(BOARD.points), bow_of(BOARD.points))
-    shape = shape_of(BODY.points)
+    np.testing.assert_array_equal(unit_shifts(BOARD.points), unit_bow(BOARD.points))
+    shape = unit_shifts(BODY.points)
     assert shape.shape == (12, 3, 36)
-    np.testing.assert_allclose(shape_of(BODY.points + np.array([0.3, -0.1, 0.2])), shape, atol=1e-12)
+    np.testing.assert_allclose(unit_shifts(BODY.points + np.array([0.3, -0.1, 0.2])), shape, atol=1e-12)
     half = 0.06 * np.sqrt(3)
     assert np.linalg.matrix_rank(shape.reshape(36, 36), tol=1e-9) == 30
     np.testing.assert_allclose(np.linalg.norm(shape.reshape(36, 36), 2), 5e-3 * half, rtol=1e-9)
@@ -122,9 +122,9 @@ def test_shaping_is_undone_by_the_opposite(scenario, shape):
     there = reshaped(problem, {"board": np.array(shape)})
     back = reshaped(there, {"board": np.zeros(len(shape))})
     at = [p.groups[0].measurement.points_in_target for p in (problem, there, back)]
-    np.testing.assert_allclose(at[1] - at[0], shape_of(at[0]) @ shape, atol=1e-12)
+    np.testing.assert_allclose(at[1] - at[0], unit_shifts(at[0]) @ shape, atol=1e-12)
     np.testing.assert_array_equal(there.shapes["board"], shape)
-    off = off_m(at[0], np.array(shape))
+    off = point_shifts_m(at[0], np.array(shape))
     np.testing.assert_allclose(np.linalg.norm(at[1] - at[0], axis=-1), off, atol=1e-12)
     np.testing.assert_allclose(at[2], at[0], atol=0.02 * off.max())
 
@@ -148,8 +148,8 @@ def test_which_targets_have_a_shape_of_their_own():
 def test_a_shape_is_found_and_costs_the_mount_nothing(scenario, truth, freedoms):
     """Coefficients and mount are where their covariance says, of a target that is off and of one that is not."""
     as_stated, off = misshaped(scenario, truth)
-    onto = np.linalg.pinv(shape_of(scenario.board.points).reshape(-1, len(truth)), rcond=1e-6)
-    told = onto @ shape_of(scenario.board.points).reshape(-1, len(truth))
+    onto = np.linalg.pinv(unit_shifts(scenario.board.points).reshape(-1, len(truth)), rcond=1e-6)
+    told = onto @ unit_shifts(scenario.board.points).reshape(-1, len(truth))
     for shape, recording in ((truth, off.recording), (0 * truth, as_stated.recording)):
         found = solve(as_stated.cell, recording, ESTIMATED)
         coefficients, spread = found.noise.shapes["board"]

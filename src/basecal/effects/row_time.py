@@ -1,0 +1,39 @@
+"""Row time: the rows of an image are exposed one after another, by another time than stated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects.faces.effect import Effect
+from basecal.geometry import SE3, Array, Camera
+
+
+def row_shift(camera: Camera, pose: SE3, velocity: Array, points_in_target: Array, after_s: Array) -> Array:
+    """How far pixels are from where they are at the instant of the mean row, (p, 2) [px]; 0 of those not seen.
+
+    Args:
+        camera: The lens.
+        pose: `camera_from_target` at that instant.
+        velocity: (6,) of the target in the camera, in the target's axes [m/s, rad/s].
+        points_in_target: (p, 3) [m].
+        after_s: (p,) from that instant to the exposure of each pixel's row [s].
+    """
+    moved = SE3.exp(after_s[:, None] * velocity) @ points_in_target
+    return np.nan_to_num(camera.project(pose @ moved) - camera.project(pose @ points_in_target))
+
+
+EFFECT = Effect(
+    "row_time",
+    elsewhere={
+        "statement": "basecal.cell.schema.rolling_shutter",
+        "size": "basecal.cell.schema.rolling_shutter: stated with its sigma",
+        "unknown": "basecal.accuracy.clocks",
+        "words": "basecal.accuracy.clocks.settle",
+    },
+    absent={
+        "random": "a camera has one row time for all images",
+        "candidate": "arms at rest do not show it; in streams it is estimated if it is not stated",
+        "map": "the answer's covariance contains it",
+        "fault": "arms of the simulator are at rest when an image is taken",
+    },
+)

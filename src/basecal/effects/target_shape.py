@@ -1,0 +1,132 @@
+"""Shape of a target: a board is bowed, points on a body are elsewhere on it.
+
+A bowed board moves corners by a pixel and more if it is seen at a slant, in all views alike, and lens and mounts take
+it up. On a body in space each point is off alone; a rotation of it that shows other points passes for an error of the
+arm. Translation and rotation of the whole body are its mount's. Source: docs/mathematics.md (5.5).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import Words
+from basecal.effects.faces.target_parameter import TargetParameter
+from basecal.geometry import Array
+from basecal.geometry.rotation import hat
+from basecal.numerics.spectral import dimension, least_norm, principal_axes
+
+_BOW = 3e-3  # one sigma of a coefficient, of the half size: the middle of the 0.1 to 0.6 % of printed boards
+_POINT = 5e-3  # one sigma of a coordinate, of the half size, of bodies of printed plastic and assembled ones
+_THIN = 0.05  # of the extent: beyond it a target is a body, not a bowed board
+_STEEP = 0.9  # component of the normal beyond which an axis of the target does not serve as one of the plane
+_RIGID = 6  # freedoms of a body that are no shape of it
+_LEAST_M = 1e-4  # [m] below which no other target is worth its price
+_MOST_SIGMAS = 3.0  # of a usual target, beyond which something else bends the views
+BOW_COEFFICIENTS = 3
+
+
+def is_flat(points_in_target: Array) -> bool:
+    """Whether points, (p, 3), lie in a plane but for what a board may be bowed by."""
+    return dimension(points_in_target, _THIN) < 3
+
+
+def has_area(points_in_target: Array) -> bool:
+    """Whether points, (p, 3), are not in a line."""
+    return dimension(points_in_target, _THIN) > 1
+
+
+def unit_shifts(points_in_target: Array) -> Array:
+    """How points of a target, (p, 3) [m], move by one sigma of each coefficient of its shape, (p, 3, k) [m]."""
+    return unit_bow(points_in_target) if is_flat(points_in_target) else _unit_point_shifts(points_in_target)
+
+
+def unit_bow(points_in_target: Array) -> Array:
+    """How points of a board, (p, 3) [m], move by each coefficient of its bow, (p, 3, 3) [m per sigma].
+
+    The coefficients are those of u^2, u v and v^2, with u and v from -1 to 1 over the half size.
+    """
+    plane, normal = _plane(points_in_target)
+    half = float(np.abs(plane).max())
+    u, v = (plane / half).T
+    heights = _BOW * half * np.column_stack([u * u, u * v, v * v])
+    return np.asarray(heights[:, None, :] * normal[None, :, None])
+
+
+def _unit_point_shifts(points_in_target: Array) -> Array:
+    """Each coordinate of each point alone, the rigid motions projected out, (p, 3, 3p) [m per sigma]."""
+    centred = points_in_target - points_in_target.mean(0)
+    count = len(points_in_target)
+    rigid = np.concatenate([np.broadcast_to(np.eye(3), (count, 3, 3)), hat(centred)], -1).reshape(3 * count, 6)
+    onto = np.linalg.qr(rigid)[0]
+    half = float(np.linalg.norm(centred, axis=1).max())
+    return np.asarray(_POINT * half * (np.eye(3 * count) - onto @ onto.T)).reshape(count, 3, 3 * count)
+
+
+def _plane(points_in_target: Array) -> tuple[Array, Array]:
+    """Places in the plane of points from their middle, (p, 2) [m], and the unit vector across it, (3,).
+
+    The axes are those of the target rotated least: they do not depend on the points' shape.
+    """
+    centred = points_in_target - points_in_target.mean(0)
+    normal = principal_axes(centred).axes[:, 2]
+    normal = np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal
+    first = np.eye(3)[0 if abs(normal[0]) < _STEEP else 1]
+    u = first - (first @ normal) * normal
+    u /= np.linalg.norm(u)
+    return centred @ np.column_stack([u, np.cross(normal, u)]), normal
+
+
+def bow_height_m(points_in_target: Array, bow: Array) -> float:
+    """Largest distance of the points of a bowed board from their own plane [m]."""
+    plane, normal = _plane(points_in_target)
+    heights = (unit_bow(points_in_target) @ bow) @ normal
+    rows = np.column_stack([plane, np.ones(len(plane))])
+    return float(np.abs(heights - rows @ least_norm(rows, heights)).max())
+
+
+def point_shifts_m(points_in_target: Array, shape: Array) -> Array:
+    """Distance of each point of a target from where it is stated, (p,) [m]."""
+    return np.asarray(np.linalg.norm(unit_shifts(points_in_target) @ shape, axis=1))
+
+
+def freedoms(points_in_target: Array, shape: Array) -> int:
+    """How many of the coefficients of a shape are independent."""
+    return len(shape) if is_flat(points_in_target) else len(shape) - _RIGID
+
+
+def words(target: str, points_in_target: Array, shape: Array) -> Words | None:
+    """How far points are off, and whether targets are made so badly."""
+    if is_flat(points_in_target):
+        size_m, sigmas = bow_height_m(points_in_target, shape), float(np.abs(shape).max())
+        what, usual = f"{target} is not flat: its points are {{}} off their plane.", "printed boards are"
+        do = "Use a board on glass or aluminium."
+    else:
+        size_m = float(point_shifts_m(points_in_target, shape).max())
+        sigmas = float(np.sqrt(np.sum(shape**2) / freedoms(points_in_target, shape)))
+        what, usual = f"Points of {target} are {{}} from where they are stated.", "targets are made to"
+        do = "Measure the points, and state them."
+    if size_m < _LEAST_M and sigmas < _MOST_SIGMAS:
+        return None
+    what = what.format(f"up to {1e3 * size_m:.2g} mm")
+    if sigmas <= _MOST_SIGMAS:
+        return Words("board-shape", what, (do,), "The answer contains the shape.", "info")
+    do = "Check the stated points, the lens model and the target's size."
+    return Words("board-shape", what, (do,), f"That is more than {usual}.")
+
+
+EFFECT = Effect(
+    "target_shape",
+    target=TargetParameter(
+        unit_shifts,
+        "printed boards are bowed by 0.1 to 0.6 % of the half size, printed bodies are made to 0.5 %",
+        words,
+    ),
+    elsewhere={"statement": "basecal.cell.targets.points: points as measured"},
+    absent={
+        "unknown": "the coefficients are random effects under their prior",
+        "candidate": "the shape is estimated from the start if pixel noise is unstated",
+        "map": "no target is used at the task",
+        "fault": "images are rendered of planes; tests bend simulated points",
+    },
+)
