@@ -5,7 +5,10 @@ The public names are loaded when they are first used, so that `import basecal` c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
+
+from basecal.methods import METHODS
 
 TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
@@ -85,6 +88,20 @@ def __getattr__(name: str) -> object:
     value = getattr(import_module(f"basecal.{_HOME[name]}"), name)
     globals()[name] = value
     return value
+
+
+def _called(name: str) -> Callable[..., object]:
+    """A public function that is loaded when it is called."""
+
+    def call(*arguments: object, **options: object) -> object:
+        function = __getattr__(name)
+        assert callable(function)
+        return function(*arguments, **options)
+
+    return call
+
+
+METHODS |= {name: _called(name) for name in ("export", "html_summary")}
 
 
 def __dir__() -> list[str]:

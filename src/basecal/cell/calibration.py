@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from basecal.cell.cell import Cell
@@ -13,6 +12,7 @@ from basecal.cell.frames import base_between, frame_between
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
+from basecal.methods import METHODS
 from basecal.registry import EXPORTERS
 
 Severity = Literal["info", "warning", "error"]
@@ -333,8 +333,7 @@ class Calibration:
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
-        html: str = _public("html_summary")(self)
-        return html
+        return str(METHODS["html_summary"](self))
 
     if not TYPE_CHECKING:
 
@@ -343,7 +342,7 @@ class Calibration:
             kind = name.removeprefix("to_")
             if kind == name or kind not in EXPORTERS:
                 raise AttributeError(f"a calibration has no {name!r}")
-            return partial(_public("export"), self, kind)
+            return partial(METHODS["export"], self, kind)
 
     def __getitem__(self, name: str) -> PoseEstimate:
         """The estimate of a transform, such as `calibration["eye_base_from_hand_base"]`.
@@ -354,13 +353,3 @@ class Calibration:
         if name not in self.transforms:
             raise FrameNotFound(name, list(self.transforms))
         return self.transforms[name]
-
-
-def _public(name: str) -> Callable[..., Any]:
-    """A function of the package's own table of public names.
-
-    What is above this layer is asked for by its public name when a user calls it, as the user would: nothing above is
-    known here, and importing nouns loads no verbs.
-    """
-    function: Callable[..., Any] = getattr(import_module("basecal"), name)
-    return function

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -27,6 +27,14 @@ from basecal.exchange.poses import read_poses
 from basecal.geometry import SE3, Array
 from basecal.registry import CONTROLLERS
 
+
+class _Unit(NamedTuple):
+    """A unit that a column may name: its size in SI, and the option that has the column read in it."""
+
+    size: float
+    option: str
+
+
 _STAMP = "stamp_s"
 _KEYS = {
     "image": ("image", "picture", "file", "filename", "img"),
@@ -40,6 +48,8 @@ _ALIASES = {
     **dict(zip(("q1", "q2", "q3", "q4"), (("qw",), ("qx",), ("qy",), ("qz",)), strict=True)),
 }
 _UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(])(mm|m|deg|rad|°)[\])]?$")
+_LENGTHS = {"m": _Unit(METRE, "--length-unit m"), "mm": _Unit(MILLIMETRE, "--length-unit mm")}
+_ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}
 _FULL_TURN = 2 * np.pi  # [rad]
 _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
 _ROW = 4  # numbers of a row of a matrix
@@ -199,18 +209,30 @@ def _plain(column: str) -> str:
 
 def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
     """A unit that a column names must be the one it is read in."""
-    how = reading.convention
-    meant = {"mm": MILLIMETRE, "m": METRE, "deg": DEGREE, "°": DEGREE, "rad": RADIAN}
-    options = {"mm": "--length-unit mm", "m": "--length-unit m", "deg": "--deg", "°": "--deg", "rad": "--rad"}
     for place, column in enumerate(columns):
-        found = _UNIT.match(column.strip().lower())
-        if found is None or isinstance(how, MatrixConvention):
+        unit = _UNIT.match(column.strip().lower())
+        if unit is None:
             continue
-        read_as = how.length if place < 3 else how.angle
-        if meant[found[2]] != read_as and "quaternion" not in how.form.words:
+        units, used = _units_at(place, reading.convention)
+        if unit[2] not in units:
+            expected = f"expected {listed(tuple(units))}" if units else "expected no unit"
+            raise DatasetError(path, f"the column says {unit[2]}, {expected}", field=column)
+        if units[unit[2]].size != used:
+            option = units[unit[2]].option
             raise DatasetError(
-                path, f"the column says {found[2]}, and it is read otherwise: give {options[found[2]]}", field=column
+                path, f"the column says {unit[2]}, and it is read otherwise: give {option}", field=column
             )
+
+
+def _units_at(place: int, how: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
+    """The units that a number of a convention may have, and the one it is read in; none of numbers without unit."""
+    if isinstance(how, MatrixConvention):
+        row, column = divmod(place, 4)
+        is_length = (row if how.is_by_columns else column) == 3 and place < len(how.names) - 1
+        return (_LENGTHS if is_length else {}), how.length
+    if place < 3:
+        return _LENGTHS, how.length
+    return ({} if "quaternion" in how.form.words else _ANGLES), how.angle
 
 
 def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Reading) -> None:

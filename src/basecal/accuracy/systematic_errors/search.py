@@ -219,7 +219,7 @@ def _alternatives(of: Situation, chosen: _Suspect, suspects: Sequence[_Suspect])
 
 
 def _left(of: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
-    """Chi-square and freedoms that are left of a suspect if another is in the model, too."""
+    """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.3)."""
     first, second = suspect.candidate, other.candidate
     pairs = zip(first.moves, second.moves, strict=True)
     moves = tuple(_beside(pair, (first.sizes, second.sizes)) for pair in pairs)
