@@ -53,7 +53,7 @@ def inner_imports(tree: ast.AST, package: list[str]) -> Iterator[tuple[int, list
 
 
 def imports_by_name(tree: ast.AST) -> Iterator[tuple[int, list[str]]]:
-    """Line and dotted parts of each module of basecal that `import_module` loads, as far as its name is written down."""
+    """Line and dotted parts of each module of basecal that `import_module` loads, as far as its name is written."""
     for node in nodes_of(tree):
         if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module") and node.args:
             first = node.args[0].values[0] if isinstance(node.args[0], ast.JoinedStr) else node.args[0]

@@ -35,6 +35,7 @@ from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
+from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
 from basecal.accuracy.task.at_task import at_task
 from basecal.accuracy.task.task import placing
 from basecal.accuracy.transform_verdicts import transform_verdicts
@@ -173,6 +174,8 @@ def _judged(
     rival = None if validated is None else validated.rival
     for other in (systematic, rival, *lenses):
         solution = solution if other is None else widened(solution, _moved_by(solution, other))
+    for moved in moved_by_sizes(cell, fitted, systematic):
+        solution = widened(solution, moved)
     as_modelled = solution
     solution, clocks = _by_clocks(solution, robust, by_clocks, findings)
     calibration = _calibration(cell, recording, solution, fit, settings, findings)

@@ -176,12 +176,14 @@ class CellTarget:
         on: The robot whose flange carries it, or `world`.
         mount: `<robot>_flange_from_<target>`, or `<reference>_base_from_<target>`.
         target: Its shape; None where it is seen only as poses.
+        size_sigma: Sigma of its size as a share, 0 if shape and size are exact; None if unstated.
     """
 
     name: str
     on: str
     mount: Unknown = Unknown()
     target: Target | None = None
+    size_sigma: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,12 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.stated_number import StatedNumber
 from basecal.effects.faces.views import Views
 from basecal.geometry import Array
+
+NAME = "target_size"
+STATED = StatedNumber(1e-3, "assumed: a print that was measured by a ruler or a caliper")
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
@@ -39,12 +43,12 @@ def words(found: FoundEffect) -> Words:
 
 
 EFFECT = Effect(
-    "target_size",
+    NAME,
+    stated=STATED,
     candidates=candidates,
     words=words,
     elsewhere={"statement": "basecal.cell.targets: the lengths of each kind"},
     absent={
-        "size": "a candidate without a prior: only a certain one is reported",
         "unknown": "a ruler measures it better than views of arms whose lengths err as much",
         "random": "each target has one",
         "map": "what it moves is contained in the widening of the answer",

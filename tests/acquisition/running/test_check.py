@@ -58,4 +58,4 @@ def test_a_joint_that_is_off_is_named():
     cell, samples = recorded(20, joints=True)
     found = [doubt for _, doubt in reported(cell, with_joint_off(samples, "eye", 2, 5e-3)) if doubt.is_lasting]
     assert len(found) == 1
-    assert "Joint 3 of eye is off by 0.3" in found[0].message
+    assert found[0].message.startswith("Joint 3 of eye is off by -0.3")

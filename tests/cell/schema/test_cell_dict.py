@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_dict import cell_to_dict
+from basecal.cell.schema.cell_nouns import cell_noun
+from basecal.cell.schema.cell_schema import CellEntry
 from basecal.cell.targets.led import led_target
 from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.geometry import SE3, Camera
@@ -118,3 +121,25 @@ def test_noise():
     assert cell_to_dict(Cell("eye", robots, pixel_px=1))["noise"] == {"pixel_px": 1.0}
     both = cell_to_dict(Cell("eye", robots, pixel_px=0.3, correlated_px=0.1))
     assert both["noise"] == {"pixel_px": 0.3, "correlated_px": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("written", "size_sigma"),
+    [({"exact": True}, 0.0), ({"size_sigma": 2e-4}, 2e-4), ({}, None), ({"exact": False}, None)],
+)
+def test_the_size_of_a_target(written, size_sigma):
+    """Read and written as it is stated."""
+    data = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, targets={"board": CellTarget("board", "eye")}))
+    data["targets"]["board"] |= written
+    cell = cell_noun(CellEntry.model_validate(data), {})
+    assert cell.targets["board"].size_sigma == size_sigma
+    stated = {k: v for k, v in cell_to_dict(cell)["targets"]["board"].items() if k in ("exact", "size_sigma")}
+    assert stated == {k: v for k, v in written.items() if v}
+
+
+def test_an_exact_target_has_no_sigma():
+    """Both at once contradict each other."""
+    data = cell_to_dict(Cell("eye", {"eye": Robot("eye")}, targets={"board": CellTarget("board", "eye")}))
+    data["targets"]["board"] |= {"exact": True, "size_sigma": 1e-3}
+    with pytest.raises(ValidationError, match="exact takes no size_sigma"):
+        CellEntry.model_validate(data)

@@ -10,6 +10,7 @@ import numpy as np
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.systematic_errors.search import running_error
+from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
 from basecal.accuracy.widening import widened
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.effects.faces.found import FoundEffect
@@ -109,6 +110,8 @@ def _sigma(cell: Cell, solution: Solution, error: FoundEffect | None) -> tuple[f
     name = next(iter(cell.asked), "")
     if name not in solution.problem.columns or name in solution.observability.unobservable:
         return None
-    of = solution if error is None else widened(solution, error.moved)
-    sigmas = of.transforms[name].sigma_norms
+    moves = [*moved_by_sizes(cell, solution, error), *(() if error is None else (error.moved,))]
+    for moved in moves:
+        solution = widened(solution, moved)
+    sigmas = solution.transforms[name].sigma_norms
     return sigmas if max(sigmas) < _OPEN else None

@@ -10,6 +10,7 @@ import numpy as np
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
+from basecal.cell.targets.kind import TargetEntry
 from basecal.fields.values import UnknownEntry, pose_se3
 from basecal.geometry import Camera, read_only
 from basecal.kinematics import SerialChain
@@ -24,11 +25,16 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         robots={name: _robot(name, robot, chains.get(name)) for name, robot in entry.robots.items()},
         bases=bases,
         cameras={name: _camera(name, camera) for name, camera in entry.cameras.items()},
-        targets={name: CellTarget(name, t.on, _unknown(t.mount), t.shape()) for name, t in entry.targets.items()},
+        targets={name: _target(name, target) for name, target in entry.targets.items()},
         pixel_px=entry.noise.pixel_px,
         correlated_px=entry.noise.correlated_px,
         keep_out={name: box.noun(name) for name, box in entry.keep_out.items()},
     )
+
+
+def _target(name: str, entry: TargetEntry) -> CellTarget:
+    size_sigma = 0.0 if entry.exact else entry.size_sigma
+    return CellTarget(name, entry.on, _unknown(entry.mount), entry.shape(), size_sigma)
 
 
 def _unknown(entry: UnknownEntry) -> Unknown:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from pydantic import model_validator
 
 from basecal.cell.target import Target
-from basecal.fields.values import Entry, Mount, UnknownEntry
+from basecal.fields.values import Entry, Mount, Sigma, UnknownEntry
 from basecal.geometry import Array
 
 Fields = Mapping[str, Any]
@@ -21,6 +22,14 @@ class TargetEntry(Entry):
 
     on: str
     mount: Mount = UnknownEntry()
+    size_sigma: Sigma | None = None
+    exact: bool = False
+
+    @model_validator(mode="after")
+    def _size(self) -> Self:
+        if self.exact and self.size_sigma is not None:
+            raise ValueError("exact takes no size_sigma: leave one of them away")
+        return self
 
     def shape(self) -> Target | None:
         """The target it describes; None where it is seen only as poses."""

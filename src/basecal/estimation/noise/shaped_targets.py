@@ -20,9 +20,10 @@ _MOST_IN_SPACE = 40  # points in space, which bounds the time: three unknowns ea
 def shaped_targets(problem: Problem) -> dict[str, int]:
     """How many coefficients the shape has of each target of many points seen in pixels.
 
-    Boards are taken to be as flat as stated where the sigmas of their pixels are stated, too.
+    A board is flat if it is stated as exact, or if the sigmas of its pixels are stated.
     """
-    counts = {group.target: _coefficients(group) for group in problem.groups}
+    open_groups = (group for group in problem.groups if group.target not in problem.exact_targets)
+    counts = {group.target: _coefficients(group) for group in open_groups}
     return {target: count for target, count in counts.items() if count}
 
 

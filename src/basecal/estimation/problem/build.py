@@ -285,4 +285,5 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         for name, robot in cell.robots.items()
         if robot.chain is not None
     }
-    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains)
+    exact = frozenset(name for name, target in cell.targets.items() if target.size_sigma == 0)
+    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains, exact_targets=exact)

@@ -141,7 +141,8 @@ class Problem:
         unstated: Names of the robots that state no noise.
         stands: How many stops each robot made, by robot, whatever views are left of them.
         held: Whether sigmas that nobody stated are held at what they are.
-        shapes: How targets are shaped, by name, where that was estimated; see `noise.target_shape`.
+        exact_targets: Names of the targets whose shape is as stated.
+        shapes: How targets are shaped, by name, if that was estimated; see `effects.target_shape`.
         jitter_s: Sigma in use of what stamps of a camera's views are off by themselves, by camera [s].
         open_jitter: Cameras whose jitter is to be estimated.
         open_clocks: Devices whose offsets in time are estimated about the solution.
@@ -159,6 +160,7 @@ class Problem:
     chains: Mapping[str, SerialChain] = field(default_factory=dict)
     stands: Mapping[str, int] = field(default_factory=dict)
     held: bool = False
+    exact_targets: frozenset[str] = frozenset()
     shapes: Mapping[str, Array] = field(default_factory=dict)
     jitter_s: Mapping[str, float] = field(default_factory=dict)
     open_jitter: frozenset[str] = frozenset()

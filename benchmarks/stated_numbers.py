@@ -1,0 +1,211 @@
+"""Stated numbers that are wrong: whether an answer is GOOD beyond its sigmas; and right ones: whether they are accused.
+
+Boards seen by one arm and by two in 18 to 30 views, no noise stated. Wrong lenses: the principal point off by 1 to
+25 px, the focal lengths by 0.5 to 2 %, the distortion left out. Coverage: every parameter of the lens, the board's
+size, and mounts stated as `fixed` off by normal errors of 0.3, 1 and 3 times a usual one. An answer is wrong if an
+estimated transform is beyond four of its sigmas.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from basecal.accuracy.verdict import calibrate
+from basecal.cell import Calibration, Cell
+from basecal.cell.cell import Status
+from basecal.effects import target_size
+from basecal.estimation.problem.stated_lens import usual_sigmas
+from basecal.geometry import SE3, Camera
+from basecal.simulation import Scenario, SimulatedCell, simulate
+from benchmarks.common import cell_by_cell, table
+
+BEYOND = 4.0
+LAYOUTS = "dual", "eye_in_hand", "eye_to_hand"
+MOUNT_SIGMA = np.repeat([5e-4, 2e-3], 3)  # of a mount by CAD [m, rad]: assumed
+ACCUSES = {"intrinsics", "length-scale", "board-size", "fixed-contradicted"}
+HEAD = (
+    "stated number",
+    "cells",
+    "good",
+    "good, beyond 4 sigma",
+    "accused",
+    "95 % ellipsoids hold",
+    "median sigma [mm]",
+)
+Lens = Callable[[Camera, np.random.Generator], Camera]
+Off = Callable[[Cell, np.random.Generator], Cell]
+
+
+def _centre(camera: Camera, rng: np.random.Generator) -> Camera:
+    angle, size = rng.uniform(0, 2 * np.pi), np.exp(rng.uniform(np.log(1), np.log(25)))
+    return _with(camera, np.array([0, 0, size * np.cos(angle), size * np.sin(angle)]))
+
+
+def _focal(camera: Camera, rng: np.random.Generator) -> Camera:
+    share = rng.choice([-1, 1]) * rng.uniform(0.005, 0.02)
+    return _with(camera, np.append(share * camera.parameters[:2], [0, 0]))
+
+
+def _undistorted(camera: Camera, rng: np.random.Generator) -> Camera:
+    return camera.with_parameters(np.append(camera.parameters[:4], np.zeros_like(camera.distortion)))
+
+
+def _right(camera: Camera, rng: np.random.Generator) -> Camera:
+    return camera
+
+
+def _lens_off(factor: float) -> Lens:
+    def off(camera: Camera, rng: np.random.Generator) -> Camera:
+        """Every parameter off by a normal error."""
+        sigma = factor * usual_sigmas(camera)
+        return camera.with_parameters(camera.parameters + sigma * rng.standard_normal(len(sigma)))
+
+    return off
+
+
+def _with(camera: Camera, shift: np.ndarray) -> Camera:
+    return camera.with_parameters(camera.parameters + np.append(shift, np.zeros_like(camera.distortion)))
+
+
+def _lens(change: Lens) -> Off:
+    def off(cell: Cell, rng: np.random.Generator) -> Cell:
+        """Every lens as it is changed, and none exact."""
+        cameras = {}
+        for name, camera in cell.cameras.items():
+            lens = camera.intrinsics
+            assert lens is not None
+            assert lens.camera is not None
+            changed = replace(lens, camera=change(lens.camera, rng), exact=False)
+            cameras[name] = replace(camera, intrinsics=changed)
+        return replace(cell, cameras=cameras)
+
+    return off
+
+
+def _size(factor: float) -> Off:
+    def off(cell: Cell, rng: np.random.Generator) -> Cell:
+        """Every target larger or smaller."""
+        targets = {}
+        for name, entry in cell.targets.items():
+            assert entry.target is not None
+            share = 1 + factor * target_size.STATED.sigma * rng.standard_normal()
+            targets[name] = replace(entry, target=replace(entry.target, points=entry.target.points * share))
+        return replace(cell, targets=targets)
+
+    return off
+
+
+def _mount(factor: float) -> Off:
+    def off(cell: Cell, rng: np.random.Generator) -> Cell:
+        """Every fixed transform elsewhere."""
+        for name, unknown in cell.transforms.items():
+            if unknown.status == "fixed":
+                assert unknown.mean is not None
+                mean = unknown.mean @ SE3.exp(factor * MOUNT_SIGMA * rng.standard_normal(6))
+                cell = cell.with_transform(name, replace(unknown, mean=mean))
+        return cell
+
+    return off
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What is changed of how many cells, the camera mount being free or fixed."""
+
+    off: Off
+    cells: int
+    mount: Status = "free"
+
+
+KINDS = {
+    "principal point off": Kind(_lens(_centre), 20),
+    "focal length off": Kind(_lens(_focal), 20),
+    "distortion left out": Kind(_lens(_undistorted), 20),
+    "right": Kind(_lens(_right), 200),
+    **{f"lens, {k} times the default": Kind(_lens(_lens_off(k)), 60) for k in (0.3, 1.0, 3.0)},
+    **{f"board's size, {k} times the default": Kind(_size(k), 60) for k in (0.3, 1.0, 3.0)},
+    **{f"fixed mount, {k} times 0.5 mm and 2 mrad": Kind(_mount(k), 60, "fixed") for k in (0.3, 1.0, 3.0)},
+}
+
+
+def measured(seed: int) -> Iterator[dict[str, Any]]:
+    """One cell of each kind that has so many."""
+    for name, kind in KINDS.items():
+        if seed < kind.cells:
+            yield {"number": name, **_outcome(kind, seed)}
+
+
+def _outcome(kind: Kind, seed: int) -> dict[str, Any]:
+    rng = np.random.default_rng([seed, 77])
+    scenario = Scenario(
+        samples=int(rng.integers(18, 31)),
+        layout=LAYOUTS[seed % 3],
+        camera_mount=kind.mount,
+        robot_noise=(1e-4, 2e-4),
+        state_robot_noise=False,
+        state_pixel_noise=False,
+    )
+    made = simulate(scenario, 3000 + seed)
+    cell = kind.off(made.cell, rng)
+    found = calibrate(cell, made.recording)
+    worst, held, sigma = _errors(made, cell, found)
+    codes = [f.code for f in found.findings if f.severity != "info"]
+    return {"verdict": found.verdict, "codes": codes, "worst_sigmas": worst, "held": held, "sigma_mm": sigma}
+
+
+def _errors(made: SimulatedCell, cell: Cell, found: Calibration) -> tuple[float, list[bool], float | None]:
+    """The largest error in sigmas, whether each 95 % ellipsoid holds the truth, the first transform's sigma [mm]."""
+    worst, held = 0.0, []
+    estimated = {n: e for n, e in found.transforms.items() if cell.transforms[n].status != "fixed"}
+    for name, estimate in estimated.items():
+        error = (estimate.mean.inverse() @ made.truth[name]).log()
+        worst = max(worst, float(np.abs(error / np.sqrt(np.diag(estimate.covariance))).max()))
+        held.append(bool(error @ np.linalg.solve(estimate.covariance, error) < chi2.ppf(0.95, 6)))
+    first = next(iter(estimated.values()), None)
+    return worst, held, None if first is None else 1e3 * float(np.sqrt(np.trace(first.covariance[:3, :3])))
+
+
+def rows(found: list[dict[str, Any]]) -> list[list[str]]:
+    """A line for each kind of stated number."""
+    return [_row(name, [each for each in found if each["number"] == name]) for name in KINDS]
+
+
+def _row(name: str, of: list[dict[str, Any]]) -> list[str]:
+    good = [each for each in of if each["verdict"] == "good"]
+    held = [each for one in of for each in one["held"]]
+    sigmas = [each["sigma_mm"] for each in of if each["sigma_mm"] is not None]
+    return [
+        name,
+        str(len(of)),
+        str(len(good)),
+        str(sum(each["worst_sigmas"] > BEYOND for each in good)),
+        str(sum(bool(ACCUSES & set(each["codes"])) for each in of)),
+        f"{100 * np.mean(held):.1f} %" if held else "-",
+        f"{np.median(sigmas):.3f}" if sigmas else "-",
+    ]
+
+
+def shown(found: list[dict[str, Any]]) -> str:
+    """As a table."""
+    return table(HEAD, rows(found))
+
+
+def section(result: dict[str, Any]) -> str:
+    """The section of docs/benchmarks.md."""
+    about = """\
+Boards in 18 to 30 views of one arm and of two, no noise stated. The lens is stated as `fixed`: with its principal
+point, focal lengths or distortion wrong, right, and with every parameter off by a normal error of so many default
+sigmas. Likewise the size of the board, and a camera mount stated as `fixed`.
+`good, beyond 4 sigma`: an estimated transform is, though the verdict is good. `accused`: a warning names a stated
+number."""
+    return f"{about}\n\n{shown(result['rows'])}"
+
+
+if __name__ == "__main__":
+    cell_by_cell("stated_numbers", sys.argv[1:], 200, measured, shown)
