@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2, ncx2
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import PixelObservation, Recording, RobotState, Sample
 from basecal.errors import BasecalError
 from basecal.estimation.problem.robot_parameters import Kinematics

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from tests.shared.real_recordings import EXAMPLES, data_folder, example, moveit_cell, nao_cell
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError

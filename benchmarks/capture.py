@@ -27,7 +27,7 @@ from scipy.stats import chi2
 from tests.shared.kill_trial import kill_trial
 from tests.shared.running_cell import home
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.acquisition.capture import capture, store_plan
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import Cell, Recording, Sample

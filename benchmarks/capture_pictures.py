@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals.point_residuals import point_residuals
-from basecal.accuracy.verdict import calibrate
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.targets.charuco import charuco_target

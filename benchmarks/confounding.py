@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Cell, Finding, Recording, RobotState
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate

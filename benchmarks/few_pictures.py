@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Recording
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.images import render_recording

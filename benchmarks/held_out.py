@@ -20,7 +20,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Observation, PixelObservation, PoseObservation, Recording
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array, BoolArray, Camera

@@ -19,7 +19,7 @@ import numpy as np
 from tests.shared.mutate import Mutation, lines_of, mutations, recording_of
 from tests.shared.real_recordings import ROOT, example, moveit_cell, nao_cell
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState, Target
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.errors import DatasetError, NotConverged

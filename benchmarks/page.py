@@ -18,7 +18,7 @@ from typing import Any
 from tests.shared.browser import CHROMIUM, Visit, visit
 from tests.shared.real_recordings import EXAMPLES, data_folder
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell.files import latest_run, read_cell, read_recording
 from basecal.reporting.viewing.page import Viewed, served
 from benchmarks.common import table, write

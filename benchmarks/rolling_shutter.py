@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Cell, PixelObservation, Recording, RollingShutter, Sample
 from basecal.geometry import SE3, Array
 from basecal.simulation.layout import layout_of

@@ -22,9 +22,9 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.systematic_errors.score_tests import score_of, sums
 from basecal.accuracy.systematic_errors.situation import Situation, frames_of
-from basecal.accuracy.verdict import calibrate
 from basecal.acquisition.running.check import Doubt, RunningCheck
 from basecal.cell import Cell, PixelObservation, Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates

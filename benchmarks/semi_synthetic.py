@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Observation, PixelObservation, PoseObservation, Recording, Sample
 from basecal.errors import DatasetError
 from basecal.estimation.view.pixels import PixelMeasurement

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.io import loadmat
 from tests.shared.real_recordings import data_folder, nao_cell
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import PoseObservation, Recording, RobotState, Sample
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift.verify import LEVEL, POWER, Verification, verify
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import WORLD, Calibration, Cell, Recording, RobotState
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array

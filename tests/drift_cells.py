@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState
 from basecal.geometry import SE3, Array
 from basecal.simulation import Scenario, simulate

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from basecal.accuracy.cross_validation.validation import CrossValidation
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.residuals.fit import residuals
 from basecal.cell import Cell
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
@@ -14,4 +13,4 @@ from basecal.estimation.solve import Solution
 def evidence_of(cell: Cell, solution: Solution, cross_validation: CrossValidation | None = None) -> Evidence:
     problem = solution.problem
     robust = RobustSolution(solution, (), problem.with_groups(()), len(cell.targets), 0)
-    return Evidence(cell, Settings(), problem, robust, solution, residuals(solution), cross_validation, None)
+    return Evidence(cell, Settings(), problem, robust, solution, cross_validation)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Cell, CellCamera, CellTarget, PoseObservation, Recording, Robot, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.cell.targets.charuco import charuco_target

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.errors import BasecalError
 from basecal.geometry import SE3, PoseEstimate
 from benchmarks.reference.cases import cases

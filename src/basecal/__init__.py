@@ -12,9 +12,9 @@ from basecal.methods import METHODS
 
 TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
+    from basecal.accuracy.calibrate import calibrate as calibrate
     from basecal.accuracy.compare import compare as compare
     from basecal.accuracy.drift.verify import verify as verify
-    from basecal.accuracy.verdict import calibrate as calibrate
     from basecal.cell import Calibration as Calibration
     from basecal.cell import Cell as Cell
     from basecal.cell import Recording as Recording
@@ -59,7 +59,7 @@ _HOME = {
     "SimulatedCell": "simulation.scenario",
     "Solution": "estimation.solve",
     "Stages": "estimation.stages",
-    "calibrate": "accuracy.verdict",
+    "calibrate": "accuracy.calibrate",
     "calibration_to_dict": "cell.files",
     "compare": "accuracy.compare",
     "detect": "vision.detect",

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.axis_shift import calibrate_axis_shift, stations_of
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.closed_form_beside import closed_form_beside
 from basecal.accuracy.fit_details import FitDetails
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Unknown
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings

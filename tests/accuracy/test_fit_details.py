@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details
-from basecal.accuracy.verdict import calibrate
 from basecal.simulation import Scenario, simulate
 
 

@@ -13,6 +13,7 @@ from scipy.stats import ttest_1samp
 from tests.simulated_problem import simulated_problem
 
 from basecal.accuracy import lens_structure
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.lens_structure import (
     LensStructure,
     _alone,
@@ -29,7 +30,6 @@ from basecal.accuracy.lens_structure import (
 )
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.accuracy.significance import SIGNIFICANCE
-from basecal.accuracy.verdict import calibrate
 from basecal.accuracy.widening import widened
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State

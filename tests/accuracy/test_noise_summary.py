@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.noise_summary import _of_cameras, noise_summary
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.estimation.settings import Settings

@@ -10,7 +10,7 @@ import pytest
 from tests.bag_of_cell import BEGIN_S, KINDS, RATE, Kind, bag_by_tf, between, journey, middles, new_bag
 from tests.stream_cells import streamed
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration
 from basecal.cell.files import read_cell, read_recording, write_cell
 from basecal.cli import main

@@ -11,7 +11,7 @@ import pytest
 from tests.shared.real_recordings import data_folder
 from tests.stream_cells import streamed
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import PoseObservation
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Recording, RobotState
 from basecal.effects import gear_ratio as of
 from basecal.effects.faces.found import FoundEffect

@@ -8,7 +8,7 @@ import pytest
 
 from basecal.accuracy.at_the_door.repeated_views import repeated_views
 from basecal.accuracy.at_the_door.units import impossible_units
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell.files import read_cell, read_recording
 from basecal.simulation import simulate
 from shared.kinds import KINDS, scenario_of

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details
-from basecal.accuracy.verdict import calibrate
 from basecal.reporting.page import page
 from basecal.simulation import Scenario, simulate
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import (
     Calibration,
     Cell,

@@ -135,9 +135,9 @@ def calibrate_folder(
     """The calibration of the recording of a cell's folder, and the folder of its run, which is written."""
     from dataclasses import replace
 
+    from basecal.accuracy.calibrate import calibrate as calibrated
     from basecal.accuracy.fit_details import fit_details
     from basecal.accuracy.task.expected_error import check_tolerance
-    from basecal.accuracy.verdict import calibrate as calibrated
     from basecal.cell.files import calibration_from_dict, calibration_to_dict, input_hashes, write_calibration
     from basecal.cell.format.writing import write_whole
     from basecal.cell.results.versions import used_versions

@@ -195,7 +195,7 @@ def _motion(cell: Cell, found: Plan, to: str, robot: str | None, speed_deg_s: fl
 
 def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:
     """The latest run where it is of this recording, else what the recording gives now; None where it gives nothing."""
-    from basecal.accuracy.verdict import calibrate
+    from basecal.accuracy.calibrate import calibrate
     from basecal.cell.files import input_hashes, latest_run, read_calibration
 
     run = latest_run(folder)

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
 from basecal.accuracy.clocks.step import ClockStep
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Clock, Recording, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed

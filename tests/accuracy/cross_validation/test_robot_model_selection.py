@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.cross_validation import robot_model_selection as module
 from basecal.accuracy.cross_validation.robot_model_selection import (
     Candidate,
@@ -22,7 +23,6 @@ from basecal.accuracy.cross_validation.robot_model_selection import (
 from basecal.accuracy.cross_validation.station_scores import StationScores
 from basecal.accuracy.findings.robot_model import robot_model_findings
 from basecal.accuracy.robot_parameters import robot_parameters
-from basecal.accuracy.verdict import calibrate
 from basecal.effects import joint_offsets
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift.verify import verify
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
 from basecal.cell.files import read_cell, recording_from_text
 from basecal.estimation.solve import solve

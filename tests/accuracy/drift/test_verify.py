@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift import verify as verify_module
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts
 from basecal.accuracy.drift.verify import LEVEL, POWER, verify
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3

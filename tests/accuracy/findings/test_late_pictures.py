@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.late_pictures import _Late, _what, late_pictures
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding, PoseObservation, Recording, Sample
 from basecal.estimation.outliers.left_out import LeftOut
 from basecal.estimation.problem.build import build_problem

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from tests.shared.real_recordings import data_folder
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.outlier_samples import agreeing_samples, far_stops, outlier_samples
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown
 from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.outliers.left_out import LeftOut

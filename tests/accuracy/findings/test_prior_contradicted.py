@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.prior_contradicted import contradicted_priors
-from basecal.accuracy.verdict import calibrate
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate

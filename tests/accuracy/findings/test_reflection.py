@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.reflection import reflection
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import CandidateObservation, PixelObservation
 from basecal.simulation import Scenario, simulate
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.prior_contradicted import innovation
-from basecal.accuracy.verdict import calibrate
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=18, layout="eye_in_hand", robot_noise=(1e-4, 2e-4), state_robot_noise=False), 1)

@@ -18,9 +18,9 @@ from tests.motion_cells import (
     wobbling,
 )
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings import unobservable_direction
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration, Recording, RobotState
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, Settings

@@ -10,13 +10,13 @@ import pytest
 from tests.shared.mutate import lines_of, mutations, recording_of
 from tests.shared.real_recordings import example, nao_cell
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check import conventions
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, resized
 from basecal.accuracy.input_check.hypothesis_choice import TriedHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.input_check.loop_fit import LoopFit
 from basecal.accuracy.input_check.rewriting import LINKS, exchanged, inverted, with_robots, with_targets
-from basecal.accuracy.verdict import calibrate
 from basecal.errors import BasecalError, DatasetError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings

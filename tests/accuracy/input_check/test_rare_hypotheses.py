@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check.rare_hypotheses import (
     _numbers,
     _of_order,
@@ -19,7 +20,6 @@ from basecal.accuracy.input_check.rare_hypotheses import (
     with_stated_inverted,
 )
 from basecal.accuracy.input_check.rewriting import turned_round, with_robots
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, Unknown
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check import unexplained_motion as module
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless, unexplained_motion
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check.rewriting import inverted, with_robots
 from basecal.accuracy.many_robots.pairs_alone import _covering, agreed, has_many_robots, pairs_alone
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Finding
 from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.problem.build import build_problem

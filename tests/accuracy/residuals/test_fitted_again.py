@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import fitted_again as module
 from basecal.accuracy.residuals.fitted_again import fitted_again, known_views, with_noise_of
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.problem.build import build_problem

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import loops as module
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.residuals.loops import _closed, _Relation, loops
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, SampleResidual, Unknown
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve

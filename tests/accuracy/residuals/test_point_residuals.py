@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals.point_residuals import point_residuals
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Outlier
 from basecal.cell.cell import Status
 from basecal.cell.files import calibration_from_dict, calibration_to_dict

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals.fitted_again import fitted_again
 from basecal.accuracy.residuals.view_poses import view_poses
-from basecal.accuracy.verdict import calibrate
 from basecal.simulation import Scenario, simulate
 
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import without_samples as module
 from basecal.accuracy.residuals.without_samples import without_samples
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording
 from basecal.errors import InputError
 from basecal.estimation.solve import solve

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.task.at_task import at_task
-from basecal.accuracy.verdict import calibrate
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve

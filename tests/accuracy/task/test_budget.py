@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.task import budget as module
 from basecal.accuracy.task.budget import COMMON, REST, _at_task, _entry, budget, calibration_budget
 from basecal.accuracy.task.task import Task, task_at
-from basecal.accuracy.verdict import calibrate
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve
 from basecal.simulation import Scenario, simulate

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.task.error_map import STEPS, _box, error_map, seen_at
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Calibration
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve

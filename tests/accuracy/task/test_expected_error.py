@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi, ncx2, norm
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details
 from basecal.accuracy.task import expected_error
 from basecal.accuracy.task.expected_error import (
@@ -20,7 +21,6 @@ from basecal.accuracy.task.expected_error import (
     length_quantile,
     length_quantiles,
 )
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Tolerance
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3

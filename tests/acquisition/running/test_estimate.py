@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.acquisition.running.estimate import FEWEST, running_estimate
 from basecal.cell import Recording, Sample
 from shared.running_samples import BASE, recorded

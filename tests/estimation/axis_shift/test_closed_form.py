@@ -8,7 +8,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.errors import NotConverged, NotObservable
 from basecal.estimation.axis_shift import closed_form
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient, orthonormalised

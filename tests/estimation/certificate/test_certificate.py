@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tests.shared.deceivers import adversarial, tried
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.certify import certified
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.estimation.certificate.certificate import _about, certify, proven_loops

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Clock, ClockOffset, Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.streams.jitter import with_jitter

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Residuals, SampleResidual
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import scene, scene_data

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.reporting.viewing.page import Viewed, served
 from basecal.simulation import Scenario, simulate
 from shared.browser import CHROMIUM, another_page, visit

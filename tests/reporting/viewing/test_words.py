@@ -6,8 +6,8 @@ import re
 
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals.without_samples import WithoutSamples, without_samples
-from basecal.accuracy.verdict import calibrate
 from basecal.cell import Residuals, SampleResidual
 from basecal.reporting.viewing.words import answer_words, sample_words
 from basecal.simulation import Scenario, simulate

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice
 from basecal.accuracy.cross_validation.validation import CrossValidation
 from basecal.accuracy.lens_structure import LensStructure
+from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Cell, Finding, Residuals
 from basecal.effects.faces.found import FoundEffect
@@ -42,9 +44,9 @@ class Evidence:
         recorded: The problem as it was recorded, outliers among it.
         robust: The solution without outliers, and these.
         solution: The answer: that of `robust`, or a better one that the certificate led to.
-        residuals: How the answer fits.
         cross_validation: How samples are predicted that were held out; None where the answer is none.
         contradicted_sigmas: Stated sigmas that the residuals of the solution with them contradict.
+        refuted: The solution with the sigmas as stated, if some of these are contradicted as too small.
         systematic_error: What explains the residuals better than noise; None where nothing does.
         lens_structures: Cameras whose residuals go by their place in the image.
         robot_model: What held-out samples say of the robots' kinematics; None where there was nothing to choose.
@@ -55,12 +57,17 @@ class Evidence:
     recorded: Problem
     robust: RobustSolution
     solution: Solution
-    residuals: Residuals
-    cross_validation: CrossValidation | None
-    robot_model: RobotModelChoice | None
+    cross_validation: CrossValidation | None = None
+    robot_model: RobotModelChoice | None = None
     contradicted_sigmas: tuple[ContradictedSigma, ...] = ()
+    refuted: Solution | None = None
     systematic_error: FoundEffect | None = None
     lens_structures: Sequence[LensStructure] = ()
+
+    @cached_property
+    def residuals(self) -> Residuals:
+        """How the answer fits."""
+        return residuals(self.solution, self.robust.left_out)
 
 
 InputCheck = Callable[[Input], list[Finding]]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.at_the_door.images import worth_searching
-from basecal.accuracy.verdict import calibrate
+from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.files import calibration_to_dict, input_hashes, read_cell, read_recording
 from basecal.cell.results.versions import used_versions

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from basecal.accuracy.transform_verdicts import transform_verdicts
+from basecal.accuracy.verdicts import transform_verdicts, verdict_of
 from basecal.cell import Finding
 
 
@@ -50,3 +50,12 @@ def test_without_findings_all_are_good():
     assert transform_verdicts(APART, ["far"], []) == {"far": "good"}
     several = [Finding("a", "warning", (), ""), Finding("b", "error", ("tag",), ""), Finding("c", "info", (), "")]
     assert transform_verdicts(APART, ["base", "far"], several) == {"base": "doubtful", "far": "refused"}
+
+
+@pytest.mark.parametrize(
+    ("severities", "expected"),
+    [((), "good"), (("info",), "good"), (("info", "warning"), "doubtful"), (("warning", "error", "info"), "refused")],
+)
+def test_the_worst_finding_is_the_verdict(severities, expected):
+    """An error refuses, a warning makes doubtful."""
+    assert verdict_of([Finding("code", each, (), "") for each in severities]) == expected

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from basecal.accuracy import verdict
-from basecal.accuracy.verdict import calibrate, verdict_of
-from basecal.cell import Calibration, Finding, Recording, RobotState, Unknown
+from basecal.accuracy.calibrate import Stage, _run, calibrate
+from basecal.accuracy.stages.case import Case
+from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cli.template import cell_text
 from basecal.errors import FrameNotFound
 from basecal.estimation.settings import Settings
+from basecal.estimation.stages import Stages
 from basecal.exchange.assemble import recording_from_streams
 from basecal.exchange.poses import PoseStream
 from basecal.geometry import SE3
@@ -232,143 +232,19 @@ def test_guesses_that_lead_astray_are_not_started_from():
     assert np.linalg.norm(away_m) < 4 * found["eye_base_from_hand_base"].sigma_t.max() + 1e-4
 
 
-def finding(severity, code="code"):
-    return Finding(code, severity, (), "")
+def test_every_stage_ends_or_hands_on():
+    """Stages run in their order up to the one that ends the case; time is counted by their names."""
+    made, seen = simulate(Scenario(samples=3), seed=0), []
 
+    def stage(name, is_ended=False):
+        def run(case):
+            seen.append(name)
+            return replace(case, is_ended=is_ended)
 
-@pytest.mark.parametrize(
-    ("severities", "expected"),
-    [((), "good"), (("info",), "good"), (("info", "warning"), "doubtful"), (("warning", "error", "info"), "refused")],
-)
-def test_the_worst_finding_is_the_verdict(severities, expected):
-    """An error refuses, a warning makes doubtful."""
-    assert verdict_of([finding(each) for each in severities]) == expected
+        return Stage(name, run)
 
-
-class Steps:
-    """A calibration of which every step says what it is told to, and what it was given is kept."""
-
-    def __init__(self, monkeypatch, **changed):
-        s = simulate(Scenario(samples=3), seed=0)
-        self.cell, self.recording, self.given = s.cell, s.recording, {}
-        robust = SimpleNamespace(solution=SimpleNamespace(problem="solved", state="state"))
-        told = {
-            "impossible_units": [], "repeated_views": [], "build_problem": ("problem", []), "INPUT_CHECKS": [],
-            "solve_packed": "plain", "with_noise": "noisy", "is_as_of_arms": True, "check_conventions": (),
-            "_without_outliers": robust, "with_likely_lenses": robust, "is_hopeless": False,
-            "contradicted_sigmas": (), "without_contradicted": robust,
-            "choose_robot_model": None, "systematic_error": "systematic", "_judged": "judged", "_refused": "no numbers",
-            "unobservable_by_poses": [], "hopeless": finding("error", "poor-fit"), "agreeing_of": [],
-            "guess_led_astray": finding("warning", "guess"),
-        }  # fmt: skip
-        for name, value in (told | changed).items():
-            monkeypatch.setattr(verdict, name, value if name == "INPUT_CHECKS" else self._step(name, value))
-
-    def _step(self, name, value):
-        def step(*given):
-            self.given.setdefault(name, []).append(given)
-            return value(*given) if callable(value) else value
-
-        return step
-
-    def run(self, settings=None, by_clocks=None):
-        return verdict._calibrated(self.cell, self.recording, settings or Settings(), by_clocks)
-
-
-@pytest.mark.parametrize(
-    ("noise", "of_arms", "noisy", "explained"),
-    [("estimated", True, "noisy", True), ("estimated", False, "noisy", False), ("stated", True, None, False)],
-)
-def test_noise_of_robots_explains_only_where_it_may_be_estimated(monkeypatch, noise, of_arms, noisy, explained):
-    """Conventions are told so, and what is solved without outliers begins with it."""
-    steps = Steps(monkeypatch, is_as_of_arms=of_arms)
-    assert steps.run(Settings(robot_noise=noise)) == "judged"
-    assert steps.given["check_conventions"][0][-1] == explained
-    assert steps.given["_without_outliers"][0][-2:] == ("plain", noisy)
-
-
-@pytest.mark.parametrize("by_clocks", [None, SimpleNamespace(shaken=lambda problem: f"shaken {problem}")])
-def test_samples_by_estimated_clocks_are_on_paths(monkeypatch, by_clocks):
-    """Checks of the input know of it, and the problem has the jitter of stamps."""
-    inputs = []
-    Steps(monkeypatch, INPUT_CHECKS=[lambda given: inputs.append(given) or []]).run(by_clocks=by_clocks)
-    assert inputs[0].on_paths == (by_clocks is not None)
-    assert inputs[0].problem == ("problem" if by_clocks is None else "shaken problem")
-
-
-@pytest.mark.parametrize(("small", "refuted"), [((), False), ((False,), False), ((False, True), True)])
-def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, small, refuted):
-    """Where any is too small: the solution with the sigmas as they were stated."""
-    contradicted = tuple(SimpleNamespace(too_small=each) for each in small)
-    steps = Steps(monkeypatch, contradicted_sigmas=contradicted)
-    steps.run()
-    (given,) = steps.given["systematic_error"]
-    assert given[-1] is (steps.given["contradicted_sigmas"][0][0] if refuted else None)
-    assert given[2] == {k: s.stamp_s for k, s in enumerate(steps.recording.samples) if s.stamp_s is not None}
-
-
-def test_what_is_misread_or_hopeless_has_no_numbers(monkeypatch):
-    """An error of conventions; poses that belong to no view, with what was found before, once a code."""
-    error, info = finding("error", "mirrored"), finding("info", "poor-fit")
-    steps = Steps(monkeypatch, check_conventions=(error,))
-    assert steps.run() == "no numbers"
-    assert steps.given["_refused"][0][-1] == [error]
-    assert "_judged" not in steps.given
-    doubtful = finding("warning", "ambiguous")
-    steps = Steps(monkeypatch, is_hopeless=True, check_conventions=(doubtful, info))
-    assert steps.run() == "no numbers"
-    assert steps.given["_refused"][0][-1] == [finding("error", "poor-fit"), doubtful]
-    hidden = finding("error", "unobservable")
-    steps = Steps(monkeypatch, is_hopeless=True, check_conventions=(doubtful,), unobservable_by_poses=[hidden])
-    steps.run()
-    assert steps.given["_refused"][0][-1] == [hidden, doubtful]
-
-
-def test_a_hopeless_guess_is_left_for_a_start_without_one(monkeypatch):
-    """And it is said that the guess led astray."""
-    hopeless = iter([True, False])
-    judged = Calibration("good", findings=(finding("info"),))
-    steps = Steps(monkeypatch, is_hopeless=lambda *_: next(hopeless), _judged=judged)
-    found = steps.run(Settings(start="guess"))
-    assert [f.code for f in found.findings] == ["code", "guess"]
-    assert steps.given["_judged"][0][-3].start == "closed"
-
-
-@pytest.mark.parametrize(
-    ("noisy", "of_arms", "hopeless", "solved"),
-    [
-        (None, True, False, "exact"),
-        ("open", True, False, "noise"),
-        ("open", False, False, "noise from exact"),
-        ("open", False, True, "exact"),
-        ("closed", False, False, "exact"),
-    ],
-)
-def test_robots_are_exact_where_no_noise_of_arms_explains_the_views(monkeypatch, noisy, of_arms, hopeless, solved):
-    """Noise is solved for with what agreed, unless nothing of it is open, or nothing agreed."""
-    kinds = [{"estimated": ("pixel_px",)}, {"robots": ("eye",)}, {"jitter_s": {"wrist": 1.0}}]
-    for kind in kinds if noisy == "open" else [{}]:
-        noise = SimpleNamespace(**{"estimated": (), "robots": (), "jitter_s": {}} | kind)
-        exact = SimpleNamespace(solution=SimpleNamespace(problem=None, state=None))
-        monkeypatch.setattr(verdict, "is_as_of_arms", lambda solution: of_arms)
-        monkeypatch.setattr(verdict, "is_hopeless", lambda problem, state: hopeless)
-        monkeypatch.setattr(verdict, "solve_robustly", lambda *given, exact=exact: exact)
-        monkeypatch.setattr(
-            verdict, "solve_with_noise", lambda *given: "noise from exact" if len(given) > 4 else "noise"
-        )
-        plain = SimpleNamespace(problem=None)
-        found = verdict._without_outliers(
-            None, Settings(), plain, None if noisy is None else SimpleNamespace(noise=noise)
-        )
-        assert found == (exact if solved == "exact" else solved)
-
-
-def test_a_task_is_placed_before_anything_is_solved(monkeypatch):
-    """But for the axis-shift method, whose task is where the base is wanted."""
-    placed = []
-    monkeypatch.setattr(verdict, "placing", placed.append)
-    monkeypatch.setattr(verdict, "_calibrated", lambda *given: Calibration("good"))
-    s = simulate(Scenario(samples=1), seed=0)
-    for settings in (Settings(), Settings(task_point=(0, 0, 0), method="axis-shift"), Settings(task_point=(0, 0, 0))):
-        calibrate(s.cell, s.recording, settings)
-    assert placed == [s.cell]
+    stages = Stages()
+    case = Case(made.cell, made.recording, Settings(stages=stages))
+    assert _run([stage("first"), stage(""), stage("last", is_ended=True), stage("never")], case).is_ended
+    assert seen == ["first", "", "last"]
+    assert list(stages.seconds) == ["first", "last"]

@@ -1,4 +1,4 @@
-"""The verdict of each transform: that of the findings that concern it.
+"""The verdict of a calibration, and of each transform: that of the findings that concern it.
 
 Findings concern all that they are about, and all that views tie to it: cameras, targets and robots that share views or
 a transform are one group. A finding that is about none of them concerns everything.
@@ -17,6 +17,12 @@ _OF_ITSELF = {"weak-direction", "unobservable-direction", "prior-dominated"}
 
 _WORST: tuple[Verdict, ...] = ("refused", "doubtful", "good")
 _BY_SEVERITY: Mapping[str, Verdict] = {"error": "refused", "warning": "doubtful", "info": "good"}
+
+
+def verdict_of(findings: Sequence[Finding]) -> Verdict:
+    """`refused` with an error among the findings, `doubtful` with a warning, else `good`."""
+    severities = {f.severity for f in findings}
+    return "refused" if "error" in severities else "doubtful" if "warning" in severities else "good"
 
 
 def transform_verdicts(problem: Problem, names: Iterable[str], findings: Sequence[Finding]) -> dict[str, Verdict]:

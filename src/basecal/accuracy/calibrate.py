@@ -1,0 +1,94 @@
+"""Calibrate: solve, and all that makes the answer worth trusting, as a list of stages."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import NamedTuple
+
+from basecal.accuracy.findings.better_optimum import guess_led_astray
+from basecal.accuracy.stages import concluding, judging, reading, solving
+from basecal.accuracy.stages.case import Case
+from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.estimation.settings import DEFAULT, LOG, Settings
+
+_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
+
+
+class Stage(NamedTuple):
+    """A part of the work: the name under which its time is counted, and what it does to a case.
+
+    A stage without a name counts the time of its parts.
+    """
+
+    name: str
+    run: Callable[[Case], Case]
+
+
+READING = (
+    Stage("", reading.place_task),
+    Stage("clocks", reading.estimate_clocks),
+    Stage("problem", reading.screen_units),
+    Stage("problem", reading.pack_problem),
+    Stage("problem", reading.check_input),
+    Stage("", reading.shift_axes),
+)
+SOLVING = (
+    Stage("", solving.solve_all),
+    Stage("conventions", solving.screen_conventions),
+    Stage("", solving.leave_outliers_out),
+    Stage("", solving.widen_lenses),
+)
+JUDGING = (
+    Stage("", solving.refuse_unexplained),
+    Stage("stated sigmas", judging.screen_stated_sigmas),
+    Stage("robot model", judging.choose_kinematics),
+    Stage("systematic errors", judging.find_systematic_error),
+    Stage("certificate", judging.certify_solution),
+    Stage("cross-validation", judging.hold_samples_out),
+    Stage("findings", judging.list_findings),
+    Stage("findings", judging.cover_effects),
+    Stage("findings", concluding.conclude),
+    Stage("task", concluding.find_error_at_task),
+)
+
+
+def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
+    """The transforms of a cell with covariance, and whether to trust them.
+
+    Args:
+        cell: What exists and what is known.
+        recording: What was seen.
+        settings: How to solve.
+
+    Returns:
+        The calibration; with verdict `refused` and findings that say why if the data fall short of an answer.
+
+    Raises:
+        InputError: if the cell contradicts the recording, or a task point is named and nothing is placed for it.
+        NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
+    """
+    read = _run(READING, Case(cell, recording, settings))
+    solved, astray = _run(SOLVING, read), list[Finding]()
+    if settings.start == "guess" and not solving.is_explained(solved):
+        solved = _run(SOLVING, replace(read, settings=replace(settings, start="closed")))
+        astray.append(guess_led_astray())
+    calibration = _run(JUDGING, solved).calibration
+    assert calibration is not None
+    calibration = replace(calibration, findings=(*calibration.findings, *astray))
+    LOG.info("verdict: %s", calibration.verdict)
+    for finding in calibration.findings:
+        LOG.log(_LEVELS[finding.severity], "%s: %s", finding.code, finding.message)
+    return calibration
+
+
+def _run(stages: Sequence[Stage], case: Case) -> Case:
+    """A case after these stages, or after the first that ends it."""
+    for stage in stages:
+        if case.is_ended:
+            break
+        with case.settings.stage(stage.name) if stage.name else nullcontext():
+            case = stage.run(case)
+    return case

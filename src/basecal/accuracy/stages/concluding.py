@@ -1,0 +1,77 @@
+"""Stages that make the calibration: clocks, all transforms with their covariance, the error at the task."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
+from basecal.accuracy.noise_summary import noise_summary
+from basecal.accuracy.phrases.null_space import describe_null_space
+from basecal.accuracy.phrases.outlier import described_outlier
+from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.accuracy.stages.case import Case
+from basecal.accuracy.task.at_task import at_task
+from basecal.accuracy.verdicts import transform_verdicts, verdict_of
+from basecal.cell import Calibration
+
+
+def conclude(case: Case) -> Case:
+    """Make the calibration of all that is known."""
+    fitted, as_modelled = case.answers
+    clocked = case.clocked
+    if clocked is None:
+        case = replace(case, answers=(fitted, as_modelled, as_modelled))
+        return replace(case, calibration=_calibration(case))
+    left = clocks_left(clocked, case.solution)
+    case = case.with_findings(clock_findings(clocked, left))
+    case = replace(case, answers=(fitted, as_modelled, settled(as_modelled, left)))
+    clocks, lines = clock_offsets(clocked, left), line_times(clocked, left)
+    return replace(case, calibration=replace(_calibration(case), clocks=clocks, line_times=lines))
+
+
+def find_error_at_task(case: Case) -> Case:
+    """Add the error at the task, if one is named."""
+    assert case.calibration is not None
+    fitted, as_modelled, final = case.answers
+    found = at_task(case.cell, case.calibration, case.settings, (fitted, as_modelled, final))
+    return replace(case, calibration=found)
+
+
+def _calibration(case: Case) -> Calibration:
+    assert case.robust is not None
+    solution, validated = case.answers[-1], case.evidence.cross_validation
+    return Calibration(
+        verdict=verdict_of(case.findings),
+        noise=noise_summary(case.cell, case.recording, solution),
+        residuals=case.evidence.residuals,
+        condition=solution.observability.condition if np.isfinite(solution.observability.condition) else None,
+        unobservable=tuple(map(describe_null_space, solution.observability.null_space)),
+        outliers=tuple(map(described_outlier, case.robust.outliers)),
+        validation=None if validated is None else validated.summary,
+        certificate=case.certificate,
+        findings=case.findings,
+        settings=case.settings.as_dict(),
+        **_estimates(case),
+    )
+
+
+def _estimates(case: Case) -> dict[str, Any]:
+    """What was asked, as far as it is observable: transforms, lenses, parameters of robots."""
+    solution = case.answers[-1]
+    found = solution.transforms if solution.converged else {}
+    estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}
+    lenses = solution.problem.columns.keys() - solution.observability.unobservable if solution.converged else set()
+    order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
+    return {
+        "transforms": estimates,
+        "verdicts": transform_verdicts(solution.problem, estimates, case.findings),
+        "status": {n: solution.problem.unknowns[n].status for n in estimates},
+        "points": frozenset(n for n in solution.problem.point_mounts if n in estimates),
+        "cameras": {n: (c, solution.lens_covariance(n)) for n, c in solution.state.cameras.items() if n in lenses},
+        "robot_parameters": robot_parameters(solution) if solution.converged else {},
+        "order": order,
+        "joint_covariance": solution.covariance_of(list(order)) if order else None,
+    }

@@ -1,0 +1,92 @@
+"""Stages that judge a solution: what its residuals, its rivals and held-out samples say of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from basecal.accuracy.certify import certified
+from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
+from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
+from basecal.accuracy.cross_validation.some_views import of_some_views
+from basecal.accuracy.cross_validation.validation import cross_validate
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.findings.registry import ANSWER_CHECKS
+from basecal.accuracy.lens_structure import LensStructure, lens_structures
+from basecal.accuracy.stages.case import Case
+from basecal.accuracy.stated_sigmas import contradicted_sigmas, without_contradicted
+from basecal.accuracy.systematic_errors.search import systematic_error
+from basecal.accuracy.systematic_errors.sizes_once import sizes_once
+from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
+from basecal.accuracy.widening import largest, widened
+from basecal.effects.faces.found import FoundEffect
+from basecal.estimation.solve import Solution
+from basecal.geometry import Array
+
+
+def screen_stated_sigmas(case: Case) -> Case:
+    """Estimate stated sigmas that the residuals contradict."""
+    assert case.robust is not None
+    contradicted = contradicted_sigmas(case.solution)
+    robust = without_contradicted(case.robust, contradicted, case.settings)
+    refuted = case.solution if any(each.too_small for each in contradicted) else None
+    evidence = Evidence(
+        case.cell,
+        case.settings,
+        case.problem,
+        robust,
+        robust.solution,
+        contradicted_sigmas=contradicted,
+        refuted=refuted,
+    )
+    return replace(case, robust=robust, weighed=evidence)
+
+
+def choose_kinematics(case: Case) -> Case:
+    """Ask held-out samples whether robots are built as stated."""
+    return case.weighing(robot_model=choose_robot_model(case.solution, case.stated_settings))
+
+
+def find_systematic_error(case: Case) -> Case:
+    """Look for what explains the residuals better than noise."""
+    stamps = {s.sample: s.stamp_s for s in case.recording.samples if s.stamp_s is not None}
+    found = systematic_error(case.solution, case.problem, stamps, case.settings, case.evidence.refuted)
+    return case.weighing(systematic_error=found)
+
+
+def certify_solution(case: Case) -> Case:
+    """Prove that no other optimum is better, or go to it."""
+    solution, certificate = certified(case.solution, case.stated_settings)
+    return replace(case.weighing(solution=solution), certificate=certificate)
+
+
+def hold_samples_out(case: Case) -> Case:
+    """Predict held-out samples, and test lenses for what their models lack."""
+    solution = case.evidence.solution
+    validated = cross_validate(of_some_views(solution, case.stated_settings), case.cell.asked, case.stated_settings)
+    return case.weighing(cross_validation=validated, lens_structures=lens_structures(solution, case.settings))
+
+
+def list_findings(case: Case) -> Case:
+    """Put into words what the evidence shows."""
+    found = (finding for check in ANSWER_CHECKS for finding in check(case.evidence))
+    findings = sizes_once(case.cell, [*case.findings, *found], case.evidence.systematic_error)
+    return replace(case, findings=tuple(findings))
+
+
+def cover_effects(case: Case) -> Case:
+    """Widen the covariance by effects that are no noise."""
+    evidence = case.evidence
+    fitted = solution = evidence.solution
+    rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
+    for other in (evidence.systematic_error, rival, *evidence.lens_structures):
+        solution = solution if other is None else widened(solution, _moved_by(solution, other))
+    for moved in moved_by_sizes(case.cell, fitted, evidence.systematic_error):
+        solution = widened(solution, moved)
+    return replace(case, answers=(fitted, solution))
+
+
+def _moved_by(solution: Solution, other: FoundEffect | ClosedFormRival | LensStructure) -> Array:
+    """How far an effect moves the answer, (p,); of confounded effects the one that moves it most."""
+    if isinstance(other, FoundEffect):
+        return largest(solution, [each.moved for each in (other, *other.alternatives)])
+    return other.moved

@@ -1,0 +1,65 @@
+"""Stages before anything is solved: clocks, units, the problem, and whether there is one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from basecal.accuracy.at_the_door.repeated_views import repeated_views
+from basecal.accuracy.at_the_door.units import impossible_units
+from basecal.accuracy.axis_shift import calibrate_axis_shift
+from basecal.accuracy.clocks.search import clocked
+from basecal.accuracy.findings.evidence import Input
+from basecal.accuracy.findings.registry import INPUT_CHECKS
+from basecal.accuracy.stages.case import Case
+from basecal.accuracy.task.task import placing
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.streams.streams import streams_of
+
+
+def place_task(case: Case) -> Case:
+    """Check that something is placed for the task.
+
+    Raises:
+        InputError: if a task point is named and nothing is.
+    """
+    if case.settings.task_point is not None and case.settings.method != "axis-shift":
+        placing(case.cell)
+    return case
+
+
+def estimate_clocks(case: Case) -> Case:
+    """Estimate clocks of streams, and read the robots' paths by them."""
+    streams = streams_of(case.cell, case.recording)
+    if streams is None:
+        return case
+    found = clocked(streams, case.settings)
+    return replace(case, clocked=found, recording=found.recording)
+
+
+def screen_units(case: Case) -> Case:
+    """Refuse lengths and angles that no arm and no board has."""
+    units = impossible_units(case.cell, case.recording)
+    return case.refused((*units, *case.recording.findings)) if units else case
+
+
+def pack_problem(case: Case) -> Case:
+    """Turn cell and recording into arrays."""
+    problem, dropped = build_problem(case.cell, case.recording)
+    problem = problem if case.clocked is None else case.clocked.shaken(problem)
+    case = case.with_findings((*case.recording.findings, *repeated_views(case.cell, case.recording), *dropped))
+    return replace(case, packed=problem)
+
+
+def check_input(case: Case) -> Case:
+    """Refuse what is too little, and report what is odd."""
+    given = Input(case.problem, case.findings, on_paths=case.clocked is not None)
+    case = case.with_findings(finding for check in INPUT_CHECKS for finding in check(given))
+    return case.refused() if case.is_refused else case
+
+
+def shift_axes(case: Case) -> Case:
+    """Calibrate by the paper's closed form, if it is asked for."""
+    if case.settings.method != "axis-shift":
+        return case
+    found = calibrate_axis_shift(case.cell, case.problem, case.settings, list(case.findings))
+    return replace(case, calibration=found, is_ended=True)

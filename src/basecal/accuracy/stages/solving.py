@@ -1,0 +1,74 @@
+"""Stages that solve: with the noise as stated, with noise estimated, without outliers, with likely lenses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from basecal.accuracy.findings.outlier_samples import agreeing_of
+from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
+from basecal.accuracy.input_check.conventions import check_conventions
+from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.stages.case import Case
+from basecal.estimation.outliers.likely_lenses import with_likely_lenses
+from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
+from basecal.estimation.outliers.robust_solve import solve_robustly
+from basecal.estimation.solve import Solution, solve_packed
+
+
+def solve_all(case: Case) -> Case:
+    """Solve for all samples, with the noise as stated and with unstated noise estimated."""
+    plain = solve_packed(case.problem, case.cell, case.stated_settings)
+    noisy = None if case.settings.robot_noise == "stated" else with_noise(plain, case.settings)
+    return replace(case, plain=plain, noisy=noisy)
+
+
+def screen_conventions(case: Case) -> Case:
+    """Refuse input that another convention explains better."""
+    explained = case.noisy is not None and is_as_of_arms(case.noisy)
+    misread = check_conventions(
+        case.cell, case.recording, case.problem, case.solution, case.stated_settings, explained=explained
+    )
+    found = case.with_findings(misread)
+    return found.refused() if any(each.severity == "error" for each in misread) else found
+
+
+def leave_outliers_out(case: Case) -> Case:
+    """Solve for the samples that agree; robots are exact if no noise of arms explains the views."""
+    assert case.plain is not None
+    noisy = case.noisy
+    if noisy is not None and is_as_of_arms(noisy):
+        return replace(case, robust=solve_with_noise(case.cell, case.settings, case.plain, noisy))
+    with case.settings.stage("outliers"):
+        exact = solve_robustly(case.plain.problem, case.cell, case.stated_settings, case.plain)
+    if noisy is None or not _has_open_noise(noisy) or is_hopeless(exact.solution.problem, exact.solution.state):
+        return replace(case, robust=exact)
+    return replace(case, robust=solve_with_noise(case.cell, case.settings, case.plain, noisy, exact))
+
+
+def _has_open_noise(solution: Solution) -> bool:
+    noise = solution.noise
+    return bool(noise.estimated or noise.robots or noise.jitter_s)
+
+
+def widen_lenses(case: Case) -> Case:
+    """Estimate stated lenses with errors as large as the data show."""
+    assert case.robust is not None
+    return replace(case, robust=with_likely_lenses(case.robust, case.cell, case.settings))
+
+
+def is_explained(case: Case) -> bool:
+    """Whether the solution explains how the targets move."""
+    return case.is_ended or not is_hopeless(case.solution.problem, case.solution.state)
+
+
+def refuse_unexplained(case: Case) -> Case:
+    """Refuse poses that do not explain the views: directions that they hide lead a solver astray, or they are wrong."""
+    if is_explained(case):
+        return case
+    assert case.robust is not None
+    last = case.solution
+    why = unobservable_by_poses(case.cell, case.problem) or [
+        hopeless(last.problem, last.state),
+        *agreeing_of(case.robust),
+    ]
+    return case.refused([*why, *(finding for finding in case.findings if finding.code != why[0].code)])

@@ -1,0 +1,72 @@
+"""Stages that make the calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from basecal.accuracy.stages import concluding
+from basecal.accuracy.stages.case import Case
+from basecal.accuracy.widening import widened
+from basecal.cell import Certificate, ClockOffset, Finding
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, simulate
+from evidence import evidence_of
+
+MADE = simulate(Scenario(samples=6), seed=0)
+SOLUTION = solve(MADE.cell, MADE.recording)
+WIDER = widened(SOLUTION, np.sqrt(np.diag(SOLUTION.covariance)))
+
+
+def case(**parts):
+    evidence = evidence_of(MADE.cell, SOLUTION)
+    return Case(
+        MADE.cell,
+        MADE.recording,
+        Settings(),
+        weighed=evidence,
+        robust=evidence.robust,
+        answers=(SOLUTION, WIDER),
+        **parts,
+    )
+
+
+def test_the_calibration_has_the_covariance_of_effects():
+    """And certificate, findings and verdict of the case."""
+    warning = Finding("drift", "warning", ("wrist",), "It drifts.")
+    found = concluding.conclude(case(certificate=Certificate(0.0, True, ""), findings=(warning,)))
+    calibration = found.calibration
+    assert calibration.verdict == "doubtful"
+    assert set(calibration.verdicts.values()) == {"doubtful"}
+    assert calibration.certificate.is_global
+    assert calibration.findings == (warning,)
+    np.testing.assert_allclose(calibration.joint_covariance, WIDER.covariance)
+    assert not found.is_ended
+    assert concluding.find_error_at_task(found).calibration is calibration
+
+
+def test_clocks_widen_the_answer_and_are_reported(monkeypatch):
+    """Their findings count in the verdict."""
+    late = Finding("prior-contradicted", "warning", ("wrist",), "The clock is off.")
+    last = widened(WIDER, np.sqrt(np.diag(WIDER.covariance)))
+    monkeypatch.setattr(concluding, "clocks_left", lambda clocked, solution: "left")
+    monkeypatch.setattr(concluding, "clock_findings", lambda clocked, left: [late])
+    monkeypatch.setattr(concluding, "clock_offsets", lambda clocked, left: {"wrist": ClockOffset(0.1, 0.01)})
+    monkeypatch.setattr(concluding, "line_times", lambda clocked, left: {})
+    monkeypatch.setattr(concluding, "settled", lambda solution, left: last)
+    found = concluding.conclude(case(clocked=SimpleNamespace()))
+    assert found.calibration.verdict == "doubtful"
+    assert found.calibration.clocks == {"wrist": ClockOffset(0.1, 0.01)}
+    assert found.answers == (SOLUTION, WIDER, last)
+    np.testing.assert_allclose(found.calibration.joint_covariance, last.covariance)
+
+
+def test_the_error_at_a_task_is_found_for_what_is_named():
+    """The budget counts what effects add beside the fit."""
+    asked = replace(concluding.conclude(case()), settings=Settings(task_point=(0.5, 0.0, 0.3)))
+    found = concluding.find_error_at_task(asked).calibration
+    assert found.budget is not None
+    assert found.error_map is not None

@@ -1,0 +1,50 @@
+"""Stages that judge a solution."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.stages import judging
+from basecal.accuracy.stages.case import Case
+from basecal.estimation.settings import Settings
+from basecal.simulation import Scenario, simulate
+from evidence import evidence_of
+
+MADE = simulate(Scenario(samples=3), seed=0)
+
+
+@pytest.mark.parametrize(("small", "refuted"), [((), False), ((False,), False), ((False, True), True)])
+def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, small, refuted):
+    """If any is too small: the solution with the sigmas as they were stated."""
+    given = []
+    robust = SimpleNamespace(solution="without them")
+    contradicted = tuple(SimpleNamespace(too_small=each) for each in small)
+    monkeypatch.setattr(judging, "contradicted_sigmas", lambda solution: contradicted)
+    monkeypatch.setattr(judging, "without_contradicted", lambda *words: robust)
+    monkeypatch.setattr(judging, "systematic_error", lambda *words: given.append(words) or "found")
+    before = Case(MADE.cell, MADE.recording, Settings(), packed="all", robust=SimpleNamespace(solution="as stated"))
+    found = judging.find_systematic_error(judging.screen_stated_sigmas(before))
+    assert found.evidence.systematic_error == "found"
+    assert found.evidence.contradicted_sigmas == contradicted
+    stamps = {k: s.stamp_s for k, s in enumerate(MADE.recording.samples) if s.stamp_s is not None}
+    assert given == [("without them", "all", stamps, Settings(), "as stated" if refuted else None)]
+
+
+def test_the_covariance_covers_each_effect(monkeypatch):
+    """Of confounded effects the one that moves the answer most, in its sigmas."""
+    from basecal.estimation.solve import solve
+
+    solution = solve(MADE.cell, MADE.recording)
+    width = solution.problem.width
+    sigma = np.sqrt(np.diag(solution.covariance))
+    small, large = (k * sigma * (np.arange(width) == k) for k in (1, 2))
+    effect = SimpleNamespace(moved=small)
+    monkeypatch.setattr(judging, "moved_by_sizes", lambda *given: [large])
+    case = Case(MADE.cell, MADE.recording, Settings(), weighed=evidence_of(MADE.cell, solution))
+    fitted, covered = judging.cover_effects(case.weighing(lens_structures=(effect,))).answers
+    assert fitted is solution
+    added = covered.covariance - solution.covariance
+    np.testing.assert_allclose(added, np.outer(small, small) + np.outer(large, large), atol=1e-18)

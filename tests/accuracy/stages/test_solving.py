@@ -1,0 +1,109 @@
+"""Stages that solve: which solution goes on, and which cases end."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.accuracy.stages import solving
+from basecal.accuracy.stages.case import Case
+from basecal.cell import Finding
+from basecal.estimation.settings import Settings
+from basecal.simulation import Scenario, simulate
+
+MADE = simulate(Scenario(samples=3), seed=0)
+SOLVED = SimpleNamespace(problem="solved", state="state")
+ERROR, WARNING, INFO = (Finding(s, s, (), s) for s in ("error", "warning", "info"))
+
+
+def case(**parts):
+    return Case(MADE.cell, MADE.recording, Settings(robot_noise=parts.pop("robot_noise", None)), packed="all", **parts)
+
+
+@pytest.mark.parametrize(("robot_noise", "noisy"), [(None, "noisy"), ("estimated", "noisy"), ("stated", None)])
+def test_noise_is_estimated_unless_the_stated_one_is_asked_for(monkeypatch, robot_noise, noisy):
+    """And the first solution has the noise as stated."""
+    given = []
+    monkeypatch.setattr(solving, "solve_packed", lambda *words: given.append(words) or "plain")
+    monkeypatch.setattr(solving, "with_noise", lambda *words: "noisy")
+    found = solving.solve_all(case(robot_noise=robot_noise))
+    assert (found.plain, found.noisy) == ("plain", noisy)
+    assert given[0][2].robot_noise == "stated"
+
+
+@pytest.mark.parametrize(
+    ("noisy", "of_arms", "explained"), [("noisy", True, True), ("noisy", False, False), (None, True, False)]
+)
+def test_conventions_are_told_whether_noise_explains_the_views(monkeypatch, noisy, of_arms, explained):
+    """Noise as arms have it."""
+    given = []
+    monkeypatch.setattr(solving, "is_as_of_arms", lambda solution: of_arms)
+    monkeypatch.setattr(solving, "check_conventions", lambda *words, explained: given.append(explained) or (WARNING,))
+    found = solving.screen_conventions(case(plain=SOLVED, noisy=noisy, findings=(INFO,)))
+    assert given == [explained]
+    assert found.findings == (INFO, WARNING)
+    assert not found.is_ended
+
+
+def test_an_error_of_conventions_ends_without_numbers(monkeypatch):
+    """With how the input fits as it is read."""
+    monkeypatch.setattr(solving, "check_conventions", lambda *words, explained: (ERROR,))
+    monkeypatch.setattr("basecal.accuracy.stages.case.residuals", lambda solution: f"fit of {solution}")
+    found = solving.screen_conventions(case(plain="plain"))
+    assert found.is_ended
+    assert (found.calibration.verdict, found.calibration.residuals) == ("refused", "fit of plain")
+    assert found.calibration.findings == (ERROR,)
+    assert found.calibration.transforms == {}
+
+
+@pytest.mark.parametrize(
+    ("noisy", "of_arms", "explained", "solved"),
+    [
+        (None, True, True, "exact"),
+        ("open", True, True, "noise"),
+        ("open", False, True, "noise from exact"),
+        ("open", False, False, "exact"),
+        ("closed", False, True, "exact"),
+    ],
+)
+def test_robots_are_exact_where_no_noise_of_arms_explains_the_views(monkeypatch, noisy, of_arms, explained, solved):
+    """Noise is solved for with what agreed, unless nothing of it is open, or nothing agreed."""
+    kinds = [{"estimated": ("pixel_px",)}, {"robots": ("eye",)}, {"jitter_s": {"wrist": 1.0}}]
+    for kind in kinds if noisy == "open" else [{}]:
+        noise = SimpleNamespace(**{"estimated": (), "robots": (), "jitter_s": {}} | kind)
+        exact = SimpleNamespace(solution=SOLVED)
+        monkeypatch.setattr(solving, "is_as_of_arms", lambda solution: of_arms)
+        monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: not explained)
+        monkeypatch.setattr(solving, "solve_robustly", lambda *given, exact=exact: exact)
+        monkeypatch.setattr(
+            solving, "solve_with_noise", lambda *given: "noise from exact" if len(given) > 4 else "noise"
+        )
+        before = case(plain=SOLVED, noisy=None if noisy is None else SimpleNamespace(noise=noise))
+        assert solving.leave_outliers_out(before).robust == (exact if solved == "exact" else solved)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "expected"),
+    [([], ["poor-fit", "agree", "warning"]), (["unobservable"], ["unobservable", "poor-fit", "warning"])],
+)
+def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected):
+    """First what poses hide, or that they do not belong to the views; what was found before stands once."""
+    monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
+    monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [Finding(c, "error", (), "") for c in hidden])
+    monkeypatch.setattr(solving, "hopeless", lambda *given: Finding("poor-fit", "error", (), ""))
+    monkeypatch.setattr(solving, "agreeing_of", lambda robust: [Finding("agree", "info", (), "")])
+    before = case(robust=SimpleNamespace(solution=SOLVED), findings=(Finding("poor-fit", "info", (), ""), WARNING))
+    found = solving.refuse_unexplained(before)
+    assert found.is_ended
+    assert [each.code for each in found.calibration.findings] == expected
+
+
+def test_views_that_are_explained_go_on(monkeypatch):
+    """And a case that has ended is left as it is."""
+    monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: False)
+    before = case(robust=SimpleNamespace(solution=SOLVED))
+    assert solving.refuse_unexplained(before) is before
+    monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
+    ended = before.refused((ERROR,))
+    assert solving.refuse_unexplained(ended) is ended
