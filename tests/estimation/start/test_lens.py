@@ -11,6 +11,7 @@ from tests.shared.real_recordings import example
 
 from basecal.cell import CellCamera
 from basecal.cell.cell import Intrinsics, Unknown
+from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.lens import (
     _Lenses,
@@ -90,13 +91,16 @@ def test_each_focal_length_goes_on_once_and_none_that_hardly_fits():
 
 
 def test_a_guess_is_centred_and_as_wide_as_asked():
-    """In the middle of the pixels' centres; of a camera whose size nobody stated that of 1280 by 720."""
+    """In the middle of the pixels' centres."""
     wide = guessed_lens(replace(ASKED, size_px=(641, 401)), 0.8)
     np.testing.assert_allclose(wide.parameters, [512.8, 512.8, 320, 200, 0, 0, 0, 0, 0])
     assert wide.size_px == (641, 401)
-    unknown = guessed_lens(replace(ASKED, size_px=None), 2.0)
-    np.testing.assert_allclose(unknown.parameters, [2560, 2560, 639.5, 359.5, 0, 0, 0, 0, 0])
-    assert unknown.size_px is None
+
+
+def test_a_lens_of_no_size_is_not_guessed():
+    """What to state is said."""
+    with pytest.raises(InputError, match="a free lens needs size_px"):
+        guessed_lens(replace(ASKED, size_px=None))
 
 
 @pytest.mark.parametrize(("count", "step"), [(30, 1), (31, 2), (60, 2), (61, 3)])

@@ -25,7 +25,6 @@ _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
 # the fit itself leaves out the others; with fewer a skewed fit widens the scale by which points agree.
 _AGREED = 0.95
 _UNSUSPECTED_PX = 1.0  # [px] scatter of points about their view's own pose that a true lens leaves
-# What a detector may be off by, where nobody stated it [px].
 PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 
 

@@ -33,7 +33,6 @@ _STEPS = 6  # of one from the points that agree, which starts near
 _SEED = 20240229
 # So many points at once: arrays of a few megabytes.
 _CHUNK_POINTS = 50_000
-# A target whose third extent is this part of the first is flat.
 
 Points = PixelMeasurement | PointMeasurement
 

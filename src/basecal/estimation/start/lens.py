@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.cell import CellCamera
+from basecal.errors import InputError
 from basecal.estimation.least_squares.normal_equations import retract_lens
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -36,9 +37,15 @@ class _Lenses:
 
 
 def guessed_lens(camera: CellCamera, focal: float = 1.0) -> Camera:
-    """A lens without distortion, centred, with a focal length of `focal` image widths."""
+    """A lens without distortion, centred, with a focal length of `focal` image widths.
+
+    Raises:
+        InputError: if the camera states no image size.
+    """
     assert camera.intrinsics is not None
-    width, height = camera.size_px or (1280, 720)
+    if camera.size_px is None:
+        raise InputError(f"{camera.name}: a free lens needs size_px, or fx, fy, cx, cy as a guess")
+    width, height = camera.size_px
     parameters = [focal * width, focal * width, (width - 1) / 2, (height - 1) / 2, *[0.0] * camera.distortion_terms]
     return Camera(camera.model, np.array(parameters), camera.size_px)
 
