@@ -7,7 +7,7 @@ import pytest
 
 from basecal.acquisition.driver import Picture, Reading
 from basecal.acquisition.rig import open_rig
-from basecal.acquisition.stillness import Unfit, wait_for_arms, wait_for_picture, wait_until_led
+from basecal.acquisition.stillness import Unfit, _is_still, wait_for_arms, wait_for_picture, wait_until_led
 from basecal.cell import RobotState
 from basecal.geometry import SE3
 from shared.running_cell import running
@@ -121,3 +121,17 @@ def test_ringing_arms_are_outwaited(tmp_path, target, places):
             wait_for_arms(rig.robots, goals, 5.0)
             picture = wait_for_picture(rig.cameras["wrist"], [shape], 5.0)
             assert RING_S - 4 * STATE_S < picture.stamp_s - arrived < RING_S + 0.3
+
+
+@pytest.mark.parametrize(("sigmas", "still"), [(3.0, True), (3.9, True), (4.1, False)])
+def test_states_that_differ_by_noise_are_still(sigmas, still):
+    """The two halves of twelve states may differ by four sigmas of the difference of their means."""
+    noise = 1e-2 * np.resize([1.0, 1.0, -1.0, -1.0], 12)
+    sigma = np.diff(noise).std() / np.sqrt(2)  # a shift between the halves adds to one difference of eleven
+    step = sigmas * sigma * np.sqrt(2 / 6)
+    for _ in range(20):  # until sigma counts the step, too
+        values = noise + step * np.repeat([-0.5, 0.5], 6)
+        shown = abs(values[6:].mean() - values[:6].mean()) / (np.diff(values).std() / np.sqrt(2) * np.sqrt(2 / 6))
+        step *= sigmas / shown
+    readings = [Reading(0.01 * k, RobotState(joints_rad=np.array([v]))) for k, v in enumerate(values)]
+    assert _is_still(readings, None) == still

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -253,3 +254,15 @@ def test_other_starts_are_tried_where_residuals_are_no_noise():
         dof = degrees_of_freedom(problem)
         assert _plausible(problem, 2.0**2 * dof)
         assert not _plausible(problem, 8.0**2 * dof)
+
+
+@pytest.mark.parametrize(("costs", "disputed"), [((8.0, 8.0 + 4e-6), False), ((8.0, 8.001), True), ((9.0, 8.0), True)])
+def test_starts_that_end_apart_are_disputed(monkeypatch, costs, disputed):
+    """By more than a millionth of the cost; the lowest end is taken."""
+    ends = iter([("problem", cost, cost) for cost in costs])
+    module = sys.modules["basecal.estimation.solve"]
+    monkeypatch.setattr(module, "first_state", lambda *given, **options: "state")
+    monkeypatch.setattr(module, "guessed_state", lambda *given: None)
+    monkeypatch.setattr(module, "_plausible", lambda problem, cost: False)
+    monkeypatch.setattr(module, "_settled", lambda *given: next(ends))
+    assert module._start("problem", "cell", Settings()) == ("problem", min(costs), disputed)

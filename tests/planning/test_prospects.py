@@ -63,3 +63,12 @@ def test_a_cell_without_guesses_needs_a_calibration(cell):
     """The transform without a value is named."""
     with pytest.raises(InputError, match=BASE):
         sketches(cell[0].cell, None)
+
+
+def test_what_nothing_is_known_of_is_open(cell):
+    """Without a recorded sample each direction has a sigma of 0.3 m or rad."""
+    made, calibration, sketch, drawn = cell
+    bare = Recording(tuple(Sample(s.sample, robots=s.robots) for s in made.recording.samples))
+    prospect = prospects(made.cell, bare, calibration, [(sketch, drawn)])
+    where = prospect.problem.columns[BASE]
+    np.testing.assert_allclose(prospect.covariance[where, where], 0.3**2 * np.eye(6), atol=1e-12)

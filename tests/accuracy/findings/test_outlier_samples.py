@@ -137,6 +137,7 @@ def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
     """Three and more at one end of the recording were taken when something stood elsewhere."""
     (finding,) = outlier_samples(robust(left_out, kept))
     assert words in finding.message
+    assert ("As if" in finding.message) == words.startswith("As if")
     assert ("was left out as an outlier." in finding.message) == (len(left_out) == 1)
     assert f"At sample {left_out[0]}, the robots' poses and the view disagree" in finding.message
     assert finding.about == tuple(map(str, left_out))

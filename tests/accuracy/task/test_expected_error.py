@@ -137,6 +137,10 @@ def test_tolerances(dual):
     assert check(5e-4, found=[]).expected_95_m is None
     assert check(3e-4).expected_95_m == 4e-4
     assert check(4e-4) == Tolerance(4e-4, 4e-4, True)
+    both = SimpleNamespace(asked=(BASE, "mount"))
+    two = [*errors, ExpectedError("mount", 6e-4, np.zeros(3))]
+    found = check_tolerance(both, replace(calibration, verdict="good", settings={"tolerance_m": 5e-4}), two)
+    assert (found.expected_95_m, found.met) == (6e-4, False)
     nothing = SimpleNamespace(asked=())
     found = check_tolerance(nothing, replace(calibration, verdict="good", settings={"tolerance_m": 1e-6}), [])
     assert (found.expected_95_m, found.met) == (0.0, True)

@@ -79,3 +79,9 @@ def test_why_there_is_none() -> None:
 def test_looks_are_in_order_and_of_different_times() -> None:
     found = looks_of(tracks(pictures=np.array([2.0, 1.0, 2.0])))
     assert [(look.stamp_s, look.place) for look in found] == [(1.0, 1), (2.0, 0)]
+
+
+def test_more_noise_than_arms_have_is_movement() -> None:
+    """States that scatter by 2 mrad are no read-back: nothing stands."""
+    assert len(stops_of(tracks(noise=3e-4))) == 4
+    assert stops_of(tracks(noise=2e-3)) == ()

@@ -12,7 +12,7 @@ from basecal.errors import InputError
 from basecal.exchange.bags.bag import opened
 from basecal.exchange.bags.sources import ByFrames, ByPoses, CameraSource, Taken
 from basecal.exchange.bags.survey import surveyed
-from basecal.exchange.bags.tracks import LEAST_APART_S, Tracks, read_tracks
+from basecal.exchange.bags.tracks import LEAST_APART_S, Tracks, _Gathered, read_tracks
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.4, (5, 6)))
@@ -73,3 +73,14 @@ def test_what_is_no_pose(tmp_path: Path) -> None:
     writer.messages[0][3].pose.position.x = float("nan")
     with pytest.raises(InputError, match="not all numbers are finite"):
         read(writer.close(), Taken({"arm": ByPoses("/pose")}))
+
+
+def test_states_hardly_later_than_the_last_are_left_out() -> None:
+    """Those at the same time or a little later; clocks that go back are kept, and put in order."""
+    gathered = _Gathered(1)
+    for time in (1.0, 1.0, 1.0 + 0.5 * LEAST_APART_S, 1.0 + LEAST_APART_S, 0.5):
+        gathered.add(time, np.array([time]))
+    assert list(gathered.times) == [1.0, 1.0 + LEAST_APART_S, 0.5]
+    times, values = gathered.sorted()
+    np.testing.assert_array_equal(times, [0.5, 1.0, 1.0 + LEAST_APART_S])
+    np.testing.assert_array_equal(values[:, 0], times)
