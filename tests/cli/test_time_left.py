@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from basecal.cli.time_left import TimeLeft
+from basecal.accuracy.calibrate import JUDGING, READING, SOLVING
+from basecal.cli.time_left import _SHARES, TimeLeft
 
 
 class Clock:
@@ -66,3 +67,9 @@ def test_parts_of_a_stage_are_shown(clock: Clock) -> None:
     left.enter("conventions, 3 of 9")
     clock.now += 4.0
     assert str(left) == "calibrating: conventions, 3 of 9, about 95 s left"
+
+
+def test_stages_of_calibrate_have_shares():
+    """Each that every calibration has; those of streams and of a task are not counted."""
+    named = {stage.name for stage in (*READING, *SOLVING, *JUDGING)} - {""}
+    assert named - _SHARES.keys() == {"clocks", "task"}
