@@ -113,9 +113,9 @@ class MissingExtra(BasecalError, ImportError):
 
     exit_code = 2
 
-    def __init__(self, extra: str, what: str) -> None:
+    def __init__(self, extra: str, feature: str) -> None:
         self.extra = extra
-        super().__init__(f"{what} needs the extra {extra!r}: pip install 'basecal[{extra}]'")
+        super().__init__(f"{feature} needs the extra {extra!r}: pip install 'basecal[{extra}]'")
 
 
 class DriverError(BasecalError):

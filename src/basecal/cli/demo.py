@@ -109,8 +109,8 @@ def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
     }
 
 
-def _compared(estimate: PoseEstimate, error: dict[str, Any], what: str) -> str:
-    lines = ["", f"{what} against the truth, along x y z of hand_base:"]
+def _compared(estimate: PoseEstimate, error: dict[str, Any], subject: str) -> str:
+    lines = ["", f"{subject} against the truth, along x y z of hand_base:"]
     for half, sigma in (("t", estimate.sigma_t), ("r", estimate.sigma_r)):
         scale, unit = _UNIT[half]
         off = error["t_m" if half == "t" else "r_rad"]

@@ -31,7 +31,7 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
 
 
 @contextmanager
-def counting(what: str) -> Iterator[Step]:
+def counting(activity: str) -> Iterator[Step]:
     """A bar on stderr for steps that are counted; nothing where stderr is not a terminal."""
     if not is_terminal(sys.stderr):
         yield lambda done, total: None
@@ -40,5 +40,5 @@ def counting(what: str) -> Iterator[Step]:
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what)
+        task = bar.add_task(activity)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -75,16 +75,16 @@ def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> A
     return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(hung(chain, stated), joints)
 
 
-def derivative(at: Posture, stated: Stated, values: Array) -> Array:
+def derivative(posture: Posture, stated: Stated, values: Array) -> Array:
     """Of the flange to each compliance."""
-    return at.true.by_joints * gravity_torques(hung(at.chain, stated), at.recorded)[..., None, :]
+    return posture.true.by_joints * gravity_torques(hung(posture.chain, stated), posture.recorded)[..., None, :]
 
 
-def unobserved(of: Unobserved) -> str:
+def unobserved(case: Unobserved) -> str:
     """Why the data do not hold the compliances of some joints."""
-    how = "known from their prior alone" if of.by_prior else "that are unobservable"
+    how = "known from their prior alone" if case.by_prior else "that are unobservable"
     reason = "the torque of gravity about them is small in these samples, or the same in all of them"
-    return f"compliances {how}: {of.joints}: {reason}"
+    return f"compliances {how}: {case.joints}: {reason}"
 
 
 def report(robot: str, found: RobotParameters) -> list[str]:
@@ -98,22 +98,22 @@ def entry(values: Array) -> str:
     return "`deflection: {status: free}`"
 
 
-def shared_errors(at: Posture) -> SharedErrors | None:
+def shared_errors(posture: Posture) -> SharedErrors | None:
     """Joints that yield each by its torque, times a compliance that joints mostly share.
 
     The sigma of turns is that of a joint under the torque of the one that carries most, root of the mean square.
     """
-    if at.chain.masses is None:
+    if posture.chain.masses is None:
         return None
-    torques = gravity_torques(at.chain, at.recorded)
+    torques = gravity_torques(posture.chain, posture.recorded)
     most = float(np.sqrt(np.mean(torques**2, axis=0)).max())
     if not most > 0:
         return None
-    by_joint = at.true.by_joints * (torques / most)[:, None, :]
+    by_joint = posture.true.by_joints * (torques / most)[:, None, :]
     together = np.concatenate(
         [np.sqrt(_ALIKE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _ALIKE) * by_joint], axis=-1
     )
-    return SharedErrors(together, np.ones(at.chain.n + 1, dtype=bool))
+    return SharedErrors(together, np.ones(posture.chain.n + 1, dtype=bool))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:

@@ -47,15 +47,15 @@ def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) 
     return (values[..., None, :] if values.ndim > 1 else values) * joints
 
 
-def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     """Of the flange to each share."""
-    return at.true.by_joints * at.recorded[..., None, :]
+    return posture.true.by_joints * posture.recorded[..., None, :]
 
 
-def unobserved(of: Unobserved) -> str:
+def unobserved(case: Unobserved) -> str:
     """Why the data do not hold the ratios of some joints."""
-    how = "known from their prior alone" if of.by_prior else "that are unobservable"
-    return f"gear ratios {how}: {of.joints}: these joints hardly move in these samples, or as a base or mount does"
+    how = "known from their prior alone" if case.by_prior else "that are unobservable"
+    return f"gear ratios {how}: {case.joints}: these joints hardly move in these samples, or as a base or mount does"
 
 
 def report(robot: str, found: RobotParameters) -> list[str]:

@@ -62,28 +62,28 @@ def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) 
     return values[..., None, :] if values.ndim > 1 else values
 
 
-def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     """Of the flange to each joint."""
-    return at.true.by_joints
+    return posture.true.by_joints
 
 
-def unobserved(of: Unobserved) -> str:
+def unobserved(case: Unobserved) -> str:
     """Why the data do not hold the offsets of some joints."""
     still = next(
-        (row for row in range(of.joint_count) if row not in of.rows), 0
+        (row for row in range(case.joint_count) if row not in case.rows), 0
     )  # of the first joints, as many as the base
     ends = {0: "the first joint moves the arm as its base does"}
     if still > 1:
         ends[0] = f"joints 1 to {still} move the arm as its base does, in these samples"
-    ends[of.joint_count - 1] = "the last one as the mounts on its flange do"
-    reasons = [ends[row] for row in of.rows if row in ends]
-    if any(row >= still and row not in ends for row in of.rows):
+    ends[case.joint_count - 1] = "the last one as the mounts on its flange do"
+    reasons = [ends[row] for row in case.rows if row in ends]
+    if any(row >= still and row not in ends for row in case.rows):
         reasons.append("the samples hardly move the others by themselves")
-    why = f"{of.joints}: {', '.join(reasons)}"
-    if of.by_prior:
-        rest = f"the sigmas of {of.base} and of the mounts contain what they leave open"
+    why = f"{case.joints}: {', '.join(reasons)}"
+    if case.by_prior:
+        rest = f"the sigmas of {case.base} and of the mounts contain what they leave open"
         return f"offsets known from their prior alone: {why}; {rest}"
-    rest = f"{of.base} and the mounts make up for them"
+    rest = f"{case.base} and the mounts make up for them"
     return f"offsets that are unobservable and fixed at zero as a gauge: {why}; {rest}"
 
 
@@ -128,9 +128,9 @@ def entry(values: Array) -> str:
     return f"`joint_offsets: {{status: prior, sigma_rad: {suggested_sigma(values)}}}`"
 
 
-def shared_errors(at: Posture) -> SharedErrors:
+def shared_errors(posture: Posture) -> SharedErrors:
     """A rotation of each joint that is equal at all stops."""
-    return SharedErrors(at.true.by_joints, np.ones(at.chain.n, dtype=bool))
+    return SharedErrors(posture.true.by_joints, np.ones(posture.chain.n, dtype=bool))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:

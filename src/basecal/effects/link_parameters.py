@@ -50,9 +50,9 @@ def moved(chain: SerialChain, values: Array) -> SerialChain:
     return chain.moved(values) if np.any(values) else chain
 
 
-def derivative(at: Posture, stated: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     """Of the flange to each origin."""
-    links = at.true.by_links
+    links = posture.true.by_links
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
     turned = by_link @ right_jacobian(values)[..., None, :, :, :]
     return np.asarray(np.swapaxes(turned, -2, -3).reshape(links.shape))
@@ -93,9 +93,9 @@ def entry(values: Array) -> str:
     return f"`link_parameters: {{status: prior, sigma_rad: {SIGMA_RAD}, sigma_m: {SIGMA_M}}}`"
 
 
-def shared_errors(at: Posture) -> SharedErrors:
+def shared_errors(posture: Posture) -> SharedErrors:
     """A shift and a rotation of each origin, and of the tip."""
-    return SharedErrors(at.true.by_links, np.tile(np.repeat([False, True], 3), at.chain.n + 1))
+    return SharedErrors(posture.true.by_links, np.tile(np.repeat([False, True], 3), posture.chain.n + 1))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:

@@ -56,15 +56,15 @@ class Field:
         there = [name for name in self.data if self.data[name] is not None]
         raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {listed(there)}")
 
-    def items(self, what: str) -> list[Field]:
-        """The entries of a list of `what`, at least one.
+    def items(self, kind: str) -> list[Field]:
+        """The entries of a list of `kind`, at least one.
 
         Raises:
             DatasetError: if it is no list, or an empty one.
         """
         if not isinstance(self.data, list) or not self.data:
             found = "an empty list" if self.data == [] else short(self.data)
-            raise self.error(f"is {found}, expected a list of {what}")
+            raise self.error(f"is {found}, expected a list of {kind}")
         return [Field(self.path, item, self.lines, (*self.loc, i)) for i, item in enumerate(self.data)]
 
     def text(self) -> str:

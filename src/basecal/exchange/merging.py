@@ -136,12 +136,12 @@ def _check_reference(first: Part, other: Part) -> None:
         )
 
 
-def _difference(what: str, first: Path, ours: Any, other: Path, theirs: Any) -> str:
+def _difference(entry: str, first: Path, ours: Any, other: Path, theirs: Any) -> str:
     """Where two entries differ, to the field."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
         key = next(key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key))
-        return _difference(f"{what}.{key}", first, ours.get(key), other, theirs.get(key))
-    states = f"{what}: {first} states {_told(ours)}, {other} {_told(theirs)}"
+        return _difference(f"{entry}.{key}", first, ours.get(key), other, theirs.get(key))
+    states = f"{entry}: {first} states {_told(ours)}, {other} {_told(theirs)}"
     return f"{states}: give them other names, or correct the one that is wrong"
 
 

@@ -55,13 +55,13 @@ def _is_sigma(value: Any) -> bool:
     return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST
 
 
-def known_names(what: str, names: tuple[str, ...]) -> AfterValidator:
+def known_names(kind: str, names: tuple[str, ...]) -> AfterValidator:
     """A check that a name is one of those known."""
 
     def check(name: str) -> str:
         """The name, if it is known."""
         if name not in names:
-            raise ValueError(f"no {what} {name[:SHORT]!r}{nearest(name[:SHORT], names)}; there are: {', '.join(names)}")
+            raise ValueError(f"no {kind} {name[:SHORT]!r}{nearest(name[:SHORT], names)}; there are: {', '.join(names)}")
         return name
 
     return AfterValidator(check)

@@ -209,10 +209,10 @@ def _attribute(path: str, element: Element, key: str, about: str = "") -> str:
     return value
 
 
-def _unique(names: list[str], what: str, path: str) -> list[str]:
+def _unique(names: list[str], kind: str, path: str) -> list[str]:
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise DatasetError(path, "given twice, names are unique", field=f"{what} {twice[0]!r}")
+        raise DatasetError(path, "given twice, names are unique", field=f"{kind} {twice[0]!r}")
     return names
 
 

@@ -115,11 +115,12 @@ def history_text(history: Sequence[PastVerification], found: Sequence[Drift]) ->
     return "\n".join([*lines, *map(drift_sentence, found)])
 
 
-def drift_sentence(of: Drift) -> str:
+def drift_sentence(drift: Drift) -> str:
     """Whether a transform drifts, and how fast."""
-    speed, sigma = 1e3 * float(np.linalg.norm(of.m_per_day)), 1e3 * float(np.linalg.norm(of.sigma))
-    verb = "drifts" if of.chance < LEVEL else "does not drift:"
-    return f"{of.transform} {verb} {speed:.2g} +/- {sigma:.2g} mm a day over {of.count} checks (p = {of.chance:.2g})"
+    speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
+    verb = "drifts" if drift.chance < LEVEL else "does not drift:"
+    rate = f"{speed:.2g} +/- {sigma:.2g} mm a day"
+    return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 
 
 def comparison_dict(names: Sequence[str], found: Sequence[Comparison]) -> dict[str, Any]:

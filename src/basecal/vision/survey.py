@@ -175,7 +175,7 @@ def _markers(detector: Any, image: Grey, way: Way) -> set[int]:
     return set() if numbers is None else {int(number) for number in numbers.ravel()}
 
 
-def _other_set(images: list[Grey], stated: str, what: str) -> str | None:
+def _other_set(images: list[Grey], stated: str, kind: str) -> str | None:
     """The dictionary of which most markers are seen, the smallest that has them all."""
     seen: dict[tuple[str, ...], set[int]] = {}
     for names in MARKER_SETS:
@@ -187,7 +187,7 @@ def _other_set(images: list[Grey], stated: str, what: str) -> str | None:
         return None
     name = next(each for each in most if max(seen[most]) < len(dictionary(each).bytesList))
     count = len(seen[most])
-    return f"{name} has {f'{count} {what}s' if count > 1 else f'{what} {max(seen[most])}'} here"
+    return f"{name} has {f'{count} {kind}s' if count > 1 else f'{kind} {max(seen[most])}'} here"
 
 
 def _ids(numbers: Iterable[int]) -> str:

@@ -71,8 +71,8 @@ def _relinearised(cell: Cell, calibration: Calibration, recording: Recording, sh
     return replace(shift, size=size), _total(of) - again.statistic
 
 
-def _total(of: Innovations) -> float:
-    return float(of.off @ of.covariance_inverse @ of.off)
+def _total(innovations: Innovations) -> float:
+    return float(innovations.off @ innovations.covariance_inverse @ innovations.off)
 
 
 def _cost(shift: Shift, left: float) -> float:
@@ -80,9 +80,9 @@ def _cost(shift: Shift, left: float) -> float:
     return left + shift.freedoms
 
 
-def _chance(of: Innovations, statistic: float, freedoms: int) -> float:
+def _chance(innovations: Innovations, statistic: float, freedoms: int) -> float:
     if freedoms < 1:
         return 1.0
-    if not np.isfinite(of.freedoms_of_noise):
+    if not np.isfinite(innovations.freedoms_of_noise):
         return float(np.exp(log_chance_of(statistic, freedoms)))
-    return float(fdtrc(freedoms, of.freedoms_of_noise, statistic / freedoms))
+    return float(fdtrc(freedoms, innovations.freedoms_of_noise, statistic / freedoms))

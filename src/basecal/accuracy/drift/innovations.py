@@ -177,34 +177,34 @@ def _none(group: ViewGroup) -> IntArray:
     return np.full(len(group), -1, dtype=np.int64)
 
 
-def _of_robots(of: Innovations, calibration: Calibration) -> Array:
+def _of_robots(innovations: Innovations, calibration: Calibration) -> Array:
     """What the errors of the robots' poses leave open."""
-    out = np.zeros(of.predicted.shape)
-    for robot in of.robots:
+    out = np.zeros(innovations.predicted.shape)
+    for robot in innovations.robots:
         known = calibration.noise.get("robots", {}).get(robot, {})
-        by_flange = of.by_flange(robot)
-        poses, stand = of.stands(robot)
+        by_flange = innovations.by_flange(robot)
+        poses, stand = innovations.stands(robot)
         parts = [(_sigmas(known), stand[:, None] == stand[None])]
         for name in (name for name in RANDOM_EFFECTS if name in known):
-            errors = _at_views(of, robot, RANDOM_EFFECTS[name], known[name])
+            errors = _at_views(innovations, robot, RANDOM_EFFECTS[name], known[name])
             if errors is None:
                 # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
                 parts.append((np.array(known[name]["sigma"]), kernel(poses, poses)))
             else:
-                moved = of.of(by_flange @ errors)
+                moved = innovations.of(by_flange @ errors)
                 out += moved @ moved.T
         for sigma, alike in parts:
-            each = of.root.mT @ (by_flange * sigma)
+            each = innovations.root.mT @ (by_flange * sigma)
             out += np.einsum("iar,ij,jbr->iajb", each, alike, each).reshape(out.shape)
     return out
 
 
-def _at_views(of: Innovations, robot: str, effect: RandomEffect, known: Mapping[str, Any]) -> Array | None:
+def _at_views(innovations: Innovations, robot: str, effect: RandomEffect, known: Mapping[str, Any]) -> Array | None:
     """How a robot's flange moves with errors of its joints and links, in sigmas, (n, 6, k) in all views.
 
     None if the effect does not go by joints, these were not recorded, or each error's sigma is not known.
     """
-    at = of.posture(robot)
+    at = innovations.posture(robot)
     errors = None if at is None or effect.by_joints is None else effect.by_joints(at)
     if errors is None or "shift_m" not in known:
         return None

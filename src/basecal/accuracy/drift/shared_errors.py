@@ -25,33 +25,40 @@ FEWEST_SAMPLES = 12
 _HIDDEN = 1e-9  # share of the information below which a direction of a camera's place is not seen
 
 
-def with_shared_errors(of: Innovations, moved: Shift) -> Innovations:
+def with_shared_errors(innovations: Innovations, moved: Shift) -> Innovations:
     """The same with what the views of each camera are seen to get wrong together.
 
     Args:
-        of: New views, of `FEWEST_SAMPLES` or more.
+        innovations: New views, of `FEWEST_SAMPLES` or more.
         moved: The likeliest thing to have moved, which is none of such errors.
     """
     if moved.joint is None:
-        moves = of.by_frame(moved.transform)
+        moves = innovations.by_frame(moved.transform)
     else:
-        moves = of.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
-    left = of.covariance_inverse @ (of.off - of.of(moves) @ moved.size)
-    cameras = sorted({group.camera_mount for group in of.situation.problem.groups})
-    more = sum((_of_camera(of, of.of(of.by_frame(name)), left) for name in cameras), np.zeros(of.predicted.shape))
-    return of if not np.any(more) else replace(of, predicted=of.predicted + more, known_inverse=None)
+        moves = innovations.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
+    left = innovations.covariance_inverse @ (innovations.off - innovations.of(moves) @ moved.size)
+    cameras = sorted({group.camera_mount for group in innovations.situation.problem.groups})
+    more = sum(
+        (_of_camera(innovations, innovations.of(innovations.by_frame(name)), left) for name in cameras),
+        np.zeros(innovations.predicted.shape),
+    )
+    return (
+        innovations
+        if not np.any(more)
+        else replace(innovations, predicted=innovations.predicted + more, known_inverse=None)
+    )
 
 
-def _of_camera(of: Innovations, by_place: Array, left: Array) -> Array:
+def _of_camera(innovations: Innovations, by_place: Array, left: Array) -> Array:
     """What a camera's views get wrong together, as a covariance of all views, (6 n, 6 n).
 
     Args:
-        of: The views.
+        innovations: The views.
         by_place: (6 n, 6) how they go with the camera's place.
         left: (6 n,) what is left of them over its covariance.
     """
-    inverse = of.covariance_inverse
-    rows = [np.flatnonzero(np.repeat(of.sample == number, 6)) for number in np.unique(of.sample)]
+    inverse = innovations.covariance_inverse
+    rows = [np.flatnonzero(np.repeat(innovations.sample == number, 6)) for number in np.unique(innovations.sample)]
     said = np.stack([by_place[at].T @ left[at] for at in rows])
     expected = sum((by_place[at].T @ inverse[np.ix_(at, at)] @ by_place[at] for at in rows), np.zeros((6, 6)))
     of_all = spectrum(expected, _HIDDEN)

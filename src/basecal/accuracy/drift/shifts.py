@@ -82,39 +82,47 @@ class Shift:
         return float(np.linalg.norm(self.size[3:] if self.joint is None else self.size))
 
 
-def frame_shifts(of: Innovations) -> Iterator[Shift]:
+def frame_shifts(innovations: Innovations) -> Iterator[Shift]:
     """Each base, camera and target that views depend on."""
-    for name in of.situation.frames:
+    for name in innovations.situation.frames:
         frame = name.partition("_from_")[2]
-        yield _shift(of, frame, name, None, of.by_frame(name))
+        yield _shift(innovations, frame, name, None, innovations.by_frame(name))
 
 
-def joint_shifts(of: Innovations) -> Iterator[Shift]:
+def joint_shifts(innovations: Innovations) -> Iterator[Shift]:
     """The zero of each joint of the robots that were recorded by joints."""
-    for robot in of.robots:
-        by_joints = of.by_joints(robot)
+    for robot in innovations.robots:
+        by_joints = innovations.by_joints(robot)
         for joint in range(by_joints.shape[-1]):
-            yield _shift(of, f"{robot}_flange", "", joint, by_joints[..., joint : joint + 1])
+            yield _shift(innovations, f"{robot}_flange", "", joint, by_joints[..., joint : joint + 1])
 
 
-def size_shifts(of: Innovations) -> Iterator[Shift]:
+def size_shifts(innovations: Innovations) -> Iterator[Shift]:
     """The size of each target that is no single point, by a fraction: another board shows as larger or smaller."""
-    problem = of.situation.problem
+    problem = innovations.situation.problem
     for target in sorted({g.target for g in problem.groups if g.target_mount not in problem.point_mounts}):
         groups = enumerate(problem.groups)
-        moves = [by_size(of.situation, k) * float(group.target == target) for k, group in groups]
-        yield _shift(of, target, SIZE, None, np.concatenate(moves))
+        moves = [by_size(innovations.situation, k) * float(group.target == target) for k, group in groups]
+        yield _shift(innovations, target, SIZE, None, np.concatenate(moves))
 
 
-def _shift(of: Innovations, frame: str, transform: str, joint: int | None, moves: Array) -> Shift:
-    by_shift = of.of(moves)
-    weighed = by_shift.T @ of.covariance_inverse
+def _shift(innovations: Innovations, frame: str, transform: str, joint: int | None, moves: Array) -> Shift:
+    by_shift = innovations.of(moves)
+    weighed = by_shift.T @ innovations.covariance_inverse
     information = weighed @ by_shift
     seen = spectrum(0.5 * (information + information.T), _HIDDEN)
-    size = seen.inverse @ (weighed @ of.off)
+    size = seen.inverse @ (weighed @ innovations.off)
     statistic = float(size @ information @ size)
     return Shift(
-        frame, transform, joint, size, seen.inverse, information, statistic, int(seen.rank), of.freedoms_of_noise
+        frame,
+        transform,
+        joint,
+        size,
+        seen.inverse,
+        information,
+        statistic,
+        int(seen.rank),
+        innovations.freedoms_of_noise,
     )
 
 

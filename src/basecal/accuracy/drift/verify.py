@@ -73,9 +73,9 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
     return found if rest.chance < _AS_BEFORE else Verification(**{**vars(rest), "outliers": (sample,)})
 
 
-def _verified(cell: Cell, of: Innovations) -> Verification:
-    samples = tuple(sorted({int(sample) for sample in of.sample}))
-    frames = list(frame_shifts(of))
+def _verified(cell: Cell, innovations: Innovations) -> Verification:
+    samples = tuple(sorted({int(sample) for sample in innovations.sample}))
+    frames = list(frame_shifts(innovations))
     if not frames:
         return Verification(None, 1.0, None, (), None, samples)
     level = LEVEL / len(frames)
@@ -84,7 +84,7 @@ def _verified(cell: Cell, of: Innovations) -> Verification:
     lengths = [detectable_m(each, level, POWER) for each in asked]
     seen = None if None in lengths else max(length for length in lengths if length is not None)
     moved = chance < LEVEL
-    explanations = sorted([*frames, *joint_shifts(of)], key=lambda each: each.log_chance)
+    explanations = sorted([*frames, *joint_shifts(innovations)], key=lambda each: each.log_chance)
     best = explanations[0]
     is_blind = seen is not None and seen > _BLIND_M
     is_moved = None if is_blind else True if moved else None if seen is None else False

@@ -12,14 +12,14 @@ def guess_led_astray() -> Finding:
     return Finding("better-optimum", "info", (), what, why="The answer starts without them.")
 
 
-def better_optimum(of: Evidence) -> list[Finding]:
+def better_optimum(evidence: Evidence) -> list[Finding]:
     """An info where the answer is not the optimum the start had led to; a warning where a closed form is better."""
     found = []
-    if of.solution is not of.robust.solution:
-        what = f"The start led to a local optimum of cost {of.robust.solution.cost:.6g}."
-        why = f"The certificate led to one of {of.solution.cost:.6g}, which is the answer."
+    if evidence.solution is not evidence.robust.solution:
+        what = f"The start led to a local optimum of cost {evidence.robust.solution.cost:.6g}."
+        why = f"The certificate led to one of {evidence.solution.cost:.6g}, which is the answer."
         found.append(Finding("better-optimum", "info", (), what, why=why))
-    rival = None if of.cross_validation is None else of.cross_validation.rival
+    rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
     if rival is not None:
         what = f"A closed form of single views predicts held-out views {rival.ratio:.2g} times better than the answer."
         why = "The answer weighs the views by their noise. The covariance covers both."

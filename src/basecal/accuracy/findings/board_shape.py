@@ -11,11 +11,11 @@ from basecal.cell import Finding
 from basecal.effects.target_shape import freedoms, words
 
 
-def board_shape(of: Evidence) -> list[Finding]:
+def board_shape(evidence: Evidence) -> list[Finding]:
     """An info about each target that is off its shape beyond chance; a warning if none is made so badly."""
     findings = []
-    for name, (shape, spread) in of.solution.noise.shapes.items():
-        target = of.cell.targets[name].target
+    for name, (shape, spread) in evidence.solution.noise.shapes.items():
+        target = evidence.cell.targets[name].target
         if target is None:
             continue
         statistic = shape @ np.linalg.solve(spread, shape)

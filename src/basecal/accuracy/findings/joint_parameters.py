@@ -11,16 +11,16 @@ from basecal.effects.faces.robot_parameter import Unobserved
 from basecal.effects.registry import ROBOT_PARAMETERS
 
 
-def unobserved_joint_parameters(of: Evidence) -> list[Finding]:
+def unobserved_joint_parameters(evidence: Evidence) -> list[Finding]:
     """Infos about each robot's parameters, joint by joint, that stay at their prior, or at zero."""
     findings = []
-    for kind, by_robot in robot_parameters(of.solution).items():
+    for kind, by_robot in robot_parameters(evidence.solution).items():
         for robot, found in by_robot.items():
             rows = np.flatnonzero(~found.seen).tolist() if found.joints else []
             if not rows:
                 continue
-            by_prior = of.solution.problem.models[robot].columns[kind].sigma is not None
-            base = "the other bases" if robot == of.cell.reference else of.cell.base_name(robot)
+            by_prior = evidence.solution.problem.models[robot].columns[kind].sigma is not None
+            base = "the other bases" if robot == evidence.cell.reference else evidence.cell.base_name(robot)
             names = [f"{row + 1} ({found.joints[row]})" for row in rows]
             joints = f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"
             unobserved = ROBOT_PARAMETERS[kind].unobserved

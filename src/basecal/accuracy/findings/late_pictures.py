@@ -27,30 +27,30 @@ class _Late(NamedTuple):
     by_s: float
 
 
-def late_pictures(of: Evidence) -> list[Finding]:
+def late_pictures(evidence: Evidence) -> list[Finding]:
     """Of each camera the pictures that were left out and are explained by their time: a warning above 3 %."""
-    out = {(o.sample, o.camera) for o in of.robust.outliers if not o.ids}
+    out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
     for camera in sorted({camera for _, camera in out}):
-        late = sorted(_late_of(of, camera, {sample for sample, name in out if name == camera}))
+        late = sorted(_late_of(evidence, camera, {sample for sample, name in out if name == camera}))
         if late:
-            severity: Severity = "warning" if len(late) > _FEW * of.robust.samples else "info"
+            severity: Severity = "warning" if len(late) > _FEW * evidence.robust.samples else "info"
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
             found.append(Finding("clock-offset", severity, (camera, *numbers), _what(camera, late), do))
     return found
 
 
-def _late_of(of: Evidence, camera: str, samples: set[int]) -> list[_Late]:
+def _late_of(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
     late = []
-    for group in of.recorded.groups:
+    for group in evidence.recorded.groups:
         rows = np.flatnonzero(np.isin(group.sample, list(samples)))
         if group.camera != camera or group.motion is None or not len(rows):
             continue
         nowhere = np.full(len(rows), -1, dtype=np.int64)
         views = replace(group.take(rows), eye_stop=nowhere, hand_stop=nowhere)
-        state = of.solution.state
-        predicted = state.camera_from_target(views, of.recorded.stops)
+        state = evidence.solution.state
+        predicted = state.camera_from_target(views, evidence.recorded.stops)
         view = views.measurement.linearise(predicted, state.cameras.get(camera), False)
         whole = spectrum(view.information, VIEW_ROUNDING).mahalanobis_squared(view.gradient)
         assert views.motion is not None

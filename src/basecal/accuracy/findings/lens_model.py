@@ -12,11 +12,13 @@ from basecal.cell.calibration import Severity
 _MATTERS = 1.0  # sigmas by which a transform asked for has to move
 
 
-def lens_model(of: Evidence) -> list[Finding]:
+def lens_model(evidence: Evidence) -> list[Finding]:
     """A warning where what the lens model leaves moves the answer by more than its sigmas, else an info."""
     findings = []
-    for found in of.lens_structures:
-        moves = [_sigmas(of, found, name) for name in of.cell.asked if name in of.solution.problem.columns]
+    for found in evidence.lens_structures:
+        moves = [
+            _sigmas(evidence, found, name) for name in evidence.cell.asked if name in evidence.solution.problem.columns
+        ]
         worst = max(moves, default=0.0)
         severity: Severity = "warning" if worst > _MATTERS else "info"
         what = f"Residuals of {found.camera} depend on their place in the image: {found.rms_px:.2g} px rms."
@@ -27,7 +29,7 @@ def lens_model(of: Evidence) -> list[Finding]:
     return findings
 
 
-def _sigmas(of: Evidence, found: LensStructure, name: str) -> float:
-    where = of.solution.problem.columns[name]
-    sigma = np.sqrt(np.maximum(np.diag(of.solution.covariance_of([name])), 0.0))[: where.stop - where.start]
+def _sigmas(evidence: Evidence, found: LensStructure, name: str) -> float:
+    where = evidence.solution.problem.columns[name]
+    sigma = np.sqrt(np.maximum(np.diag(evidence.solution.covariance_of([name])), 0.0))[: where.stop - where.start]
     return float(np.abs(found.moved[where] / np.maximum(sigma, np.finfo(np.float64).tiny)).max())

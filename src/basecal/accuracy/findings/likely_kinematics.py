@@ -14,23 +14,23 @@ _OF_ARMS = {"robot-model", "deflection"}
 _CONTAINED = "The covariance contains it."
 
 
-def likely_kinematics(of: Evidence) -> list[Finding]:
+def likely_kinematics(evidence: Evidence) -> list[Finding]:
     """The effect of joints or links whose evidence is far beyond that of stops that err independently.
 
     Nothing if a warning reports it already.
     """
-    noise = of.solution.noise
+    noise = evidence.solution.noise
     name, sigmas = next(iter(noise.common.items()), ("", {}))
     likely = RANDOM_EFFECTS[name].likely if name else None
     if likely is None or noise.plain_surprise - noise.surprise < _LIKELY:
         return []
     words = likely(sigmas)
-    found = of.systematic_error
+    found = evidence.systematic_error
     if found is not None and words_of(found).code in _OF_ARMS:
         return []
-    if words.code == "robot-model" and robot_model(of):
+    if words.code == "robot-model" and robot_model(evidence):
         return []
     why = [_CONTAINED]
     if name == deflection.NAME:
-        why.append(gravity_taken(of.cell, of.solution, tuple(sigmas)))
+        why.append(gravity_taken(evidence.cell, evidence.solution, tuple(sigmas)))
     return [Finding(words.code, "info", tuple(sigmas), words.what, words.do, " ".join(why))]

@@ -21,21 +21,21 @@ def robots_with_one_stop(problem: Problem) -> list[str]:
     return [name for name in sorted(problem.unstated) if stops_made(problem, name) == 1]
 
 
-def noise_not_identifiable(of: Evidence) -> list[Finding]:
+def noise_not_identifiable(evidence: Evidence) -> list[Finding]:
     """Infos about robots whose noise the recording hardly tells."""
-    if of.settings.robot_noise == "stated":
-        return list(of.solution.findings)
+    if evidence.settings.robot_noise == "stated":
+        return list(evidence.solution.findings)
     findings = []
-    if few := robots_with_few_stops(of.recorded):
+    if few := robots_with_few_stops(evidence.recorded):
         counts = " and ".join(f"{count} stops of {name}" for name, count in few.items())
         what = f"{counts} are too few to estimate unstated noise."
         why = "Typical values of robot arms count as much; the covariance is wider."
         do = (f"Record at least {FEWEST_STOPS} stops, or state `noise` in cell.yaml.",)
         findings.append(Finding("noise-not-identifiable", "info", tuple(few), what, do, why))
-    for robot in robots_with_one_stop(of.recorded):
+    for robot in robots_with_one_stop(evidence.recorded):
         what = f"{robot} made a single stop, so that no residual shows an error of its pose."
         why = "It is assumed to be as noisy as the others, or as arms in general."
         findings.append(
             Finding("noise-not-identifiable", "info", (robot,), what, ("State its noise, or move it.",), why)
         )
-    return [*findings, *of.solution.findings]
+    return [*findings, *evidence.solution.findings]

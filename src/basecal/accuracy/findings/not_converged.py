@@ -6,9 +6,9 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 
 
-def not_converged(of: Evidence) -> list[Finding]:
+def not_converged(evidence: Evidence) -> list[Finding]:
     """An error where the solver did not converge."""
-    if of.solution.converged:
+    if evidence.solution.converged:
         return []
     do = ("Check units and directions of the poses, or give a guess.",)
     return [Finding("not-converged", "error", (), "The solver did not converge.", do)]

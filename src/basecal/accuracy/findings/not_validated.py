@@ -8,9 +8,9 @@ from basecal.cell import Finding
 _SHOWN = 10  # samples, the rest as an ellipsis
 
 
-def not_validated(of: Evidence) -> list[Finding]:
+def not_validated(evidence: Evidence) -> list[Finding]:
     """An info about samples that cannot be held out, as a transform asked for were unobservable, or where none can."""
-    found = of.cross_validation
+    found = evidence.cross_validation
     if found is None or not (found.skipped or not found.summary):
         return []
     if not found.skipped:
@@ -18,6 +18,6 @@ def not_validated(of: Evidence) -> list[Finding]:
         return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
     shown = ", ".join(numbers[:_SHOWN]) + (", ..." if len(numbers) > _SHOWN else "")
-    names = " and ".join(name for name in of.cell.asked if name in of.solution.problem.columns)
+    names = " and ".join(name for name in evidence.cell.asked if name in evidence.solution.problem.columns)
     what, why = f"Samples {shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
     return [Finding("not-validated", "info", numbers, what, ("Record more of their kind.",), why)]

@@ -11,13 +11,13 @@ from basecal.cell.calibration import Severity
 _FEW = 0.1  # share of the points: a few are the detector's everyday business
 
 
-def outlier_points(of: Evidence) -> list[Finding]:
+def outlier_points(evidence: Evidence) -> list[Finding]:
     """The samples with points that were left out: a warning above one point in ten."""
-    outliers = [o for o in of.robust.outliers if o.ids]
+    outliers = [o for o in evidence.robust.outliers if o.ids]
     count = sum(len(o.ids) for o in outliers)
     if not count:
         return []
-    numbers, total = sorted({o.sample for o in outliers}), of.robust.points + count
+    numbers, total = sorted({o.sample for o in outliers}), evidence.robust.points + count
     what = f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}."
     why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
     do = ("Look for reflections, covered or blurred parts of the target, and ids of another target.",)

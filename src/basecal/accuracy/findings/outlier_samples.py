@@ -20,17 +20,17 @@ _FAR_SIGMAS = 6.0  # of a stop's error: a chance of 2e-9 each where the stated n
 _FEWEST_MOVED = 3  # samples at an end of the recording: two may each be wrong for themselves
 
 
-def outlier_samples(of: Evidence) -> list[Finding]:
+def outlier_samples(evidence: Evidence) -> list[Finding]:
     """The samples with a view that was left out: a warning above three in a hundred."""
-    outliers = [o for o in of.robust.outliers if not o.ids]
-    numbers, total = sorted({o.sample for o in outliers}), of.robust.samples
+    outliers = [o for o in evidence.robust.outliers if not o.ids]
+    numbers, total = sorted({o.sample for o in outliers}), evidence.robust.samples
     if not numbers:
         return []
     one = len(numbers) == 1
     outlier = "an outlier" if one else "outliers"
     what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
     why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
-    moved = _moved(numbers, of.robust.solution.problem)
+    moved = _moved(numbers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
     severity: Severity = "warning" if len(numbers) > _FEW * total else "info"
     about = tuple(map(str, numbers))
@@ -50,9 +50,9 @@ def _moved(numbers: Sequence[int], inliers: Problem) -> str:
     return ""
 
 
-def agreeing_samples(of: Evidence) -> list[Finding]:
+def agreeing_samples(evidence: Evidence) -> list[Finding]:
     """A warning where no answer rests on most samples: which of them agree with one another."""
-    return agreeing_of(of.robust)
+    return agreeing_of(evidence.robust)
 
 
 def agreeing_of(robust: RobustSolution) -> list[Finding]:
@@ -66,14 +66,14 @@ def agreeing_of(robust: RobustSolution) -> list[Finding]:
     return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
 
 
-def far_stops(of: Evidence) -> list[Finding]:
+def far_stops(evidence: Evidence) -> list[Finding]:
     """A warning about stops with a pose error of more than six sigma, where nothing else is said of samples."""
-    solution = of.robust.solution
+    solution = evidence.robust.solution
     errors = np.abs(solution.state.stop_errors).max(axis=1)
     far = np.flatnonzero(errors > _FAR_SIGMAS)
     ends = [(group, stop) for group in solution.problem.groups for stop in (group.eye_stop, group.hand_stop)]
     samples = sorted({int(number) for group, stop in ends for number in group.sample[np.isin(stop, far)]})
-    if not samples or of.robust.agreeing or any(not o.ids for o in of.robust.outliers):
+    if not samples or evidence.robust.agreeing or any(not o.ids for o in evidence.robust.outliers):
         return []
     what = f"A robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}."
     why, do = "It was taken before the arm settled, or bumped.", ("Leave these samples out, or state a larger noise.",)

@@ -12,11 +12,11 @@ _MUCH_WORSE = 4.0  # rms ratio: with enough samples it is near one, and nears tw
 _ROUNDING = 1e-12  # cost of a view that fits to rounding: synthetic cells without noise
 
 
-def overfit(of: Evidence) -> list[Finding]:
+def overfit(evidence: Evidence) -> list[Finding]:
     """A warning where the cross-validation error is more than four times the residual of the same samples."""
-    if of.cross_validation is None or of.cross_validation.summary is None:
+    if evidence.cross_validation is None or evidence.cross_validation.summary is None:
         return []
-    used, predicted = of.cross_validation.fitted, of.cross_validation.predicted
+    used, predicted = evidence.cross_validation.fitted, evidence.cross_validation.predicted
     ratio = np.sqrt(predicted.cost / used.cost) if used.cost > 0 and np.isfinite(predicted.cost) else np.inf
     if ratio <= _MUCH_WORSE or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
         return []

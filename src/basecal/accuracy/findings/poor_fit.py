@@ -15,10 +15,10 @@ _REPEATABILITY_M = 3e-3  # [m] per axis, far beyond any arm's: makers state 0.02
 _REPEATABILITY_RAD = 1e-2  # [rad] likewise
 
 
-def poor_fit(of: Evidence) -> list[Finding]:
+def poor_fit(evidence: Evidence) -> list[Finding]:
     """A warning where residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
-    solution, rms_px = of.solution, of.residuals.rms_px
-    found = [_stated(each) for each in of.contradicted_sigmas]
+    solution, rms_px = evidence.solution, evidence.residuals.rms_px
+    found = [_stated(each) for each in evidence.contradicted_sigmas]
     if any(f.severity == "warning" for f in found):
         return found
     robots = solution.noise.robots

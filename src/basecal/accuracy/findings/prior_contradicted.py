@@ -19,10 +19,10 @@ from basecal.numerics.spectral import Spectrum, above, spectrum
 _LEARNT = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
 
 
-def prior_contradicted(of: Evidence) -> list[Finding]:
+def prior_contradicted(evidence: Evidence) -> list[Finding]:
     """Warnings, see `contradicted_priors`."""
-    lenses = {name for name, camera in of.cell.cameras.items() if is_stated(camera.intrinsics)}
-    return contradicted_priors(of.solution, lenses)
+    lenses = {name for name, camera in evidence.cell.cameras.items() if is_stated(camera.intrinsics)}
+    return contradicted_priors(evidence.solution, lenses)
 
 
 def contradicted_priors(solution: Solution, besides: Set[str] = frozenset()) -> list[Finding]:

@@ -18,18 +18,22 @@ from basecal.numerics.spectral import above
 _DOMINATED = 0.95  # posterior over prior sigma: the data tell a tenth of what the prior does, or less
 
 
-def prior_dominated(of: Evidence) -> list[Finding]:
+def prior_dominated(evidence: Evidence) -> list[Finding]:
     """Infos: directions of a prior that the data hardly add to, and transforms asked for that priors alone hold."""
-    problem, unknowns = of.solution.problem, of.solution.problem.unknowns
+    problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and unknowns[n].status == "prior"]
     priors = [name for name in priors if unknowns[name].sigma is not None]
-    if not priors or not of.solution.converged:
+    if not priors or not evidence.solution.converged:
         return []
     alone = without_priors(problem)
-    hessian = linearise(alone, of.solution.state).hessian
-    unobservable = observability_of(alone, of.solution.state, hessian, of.solution.noise.factor).unobservable
-    resting = [name for name in of.cell.asked if name in unobservable - of.solution.observability.unobservable]
-    return [finding for name in priors for finding in _dominated(of.solution, name, resting)]
+    hessian = linearise(alone, evidence.solution.state).hessian
+    unobservable = observability_of(
+        alone, evidence.solution.state, hessian, evidence.solution.noise.factor
+    ).unobservable
+    resting = [
+        name for name in evidence.cell.asked if name in unobservable - evidence.solution.observability.unobservable
+    ]
+    return [finding for name in priors for finding in _dominated(evidence.solution, name, resting)]
 
 
 def _dominated(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:

@@ -15,13 +15,13 @@ _UNCLEAR_PX = 3.0  # of another spot from where the light is predicted: there it
 _MANY = 0.1  # share of the pictures in which it can be either, above which the answer may rest on the wrong ones
 
 
-def reflection(of: Evidence) -> list[Finding]:
+def reflection(evidence: Evidence) -> list[Finding]:
     """Each light with other spots beside it: a warning where more than one picture in ten cannot be told apart."""
     found = []
-    for group in of.solution.problem.groups:
+    for group in evidence.solution.problem.groups:
         if len(group.readings) < 2 or len(_points(group)) != 1:
             continue
-        others, unclear = _beside(group, of.solution.state, of)
+        others, unclear = _beside(group, evidence.solution.state, evidence)
         if not others.any():
             continue
         count, total = int(others.sum()), len(others)
@@ -41,11 +41,11 @@ def _points(group: ViewGroup) -> Array:
     return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
-def _beside(group: ViewGroup, state: State, of: Evidence) -> tuple[BoolArray, BoolArray]:
+def _beside(group: ViewGroup, state: State, evidence: Evidence) -> tuple[BoolArray, BoolArray]:
     """Which views, (n,), have another spot than the one that is used, and which one near where the light must be."""
     assert isinstance(group.measurement, PixelMeasurement)
     used = group.measurement.pixels[:, 0]
-    camera_from_target = state.camera_from_target(group, of.solution.problem.stops)
+    camera_from_target = state.camera_from_target(group, evidence.solution.problem.stops)
     point = camera_from_target.rotation @ _points(group)[0] + camera_from_target.translation
     predicted = state.cameras[group.camera].project(point)
     spots = np.stack([reading.pixels[:, 0] for reading in group.readings])

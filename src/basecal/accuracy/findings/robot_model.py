@@ -18,11 +18,11 @@ from basecal.effects.faces.found import FoundEffect
 from basecal.effects.registry import ROBOT_PARAMETERS
 
 
-def robot_model(of: Evidence) -> list[Finding]:
+def robot_model(evidence: Evidence) -> list[Finding]:
     """See `robot_model_findings`; nothing if offsets stand in for another effect of the joints."""
-    if of.robot_model is None or _is_other_effect(of.systematic_error, of.robot_model.chosen):
+    if evidence.robot_model is None or _is_other_effect(evidence.systematic_error, evidence.robot_model.chosen):
         return []
-    return robot_model_findings(of.robot_model)
+    return robot_model_findings(evidence.robot_model)
 
 
 def _is_other_effect(found: FoundEffect | None, chosen: Candidate) -> bool:

@@ -45,9 +45,9 @@ class _Rounding:
         return "warning" if low * self.sigma < self.noise < high * self.sigma else "info"
 
 
-def rounded_poses(of: Evidence) -> list[Finding]:
+def rounded_poses(evidence: Evidence) -> list[Finding]:
     """A finding about each robot whose places or angles are all multiples of a step."""
-    problem = of.solution.problem
+    problem = evidence.solution.problem
     robots = sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
     findings = []
     for robot in robots:
@@ -63,8 +63,8 @@ def rounded_poses(of: Evidence) -> list[Finding]:
     return findings
 
 
-def _shown(value: float, of: _Rounding) -> str:
-    return f"{1e3 * value:.2g} {'mm' if of.what == 'translations' else 'mrad'}"
+def _shown(value: float, rounding: _Rounding) -> str:
+    return f"{1e3 * value:.2g} {'mm' if rounding.what == 'translations' else 'mrad'}"
 
 
 def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
@@ -84,15 +84,15 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     yield from _of_angles("angles", [poses.rotvec, poses.rpy], noise_rad)
 
 
-def _of_angles(what: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
+def _of_angles(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
     """Angles [rad], written in one of several ways, in degrees or radians."""
     for values in ways:
         degrees, radians = _step(np.degrees(values), _STEPS_DEG), _step(values, _STEPS_RAD)
         if degrees is not None:
-            yield _Rounding(what, float(np.radians(degrees)), f"{degrees:g} deg", noise)
+            yield _Rounding(subject, float(np.radians(degrees)), f"{degrees:g} deg", noise)
             return
         if radians is not None:
-            yield _Rounding(what, radians, f"{1e3 * radians:g} mrad", noise)
+            yield _Rounding(subject, radians, f"{1e3 * radians:g} mrad", noise)
             return
 
 

@@ -15,14 +15,14 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Camera
 
 
-def stated_lens(of: Evidence) -> list[Finding]:
+def stated_lens(evidence: Evidence) -> list[Finding]:
     """A warning for each lens that is not as stated."""
-    lenses = {name: of.cell.cameras[name].intrinsics for name in sorted(of.solution.problem.lenses)}
+    lenses = {name: evidence.cell.cameras[name].intrinsics for name in sorted(evidence.solution.problem.lenses)}
     stated = {name: lens.camera for name, lens in lenses.items() if lens is not None and is_stated(lens)}
     return [
-        Finding("intrinsics", "warning", (name,), *_words(name, camera, of.solution))
+        Finding("intrinsics", "warning", (name,), *_words(name, camera, evidence.solution))
         for name, camera in stated.items()
-        if camera is not None and _is_contradicted(name, camera, of.solution)
+        if camera is not None and _is_contradicted(name, camera, evidence.solution)
     ]
 
 

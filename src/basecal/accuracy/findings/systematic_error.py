@@ -13,19 +13,19 @@ _EXCLUDED = "The answer excludes it, and its covariance is wider."
 _CHANCE = "It is perhaps chance; the covariance covers it."
 
 
-def systematic_error(of: Evidence) -> list[Finding]:
+def systematic_error(evidence: Evidence) -> list[Finding]:
     """What explains the residuals far better than noise, a warning; an info if chance may do that, too.
 
     Joints that are off are left to `robot_model` if that finds its robots off, too: it reports all joints.
     """
-    found = of.systematic_error
+    found = evidence.systematic_error
     named = () if found is None else (found, *found.alternatives)
-    if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(of)):
+    if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(evidence)):
         return []
     words = words_of(found)
     why = [words.why, _EXCLUDED if found.is_certain else _CHANCE]
     if found.effect == deflection.NAME:
-        why.append(gravity_taken(of.cell, of.solution, (found.about,)))
+        why.append(gravity_taken(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in named]
     return [
         Finding(

@@ -28,8 +28,8 @@ def too_few_samples(given: Input) -> list[Finding]:
     return [_finding(found, describe_poor_motions(problem))]
 
 
-def _finding(what: str, moved: str = "") -> Finding:
+def _finding(problem: str, moved: str = "") -> Finding:
     do = ("Record at least 10 samples with every arm in different orientations (20 for a single LED).",)
     return Finding(
-        "too-few-samples", "error", (), f"{what[0].upper()}{what[1:]}.", do, f"So far {moved}." if moved else ""
+        "too-few-samples", "error", (), f"{problem[0].upper()}{problem[1:]}.", do, f"So far {moved}." if moved else ""
     )

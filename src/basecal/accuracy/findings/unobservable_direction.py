@@ -12,13 +12,13 @@ from basecal.estimation.observability.motions import gauge_partners, motions
 from basecal.estimation.problem.problem import Problem
 
 
-def unobservable_directions(of: Evidence) -> list[Finding]:
+def unobservable_directions(evidence: Evidence) -> list[Finding]:
     """A finding for each null space: by the solution, or where there is none by the recorded poses alone."""
-    by_poses = [] if of.solution.converged else unobservable_by_poses(of.cell, of.solution.problem)
+    by_poses = [] if evidence.solution.converged else unobservable_by_poses(evidence.cell, evidence.solution.problem)
     if by_poses:
         return by_poses
-    problem, observability = of.solution.problem, of.solution.observability
-    severity: Severity = "error" if observability.unobservable.intersection(of.cell.asked) else "warning"
+    problem, observability = evidence.solution.problem, evidence.solution.observability
+    severity: Severity = "error" if observability.unobservable.intersection(evidence.cell.asked) else "warning"
     moved = motions(problem) if observability.null_space else {}
     together: dict[tuple[str, ...], list[str]] = {}
     for direction in observability.null_space:
@@ -29,7 +29,7 @@ def unobservable_directions(of: Evidence) -> list[Finding]:
             severity,
             names,
             sentence(is_unobservable(whats, names[1:])),
-            *describe_cause(of.cell, problem, moved, names),
+            *describe_cause(evidence.cell, problem, moved, names),
         )
         for names, whats in together.items()
     ]

@@ -12,16 +12,16 @@ from basecal.estimation.observability.motions import motions
 _WEAK = 0.15  # [rad], or share of the viewing distance, of one sigma: half of what counts as unobservable
 
 
-def weak_directions(of: Evidence) -> list[Finding]:
+def weak_directions(evidence: Evidence) -> list[Finding]:
     """A warning where 1 sigma of a transform asked for is above 0.15 rad or 0.15 of the viewing distance on an axis."""
-    found, solution = [], of.solution
-    for name in of.cell.asked if solution.converged else ():
+    found, solution = [], evidence.solution
+    for name in evidence.cell.asked if solution.converged else ():
         if name in solution.observability.unobservable or name not in solution.problem.columns:
             continue
         sigma = np.sqrt(np.diag(solution.covariance_of([name])))
         sigma_m, sigma_rad = float(sigma[:3].max()), float(sigma[3:].max())
         if sigma_m > _WEAK * solution.observability.length_m or sigma_rad > _WEAK:
-            do, why = describe_cause(of.cell, solution.problem, motions(solution.problem), (name,))
+            do, why = describe_cause(evidence.cell, solution.problem, motions(solution.problem), (name,))
             known = f"{1e3 * sigma_m:.0f} mm and {np.degrees(sigma_rad):.1f} deg"
             what = f"One sigma of {name} is up to {known} along an axis."
             found.append(Finding("weak-direction", "warning", (name,), what, do, why))

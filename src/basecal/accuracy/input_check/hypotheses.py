@@ -101,14 +101,14 @@ def listed(names: tuple[str, ...]) -> str:
     return " and ".join(names)
 
 
-def of_robots(names: tuple[str, ...], of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
+def of_robots(names: tuple[str, ...], pose_map: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
     """A rewriting of the recorded poses of robots."""
-    return lambda cell, recording: (cell, rewriting.with_robots(recording, dict.fromkeys(names, of)))
+    return lambda cell, recording: (cell, rewriting.with_robots(recording, dict.fromkeys(names, pose_map)))
 
 
-def of_targets(of: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
+def of_targets(pose_map: rewriting.PoseMap) -> Callable[[Cell, Recording], Rewritten]:
     """A rewriting of all observed poses."""
-    return lambda cell, recording: (cell, rewriting.with_targets(recording, of))
+    return lambda cell, recording: (cell, rewriting.with_targets(recording, pose_map))
 
 
 def _of_directions(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
@@ -260,15 +260,15 @@ def _quaternion(
     )
 
 
-def _of_exchanges(cell: Cell, robots: list[str], what: str) -> Iterator[ConventionHypothesis]:
+def _of_exchanges(cell: Cell, robots: list[str], quantity: str) -> Iterator[ConventionHypothesis]:
     carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
     for first, second in combinations([name for name in robots if name in carriers], 2):
-        if what == "joints" and _joint_count(cell, first) != _joint_count(cell, second):
+        if quantity == "joints" and _joint_count(cell, first) != _joint_count(cell, second):
             continue
         yield ConventionHypothesis(
             "robots-swapped",
             (first, second),
-            f"the {what} of {first} and {second} are exchanged",
+            f"the {quantity} of {first} and {second} are exchanged",
             f"exchange them, or what cell.yaml says is `on` {first} and on {second}",
             "turn every arm further about two axes between samples",
             _exchange(first, second),

@@ -87,9 +87,9 @@ def _of_places(p_in_camera: Array) -> list[str]:
     return found
 
 
-def _outside(what: str, value: float, limits: tuple[float, float]) -> list[str]:
+def _outside(quantity: str, value: float, limits: tuple[float, float]) -> list[str]:
     low, high = limits
-    return [] if low <= value <= high else [f"{what} {value:.3g} m"]
+    return [] if low <= value <= high else [f"{quantity} {value:.3g} m"]
 
 
 def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:

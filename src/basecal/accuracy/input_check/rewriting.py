@@ -91,7 +91,7 @@ def exchanged(recording: Recording, first: str, second: str) -> Recording:
     return replace(recording, samples=tuple(samples))
 
 
-def with_targets(recording: Recording, of: PoseMap) -> Recording:
+def with_targets(recording: Recording, pose_map: PoseMap) -> Recording:
     """The recording with every observed pose mapped."""
     seen = [
         (i, j, o)
@@ -99,7 +99,7 @@ def with_targets(recording: Recording, of: PoseMap) -> Recording:
         for j, o in enumerate(s.observations)
         if isinstance(o, PoseObservation)
     ]
-    mapped = of(SE3.stack([o.camera_from_target for _, _, o in seen]))
+    mapped = pose_map(SE3.stack([o.camera_from_target for _, _, o in seen]))
     samples: list[list[Observation]] = [list(s.observations) for s in recording.samples]
     for k, (i, j, observation) in enumerate(seen):
         samples[i][j] = replace(observation, camera_from_target=mapped[k])
@@ -118,10 +118,13 @@ def with_points(recording: Recording, factor: float) -> Recording:
     return _with_observations(recording, samples)
 
 
-def with_pixels(recording: Recording, of: Callable[[Array], Array]) -> Recording:
+def with_pixels(recording: Recording, pixel_map: Callable[[Array], Array]) -> Recording:
     """The recording with the pixels of every observation, (n, 2), mapped."""
     samples: list[list[Observation]] = [
-        [replace(o, pixels=of(o.pixels)) if isinstance(o, PixelObservation | CandidateObservation) else o for o in seen]
+        [
+            replace(o, pixels=pixel_map(o.pixels)) if isinstance(o, PixelObservation | CandidateObservation) else o
+            for o in seen
+        ]
         for seen in (s.observations for s in recording.samples)
     ]
     return _with_observations(recording, samples)

@@ -10,30 +10,29 @@ from basecal.estimation.outliers.left_out import LeftOut
 _LARGEST = 1000.0  # sigmas, beyond which the number says no more
 
 
-def described_outlier(of: LeftOut) -> Outlier:
+def described_outlier(outlier: LeftOut) -> Outlier:
     """What a calibration says of something that was left out."""
-    return Outlier(of.sample, of.camera, of.target, of.ids, outlier_reason(of))
+    return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier))
 
 
-def outlier_reason(of: LeftOut) -> str:
+def outlier_reason(outlier: LeftOut) -> str:
     """How far it is from where the rest predicts it, and what that may come from."""
-    if of.ids:
-        which = "point is" if len(of.ids) == 1 else f"{len(of.ids)} points are up to"
+    if outlier.ids:
+        which = "point is" if len(outlier.ids) == 1 else f"{len(outlier.ids)} points are up to"
         cause = "a reflection, a wrong id or occluded"
-        beyond = f" ({_sigmas(of.sigmas)})" if np.isfinite(of.sigmas) else ""
-        return f"{which} {_distance(of, 3)}{beyond} from where the rest predicts it: {cause}"
-    by = f" by {_sigmas(of.sigmas)}" if np.isfinite(of.sigmas) else ""
-    if of.off_m is not None and of.off_rad is not None:
-        off = f"{1e3 * of.off_m:.1f} mm and {np.degrees(of.off_rad):.2f} deg"
+        beyond = f" ({_sigmas(outlier.sigmas)})" if np.isfinite(outlier.sigmas) else ""
+        return f"{which} {_distance(outlier, 3)}{beyond} from where the rest predicts it: {cause}"
+    by = f" by {_sigmas(outlier.sigmas)}" if np.isfinite(outlier.sigmas) else ""
+    if outlier.off_m is not None and outlier.off_rad is not None:
+        off = f"{1e3 * outlier.off_m:.1f} mm and {np.degrees(outlier.off_rad):.2f} deg"
         cause = "a robot bumped or not settled, or poses and view of different instants"
         return f"the robots' poses and the view disagree{by}, {off}: {cause}"
-    return (
-        f"seen {_distance(of, 0)} from where the rest predicts it{by}: a reflection, or a robot bumped or not settled"
-    )
+    place = f"seen {_distance(outlier, 0)} from where the rest predicts it{by}"
+    return f"{place}: a reflection, or a robot bumped or not settled"
 
 
-def _distance(of: LeftOut, digits: int) -> str:
-    value, unit = (of.off_px, "px") if of.off_m is None else (1e3 * of.off_m, "mm")
+def _distance(outlier: LeftOut, digits: int) -> str:
+    value, unit = (outlier.off_px, "px") if outlier.off_m is None else (1e3 * outlier.off_m, "mm")
     if value is None or not np.isfinite(value):
         return "far"
     return f"{value:.{digits}g} {unit}" if digits else f"{value:.0f} {unit}"

@@ -18,19 +18,21 @@ from basecal.numerics.spectral import principal_axes
 _BLOCKS = 5  # as many as folds of cross-validation
 
 
-def confirmed(of: Situation, candidate: Candidates) -> bool:
+def confirmed(situation: Situation, candidate: Candidates) -> bool:
     """Whether one error predicts held-out blocks better, those of time and those of configuration."""
-    return all(_gain(of, candidate, blocks) > 0 for blocks in (_in_time(of), _in_configuration(of)))
+    return all(
+        _gain(situation, candidate, blocks) > 0 for blocks in (_in_time(situation), _in_configuration(situation))
+    )
 
 
-def _gain(of: Situation, candidate: Candidates, blocks: IntArray) -> float:
+def _gain(situation: Situation, candidate: Candidates, blocks: IntArray) -> float:
     """How much less minus twice the log likelihood of held-out samples is, summed over blocks of `samples`, (n,)."""
     total = 0.0
     for block in np.unique(blocks):
         held = blocks == block
-        outside = [held[of.rank(group)] for group in of.problem.groups]
-        used = weighed(of.about, [np.where(h, 0.0, 1.0) for h in outside])
-        left = weighed(of.about, [np.where(h, 1.0, 0.0) for h in outside])
+        outside = [held[situation.rank(group)] for group in situation.problem.groups]
+        used = weighed(situation.about, [np.where(h, 0.0, 1.0) for h in outside])
+        left = weighed(situation.about, [np.where(h, 1.0, 0.0) for h in outside])
         of_used, of_left = sums(used, candidate), sums(left, candidate)
         size = score_of(used, of_used).size[0]
         total += _cost(left, of_left, -used.step, np.zeros(len(size)))
@@ -45,20 +47,20 @@ def _cost(left: Linearised, of_left: Sums, step: Array, size: Array) -> float:
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
 
 
-def _in_time(of: Situation) -> IntArray:
-    count = len(of.samples)
+def _in_time(situation: Situation) -> IntArray:
+    count = len(situation.samples)
     return np.arange(count) * _BLOCKS // count
 
 
-def _in_configuration(of: Situation) -> IntArray:
+def _in_configuration(situation: Situation) -> IntArray:
     """Blocks along the direction in which the arms' places spread most."""
-    places = np.zeros((len(of.samples), len(of.robots), 3))
-    for i, robot in enumerate(of.robots):
-        for k, group in enumerate(of.problem.groups):
+    places = np.zeros((len(situation.samples), len(situation.robots), 3))
+    for i, robot in enumerate(situation.robots):
+        for k, group in enumerate(situation.problem.groups):
             if robot in (group.eye, group.hand):
-                places[of.rank(group), i] = of.recorded_pose(k, robot).translation
-    centred = (places - places.mean(0)).reshape(len(places), 3 * len(of.robots))
+                places[situation.rank(group), i] = situation.recorded_pose(k, robot).translation
+    centred = (places - places.mean(0)).reshape(len(places), 3 * len(situation.robots))
     along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))
     blocks = np.empty(len(places), dtype=np.int64)
-    blocks[np.argsort(along, kind="stable")] = _in_time(of)
+    blocks[np.argsort(along, kind="stable")] = _in_time(situation)
     return blocks

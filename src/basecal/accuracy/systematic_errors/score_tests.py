@@ -112,16 +112,16 @@ def linearised(problem: Problem, state: State) -> Linearised:
     return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
 
 
-def weighed(of: Linearised, weights: Sequence[Array]) -> Linearised:
+def weighed(model: Linearised, weights: Sequence[Array]) -> Linearised:
     """The same with views that count otherwise; `weights` by group, (n,)."""
-    width = of.problem.width
+    width = model.problem.width
     gradient, hessian = np.zeros(width), np.zeros((width, width))
-    for residual, jacobian, where in prior_residuals(of.problem, of.state):
+    for residual, jacobian, where in prior_residuals(model.problem, model.state):
         gradient[where] += jacobian.T @ residual
         hessian[where, where] += jacobian.T @ jacobian
-    shared = of.problem.shared_stops >= 0
-    stops = SchurAccumulator(of.state.stop_errors[shared], width)
-    views = tuple(each.weighted(weight) for each, weight in zip(of.views, weights, strict=True))
+    shared = model.problem.shared_stops >= 0
+    stops = SchurAccumulator(model.state.stop_errors[shared], width)
+    views = tuple(each.weighted(weight) for each, weight in zip(model.views, weights, strict=True))
     for each in views:
         stops.add(each.shared, each.gradient, each.information, each.by_unknowns, each.columns)
         flat = each.by_unknowns.reshape(-1, len(each.columns))
@@ -131,21 +131,21 @@ def weighed(of: Linearised, weights: Sequence[Array]) -> Linearised:
     system = stops.solve() if shared.any() else None
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
-    return Linearised(of.problem, of.state, views, gradient, hessian, system)
+    return Linearised(model.problem, model.state, views, gradient, hessian, system)
 
 
-def score(of: Linearised, candidates: Candidates) -> Score:
+def score(model: Linearised, candidates: Candidates) -> Score:
     """The score tests of errors of one kind."""
-    return score_of(of, sums(of, candidates))
+    return score_of(model, sums(model, candidates))
 
 
-def score_of(of: Linearised, known: Sums) -> Score:
+def score_of(model: Linearised, known: Sums) -> Score:
     """As `score`, from sums that are known."""
     gradient, across, information = known
     tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the unknowns of a few
     across = across[..., tied]
-    gradient = gradient - across @ of.step[tied]
-    left = information - across @ of.inverse[np.ix_(tied, tied)] @ across.mT
+    gradient = gradient - across @ model.step[tied]
+    left = information - across @ model.inverse[np.ix_(tied, tied)] @ across.mT
     left = 0.5 * (left + left.mT)
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     seen = above(left, _HIDDEN, np.where(size > 0, size, 1.0))
@@ -153,14 +153,14 @@ def score_of(of: Linearised, known: Sums) -> Score:
     return Score(gradient, left, seen.mahalanobis_squared(gradient), seen.rank, sizes)
 
 
-def sums(of: Linearised, candidates: Candidates) -> Sums:
+def sums(model: Linearised, candidates: Candidates) -> Sums:
     """Gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q), stops eliminated."""
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
-    across = np.zeros((b, q, of.problem.width))
-    system = of.system
+    across = np.zeros((b, q, model.problem.width))
+    system = model.system
     tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))
-    for views, moves in zip(of.views, candidates.moves, strict=True):
+    for views, moves in zip(model.views, candidates.moves, strict=True):
         if moves is None:
             continue
         own = views.information[:, :6, :6]

@@ -159,10 +159,10 @@ def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float
     return Situation(solution.noise.held_by(solution.problem), solution.state, recorded, stamps)
 
 
-def _without(solution: Solution, of: Situation, suspect: _Suspect) -> Solution:
+def _without(solution: Solution, situation: Situation, suspect: _Suspect) -> Solution:
     """The solution, to be solved again, with every view's recorded hand where an error says that it was."""
     groups = []
-    for group, links, moves in zip(solution.problem.groups, of.links, suspect.candidate.moves, strict=True):
+    for group, links, moves in zip(solution.problem.groups, situation.links, suspect.candidate.moves, strict=True):
         if moves is None:
             groups.append(group)
             continue
@@ -172,13 +172,13 @@ def _without(solution: Solution, of: Situation, suspect: _Suspect) -> Solution:
     return replace(solution, problem=solution.problem.with_groups(groups))
 
 
-def _suspects(of: Situation) -> list[_Suspect]:
+def _suspects(situation: Situation) -> list[_Suspect]:
     """Errors that chance hardly makes, the least likely first, one of each code and name."""
     tests: Counter[str] = Counter()
     unlikely = []
-    for name, kind in _candidates(of):
+    for name, kind in _candidates(situation):
         tests[kind.code] += len(kind.about)
-        scores = score(of.about, kind)
+        scores = score(situation.about, kind)
         for b in map(int, np.flatnonzero(scores.log_chance < np.log(_SUSPECT))):
             alone = float(scores.log_chance[b])
             freedoms, statistic = int(scores.freedoms[b]), float(scores.statistic[b])
@@ -197,33 +197,33 @@ def _suspects(of: Situation) -> list[_Suspect]:
     return [suspect for _, suspect in ranked]
 
 
-def _tried(of: Situation, suspects: Sequence[_Suspect]) -> list[_Suspect]:
+def _tried(situation: Situation, suspects: Sequence[_Suspect]) -> list[_Suspect]:
     """The suspects that are solved for: the least likely ones that move the data each otherwise."""
     tried: list[_Suspect] = []
     for suspect in suspects:
-        if len(tried) < _TRIES and not any(_left(of, suspect, other)[1] == 0 for other in tried):
+        if len(tried) < _TRIES and not any(_left(situation, suspect, other)[1] == 0 for other in tried):
             tried.append(suspect)
     return tried
 
 
-def _alternatives(of: Situation, chosen: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
+def _alternatives(situation: Situation, chosen: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
     """Effects that the data do not tell from the chosen one: with one of them, chance makes what is left of it."""
     same = chosen.effect, chosen.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
     likely = [each for each in others if each.rank < chosen.rank - np.log(_SUSPECT)]
     return tuple(
-        _to_first_order(of, each)
+        _to_first_order(situation, each)
         for each in likely
-        if log_chance_of(*_left(of, chosen, each)) + chosen.several > np.log(_SUSPECT)
+        if log_chance_of(*_left(situation, chosen, each)) + chosen.several > np.log(_SUSPECT)
     )
 
 
-def _left(of: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
+def _left(situation: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
     """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.3)."""
     first, second = suspect.candidate, other.candidate
     pairs = zip(first.moves, second.moves, strict=True)
     moves = tuple(_beside(pair, (first.sizes, second.sizes)) for pair in pairs)
-    together = score(of.about, Candidates("", ("",), (None,), "", moves))
+    together = score(situation.about, Candidates("", ("",), (None,), "", moves))
     return max(float(together.statistic[0]) - other.statistic, 0.0), int(together.freedoms[0]) - other.freedoms
 
 
@@ -236,10 +236,10 @@ def _beside(pair: tuple[Array | None, Array | None], sizes: tuple[int, int]) -> 
     return np.concatenate([zero if m is None else m for m, zero in zip(pair, none, strict=True)], axis=-1)
 
 
-def _candidates(of: Situation) -> Iterator[tuple[str, Candidates]]:
+def _candidates(situation: Situation) -> Iterator[tuple[str, Candidates]]:
     """Candidates of all effects, with the names of these, one at a time: all together take much memory."""
     for name, effect in EFFECTS.items():
-        for kind in () if effect.candidates is None else effect.candidates(of):
+        for kind in () if effect.candidates is None else effect.candidates(situation):
             yield name, kind
 
 
@@ -257,21 +257,25 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
     return log_chance_of(gain, suspect.freedoms) + suspect.several
 
 
-def _described(of: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
+def _described(situation: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     again = score(linearised(after.noise.held_by(after.problem), after.state), suspect.candidate)
-    return _named(of, suspect, suspect.size + again.size[0], again.information[0], step_between(before, after))
+    return _named(situation, suspect, suspect.size + again.size[0], again.information[0], step_between(before, after))
 
 
-def _to_first_order(of: Situation, suspect: _Suspect) -> FoundEffect:
+def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
     """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
-    found, across = score(of.about, suspect.candidate), sums(of.about, suspect.candidate).across[0]
-    return _named(of, suspect, found.size[0], found.information[0], -of.about.inverse @ across.T @ found.size[0])
+    found, across = score(situation.about, suspect.candidate), sums(situation.about, suspect.candidate).across[0]
+    return _named(
+        situation, suspect, found.size[0], found.information[0], -situation.about.inverse @ across.T @ found.size[0]
+    )
 
 
-def _named(of: Situation, suspect: _Suspect, size: Array, information: Array, moved: Array) -> FoundEffect:
+def _named(situation: Situation, suspect: _Suspect, size: Array, information: Array, moved: Array) -> FoundEffect:
     candidate, about = suspect.candidate, suspect.candidate.about[0]
-    is_camera, is_target = (any(getattr(g, kind) == about for g in of.problem.groups) for kind in ("camera", "target"))
+    is_camera, is_target = (
+        any(getattr(g, kind) == about for g in situation.problem.groups) for kind in ("camera", "target")
+    )
     return FoundEffect(
         suspect.effect,
         candidate.code,

@@ -115,16 +115,16 @@ class _Expected(NamedTuple):
 
 
 def _by_model(
-    at: _Meeting, known: _Known, own: Mapping[str, Array], model: _ArmErrors, widening: Array | None
+    meeting: _Meeting, known: _Known, own: Mapping[str, Array], model: _ArmErrors, widening: Array | None
 ) -> _Expected:
     """What is off by a model of the arms' errors, its sigmas integrated."""
-    problem, state = at.solution.problem, at.solution.state
-    sigmas = sigmas_with(problem, state, at.solution.noise, model.of, EXPECTED)
+    problem, state = meeting.solution.problem, meeting.solution.state
+    sigmas = sigmas_with(problem, state, meeting.solution.noise, model.of, EXPECTED)
     every_move, every_column = [known.moved], [known.columns]
-    for robot in (name for name in at.points_m if name in model.of):
-        by_errors = moved_by_errors(problem, state, robot, at.points_m[robot], model.kinds)
+    for robot in (name for name in meeting.points_m if name in model.of):
+        by_errors = moved_by_errors(problem, state, robot, meeting.points_m[robot], model.kinds)
         first = sigmas.model.layout.common[robot][0]
-        every_move.append(at.moved(robot, by_errors))
+        every_move.append(meeting.moved(robot, by_errors))
         every_column.append(np.arange(first, first + by_errors.shape[-1]))
     mean, products, squares = moments(sigmas, np.concatenate(every_column))
     if widening is not None:
@@ -132,7 +132,7 @@ def _by_model(
     estimated = {robot: squares[sigmas_of(sigmas.model, robot)] for robot in model.of}
     moved, variances = np.concatenate(every_move, axis=-1), {**own, **estimated}
     return _Expected(
-        sigmas.surprise, moved @ mean, _in_all(moved, products, (variances[robot] for robot in at.points_m))
+        sigmas.surprise, moved @ mean, _in_all(moved, products, (variances[robot] for robot in meeting.points_m))
     )
 
 

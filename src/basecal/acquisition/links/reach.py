@@ -9,14 +9,14 @@ from basecal.errors import DriverError
 _CONNECT_S = 3.0  # a controller in the same building answers within milliseconds; one that boots, never
 
 
-def reached(name: str, host: str, port: int, what: str) -> socket.socket:
+def reached(name: str, host: str, port: int, device: str) -> socket.socket:
     """A connection to a port, whose reads give up after three seconds.
 
     Args:
         name: The robot or camera.
         host: Name or number of the other computer.
         port: The port.
-        what: What should listen there, for the error.
+        device: What should listen there, for the error.
 
     Raises:
         DriverError: if there is no such host, it does not answer, or nothing listens.
@@ -26,7 +26,7 @@ def reached(name: str, host: str, port: int, what: str) -> socket.socket:
     except socket.gaierror:
         why = f"there is no host {host!r}: look at its address in cell.yaml"
     except ConnectionRefusedError:
-        why = f"nothing listens at {host}:{port}: is {what} running there, and is the port right?"
+        why = f"nothing listens at {host}:{port}: is {device} running there, and is the port right?"
     except PermissionError:
         why = f"this computer may not connect to {host}:{port}: a firewall or a rule of the system forbids it"
     except OSError:

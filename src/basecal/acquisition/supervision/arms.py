@@ -144,12 +144,12 @@ class Arms:
             with suppress(OSError):
                 pipe.close()  # type: ignore[union-attr]
 
-    def _wait(self, is_done: Any, most_s: float, what: str) -> None:
+    def _wait(self, is_done: Any, most_s: float, event: str) -> None:
         until = time.monotonic() + most_s
         while not is_done():
             self._check()
             if time.monotonic() > until:
-                raise DriverError(f"{what} within {most_s:g} s")
+                raise DriverError(f"{event} within {most_s:g} s")
             self._changed.wait(_WAIT_S)
 
     def _check(self) -> None:

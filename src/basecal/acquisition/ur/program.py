@@ -35,11 +35,11 @@ class Program:
         """Whether it was ever sent."""
         return self._line is not None
 
-    def ask(self, what: Callable[[Any], Given]) -> Given:
+    def ask(self, question: Callable[[Any], Given]) -> Given:
         """What it answers.
 
         Args:
-            what: A question to ur-rtde's `RTDEControlInterface`.
+            question: A question to ur-rtde's `RTDEControlInterface`.
 
         Raises:
             DriverError: if it cannot be started, or was stopped.
@@ -53,7 +53,7 @@ class Program:
                         f"{self._name}: the program on the controller was stopped. It is not sent again by itself: "
                         f"find out who stopped it, then start again."
                     )
-                return what(self._line)
+                return question(self._line)
             except (RuntimeError, ValueError) as error:
                 said = in_a_line(error)
                 if "remote control" in said:

@@ -64,5 +64,5 @@ def _joined(data: dict[str, Any], added: dict[str, Any], where: Where) -> dict[s
     return {"sample": out.pop("sample"), **out}
 
 
-def _there_already(where: Where, what: str) -> InputError:
-    return where.error(what, "is recorded already and is not overwritten: import into another cell, or under its name")
+def _there_already(where: Where, entry: str) -> InputError:
+    return where.error(entry, "is recorded already and is not overwritten: import into another cell, or under its name")

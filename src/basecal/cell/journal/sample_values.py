@@ -45,7 +45,7 @@ class Where:
                     raise self.error(at, f"unknown field{nearest(name[:SHORT], known)}; known: {', '.join(known)}")
         return value
 
-    def name(self, value: Any, field: str, what: str, known: Any) -> str:
+    def name(self, value: Any, field: str, kind: str, known: Any) -> str:
         """The value itself, when it is one of the known names.
 
         Raises:
@@ -55,7 +55,7 @@ class Where:
             return value
         hint = nearest(value[:SHORT], known) if isinstance(value, str) else ""
         there = ", ".join(known) or "none"
-        raise self.error(field, f"no {what} {short(value)}{hint}; cell.yaml has: {there}")
+        raise self.error(field, f"no {kind} {short(value)}{hint}; cell.yaml has: {there}")
 
 
 def number(where: Where, field: str, value: Any, largest: float) -> float:

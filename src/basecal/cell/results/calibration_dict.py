@@ -161,14 +161,14 @@ def _entry(noun: Any) -> Any:
     return data
 
 
-def _noun(of: type[N], data: Mapping[str, Any]) -> N:
+def _noun(noun: type[N], data: Mapping[str, Any]) -> N:
     """The dataclass of fields as files have them; lists in it stay as they are."""
     values: dict[str, Any] = {}
-    for field in fields(of):
+    for field in fields(noun):
         key, factor = _key(field.name)
         value = math.nan if data[key] is None and field.type == "float" else data[key]
         values[field.name] = value if factor is None or value is None else value / factor
-    return of(**values)
+    return noun(**values)
 
 
 def budget_entry(entry: BudgetEntry) -> dict[str, Any]:

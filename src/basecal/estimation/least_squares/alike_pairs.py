@@ -53,14 +53,14 @@ class AlikePairs:
     def _fields(self) -> tuple[str, ...]:
         return tuple(self.names[0])
 
-    def state(self, of: State) -> State:
+    def state(self, whole: State) -> State:
         """The pairs' own states, (b,), of the cell's."""
-        transforms = {f: SE3.stack([of.transforms[names[f]] for names in self.names]) for f in self._fields}
+        transforms = {f: SE3.stack([whole.transforms[names[f]] for names in self.names]) for f in self._fields}
         cameras: dict[str, Camera] = {}
-        if self.cameras[0] in of.cameras:
-            lenses = [of.cameras[name] for name in self.cameras]
+        if self.cameras[0] in whole.cameras:
+            lenses = [whole.cameras[name] for name in self.cameras]
             cameras[_LENS] = lenses[0].with_parameters(np.stack([lens.parameters for lens in lenses]))
-        return State(transforms, cameras, of.stop_errors[self.stops])
+        return State(transforms, cameras, whole.stop_errors[self.stops])
 
     def linearise(self, own: State, weights: Sequence[Array] | None) -> NormalEquations:
         """The pairs to second order, (b,); weights of views are by the cell's groups, 1 where None."""

@@ -77,10 +77,10 @@ def studentized(
     return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
 
 
-def _misfits(group: ViewGroup, of: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
-    finite = np.asarray(np.isfinite(of.information).all((-1, -2)) & np.isfinite(of.gradient).all(-1))
-    information = spectrum(np.where(finite[..., None, None], of.information, 0.0), VIEW_ROUNDING)
-    gradient = np.where(finite[..., None], of.gradient, 0.0)
+def _misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Problem) -> MahalanobisSquared:
+    finite = np.asarray(np.isfinite(views.information).all((-1, -2)) & np.isfinite(views.gradient).all(-1))
+    information = spectrum(np.where(finite[..., None, None], views.information, 0.0), VIEW_ROUNDING)
+    gradient = np.where(finite[..., None], views.gradient, 0.0)
     lost = ~finite
     if isinstance(group.measurement, PixelMeasurement):
         lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0

@@ -159,9 +159,9 @@ def _with_sigmas(problem: Problem, found: NoiseEstimate) -> Problem:
     return replace(found.held_by(problem), held=problem.held)
 
 
-def _shaped_enough(of: SigmaPosterior) -> bool:
+def _shaped_enough(posterior: SigmaPosterior) -> bool:
     """Whether shapes are where the model was made about."""
-    off = [np.abs(of.columns.mean[rows]).max() for rows in of.model.layout.shapes.values()]
+    off = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
     return max(off, default=0.0) < _SETTLED
 
 
@@ -265,10 +265,10 @@ def _sigma_posterior(
     reach_m = {name: _reach(used, name) for name in robots}
 
     def most_likely(
-        problem: Problem, at: State, near: Array | None, estimates: EstimatesOf | None = None
+        problem: Problem, state: State, near: Array | None, estimates: EstimatesOf | None = None
     ) -> SigmaPosterior:
         """Those of a problem's views."""
-        model = mixed_model(problem, at, robots, shared, estimates)
+        model = mixed_model(problem, state, robots, shared, estimates)
         return sigma_posterior(model, hyperpriors(model, reach_m, expected), near)
 
     is_near = logs is not None and shared is None
@@ -296,9 +296,9 @@ def _reach(problem: Problem, robot: str) -> float:
     return float(np.sqrt(np.mean(np.sum(poses.translation[seen] ** 2, -1))))
 
 
-def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
+def _sigmas(posterior: SigmaPosterior, problem: Problem) -> _Sigmas:
     """The most likely sigmas by name, and shapes that add to those of the problem."""
-    model, values = of.model, np.exp(of.logs)
+    model, values = posterior.model, np.exp(posterior.logs)
     keys = open_parts(model)
     cameras: dict[str, Noise] = {}
     for (camera, name), value in zip(keys, values, strict=False):
@@ -308,7 +308,7 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
     shapes = {}
     for target, rows in model.layout.shapes.items():
         before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
-        shapes[target] = before + of.columns.mean[rows], of.columns.spread[rows, rows]
+        shapes[target] = before + posterior.columns.mean[rows], posterior.columns.spread[rows, rows]
     return _Sigmas(
         cameras,
         {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
@@ -318,14 +318,16 @@ def _sigmas(of: SigmaPosterior, problem: Problem) -> _Sigmas:
     )
 
 
-def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:
+def _estimate(posterior: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:
     """The most likely sigmas, and the shapes that the problem has."""
-    sigmas = _sigmas(of, problem)
+    sigmas = _sigmas(posterior, problem)
     # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
-    first = len(open_parts(of.model))
-    raised = np.exp(of.logs + np.diag(of.covariance))[first : first + 2 * len(of.model.robots)].reshape(-1, 2)
+    first = len(open_parts(posterior.model))
+    raised = np.exp(posterior.logs + np.diag(posterior.covariance))[
+        first : first + 2 * len(posterior.model.robots)
+    ].reshape(-1, 2)
     shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in sigmas.shapes.items()}
-    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(of.model)))
+    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(posterior.model)))
     noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
         noise,
@@ -334,10 +336,12 @@ def _estimate(of: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstim
         settled,
         sigmas.robots,
         sigmas.cameras,
-        surprise=of.surprise,
-        plain_surprise=of.surprise,
+        surprise=posterior.surprise,
+        plain_surprise=posterior.surprise,
         shapes=shapes,
-        logs=of.logs,
+        logs=posterior.logs,
         jitter_s=sigmas.jitter_s,
-        robot_variances={name: np.repeat(pair, 3) ** 2 for name, pair in zip(of.model.robots, raised, strict=True)},
+        robot_variances={
+            name: np.repeat(pair, 3) ** 2 for name, pair in zip(posterior.model.robots, raised, strict=True)
+        },
     )

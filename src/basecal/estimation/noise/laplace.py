@@ -164,19 +164,23 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array, is_qui
     return total
 
 
-def moments(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]:
+def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]:
     """What is known of columns and sigmas over all that the sigmas may be, given the data.
 
     Args:
-        of: The sigmas of a model.
+        posterior: The sigmas of a model.
         columns: (c,) some of its columns.
 
     Returns:
         Mean, (c,), and covariance, (c, c), of the columns' values about the model's state, in metres and radians.
         Means of the squares of the sigmas, (k,).
     """
-    mean, products, squares = np.zeros(len(columns)), np.zeros((len(columns), len(columns))), np.zeros(len(of.logs))
-    for weight, known in _weighed_nodes(of):
+    mean, products, squares = (
+        np.zeros(len(columns)),
+        np.zeros((len(columns), len(columns))),
+        np.zeros(len(posterior.logs)),
+    )
+    for weight, known in _weighed_nodes(posterior):
         here, spread = known.in_units(columns)
         mean += weight * here
         products += weight * (spread + np.outer(here, here))
@@ -184,43 +188,43 @@ def moments(of: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]
     return mean, products - np.outer(mean, mean), squares
 
 
-def _weighed_nodes(of: SigmaPosterior, is_quick: bool = False) -> list[tuple[float, Columns]]:
+def _weighed_nodes(posterior: SigmaPosterior, is_quick: bool = False) -> list[tuple[float, Columns]]:
     """Sigmas that stand for all that they may be, by their weights, which add up to 1, and what is known at each."""
-    if np.sqrt(np.diag(of.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN):
-        return [(1.0, columns_given(of.model, of.logs))]
-    is_wide = np.diag(of.covariance).max() > _NEARLY_NORMAL**2 and of.model.layout.blocks <= _FEW_STOPS
+    if np.sqrt(np.diag(posterior.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN):
+        return [(1.0, columns_given(posterior.model, posterior.logs))]
+    is_wide = np.diag(posterior.covariance).max() > _NEARLY_NORMAL**2 and posterior.model.layout.blocks <= _FEW_STOPS
     tails = is_wide and not is_quick
-    nodes, drawn = _drawn(of) if tails else _cubature(of, is_quick)
-    known = [columns_given(of.model, node) for node in nodes]
-    values = np.array([each.value + of.prior.value(each.logs)[0] for each in known])
+    nodes, drawn = _drawn(posterior) if tails else _cubature(posterior, is_quick)
+    known = [columns_given(posterior.model, node) for node in nodes]
+    values = np.array([each.value + posterior.prior.value(each.logs)[0] for each in known])
     values = np.where(np.isfinite(values), values, np.inf) - drawn
     weights = np.exp(-0.5 * (values - values.min()))
     weights /= weights.sum()
     return [(float(weight), each) for weight, each in zip(weights, known, strict=True) if weight > 0]
 
 
-def _cubature(of: SigmaPosterior, is_quick: bool = False) -> tuple[Array, Array]:
+def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array, Array]:
     """Nodes, (2 r, k), and minus twice the log of their density but for a constant, (2 r,).
 
     They are along all directions of the logarithms, quickly along those that are not nearly known.
     """
-    root = _root(of.covariance)
+    root = _root(posterior.covariance)
     if is_quick:
-        wide = above(of.covariance, _NEARLY_KNOWN**2)
+        wide = above(posterior.covariance, _NEARLY_KNOWN**2)
         root = wide.root[:, wide.held].T
     steps = np.sqrt(len(root)) * root
-    return of.logs + np.concatenate([steps, -steps]), np.zeros(2 * len(root))
+    return posterior.logs + np.concatenate([steps, -steps]), np.zeros(2 * len(root))
 
 
-def _drawn(of: SigmaPosterior) -> tuple[Array, Array]:
+def _drawn(posterior: SigmaPosterior) -> tuple[Array, Array]:
     """The same of nodes drawn by Student's t about the most likely sigmas, in pairs to either side, always the same."""
-    rng, k = np.random.default_rng(_SEED), len(of.logs)
+    rng, k = np.random.default_rng(_SEED), len(posterior.logs)
     normal = rng.standard_normal((_PAIRS, k))
     steps = normal * np.sqrt(_TAILS / rng.chisquare(_TAILS, _PAIRS))[:, None]
     steps = np.concatenate([steps, -steps])
     density = (_TAILS + k) * np.log1p(np.sum(steps**2, -1) / _TAILS)
-    nodes = of.logs + _WIDER * steps @ _root(of.covariance)
-    return np.clip(nodes, *_bounds(of.model, of.prior)), density
+    nodes = posterior.logs + _WIDER * steps @ _root(posterior.covariance)
+    return np.clip(nodes, *_bounds(posterior.model, posterior.prior)), density
 
 
 def _root(covariance: Array) -> Array:

@@ -345,19 +345,19 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
     return root.T @ root, log_det - 2 * float(np.log(size).sum())
 
 
-def _squares_of_spread(part: Moments, of: Posterior, here: slice, across: Array, covariance: Array) -> float:
+def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, across: Array, covariance: Array) -> float:
     """What is expected to come to that by the errors of some blocks, given all data."""
-    x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors[here])
+    x, u = _scales(posterior.logs, posterior.of_columns), _scales(posterior.logs, posterior.of_errors[here])
     by_x = (across.reshape(-1, len(x)) * x).reshape(across.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
     by_u = np.vdot(u, np.vecdot(part.errors_errors[here], u[:, None, :] * covariance))
     return float(by_u - 2 * both)
 
 
-def _at_mean(part: Moments, of: Posterior) -> tuple[float, Array, Array]:
+def _at_mean(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:
     """A part's squares at unit sigma at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
-    x, u = _scales(of.logs, of.of_columns), _scales(of.logs, of.of_errors)
-    at_x, at_u = of.mean_columns * x, of.mean_errors * u
+    x, u = _scales(posterior.logs, posterior.of_columns), _scales(posterior.logs, posterior.of_errors)
+    at_x, at_u = posterior.mean_columns * x, posterior.mean_errors * u
     by_x = part.fixed_fixed @ at_x + at_u.ravel() @ part.errors_fixed.reshape(-1, len(x))
     by_u = part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]
     squares = part.cost + at_x @ (2 * part.fixed + by_x) + np.sum(at_u * (2 * part.errors + by_u))

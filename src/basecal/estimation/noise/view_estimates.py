@@ -62,14 +62,14 @@ def view_estimates(
 
 
 def _parts(
-    measurement: Measurement, at: SE3, camera: Camera | None, lens: bool, by_shape: Array | None
+    measurement: Measurement, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array | None
 ) -> dict[str, ViewInformation]:
     def said(noise: Noise) -> ViewInformation:
         """What the views say with such noise."""
         noisy = measurement.with_noise(noise)
         if by_shape is None or not isinstance(noisy, PixelMeasurement):
-            return noisy.linearise(at, camera, lens)
-        return noisy.linearise_shape(at, camera, lens, by_shape)
+            return noisy.linearise(camera_from_target, camera, lens)
+        return noisy.linearise_shape(camera_from_target, camera, lens, by_shape)
 
     counts = measurement.counts()
     parts = {STATED: said(_NEVER)} if counts.get(STATED) else {}

@@ -280,7 +280,7 @@ def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
     return x, y, _mount_of_points(sight, x, y, at)
 
 
-def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
+def _mount_of_points(sight: PairViews, x: SE3, y: SE3, places: SE3) -> SE3:
     """`hand_flange_from_target` from where each of its points is found in the flange."""
     chords, _ = as_light(sight.group.measurement)
     g = sight.group
@@ -289,6 +289,6 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, at: SE3) -> SE3:
     origin_in_flange = camera_from_flange.inverse().translation
     across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]
     total = across.sum(0) + _RIDGE * np.eye(3)
-    right = (across @ origin_in_flange[:, None, :, None]).sum(0) + _RIDGE * at.translation[:, None]
+    right = (across @ origin_in_flange[:, None, :, None]).sum(0) + _RIDGE * places.translation[:, None]
     points_in_flange = np.linalg.solve(total, right)[..., 0]
     return umeyama(chords.points_in_target, points_in_flange[None], np.ones((1, len(points_in_flange))))[0]

@@ -71,7 +71,7 @@ class _Loops:
         a, b, c, weight, moments = (m[rows] for m in (self.a, self.b, self.c, self.weight, self.moments))
         return _Loops(a, b, c, weight, self.count[rows], known, self.unknown, moments)
 
-    def means(self, letter: str, at: Turns, each: bool = False) -> Array:
+    def means(self, letter: str, turns: Turns, each: bool = False) -> Array:
         """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `each` first with each second one.
 
         Then they are (h, p, q, 3, 3) of p of the first and q of the second other letter.
@@ -79,7 +79,7 @@ class _Loops:
         first, second = (other for other in "xyz" if other != letter)
         h = len(self.moments)
         by = np.moveaxis(self.moments, 1 + "xyz".index(letter), -1).reshape(h, 9, 81)
-        p, q = (at[other].reshape(*at[other].shape[:2], 9) for other in (first, second))
+        p, q = (turns[other].reshape(*turns[other].shape[:2], 9) for other in (first, second))
         half = (p @ by).reshape(h, p.shape[1], 9, 9)
         if each:
             return np.asarray((q[:, None] @ half).reshape(h, p.shape[1], q.shape[1], 3, 3))
@@ -225,9 +225,9 @@ def _sum_of_singular_values(matrix: Array) -> Array:
     return total
 
 
-def _alternated(loops: _Loops, at: Turns, rounds: int) -> dict[str, Array]:
+def _alternated(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
     """Each unknown rotation in turn as the mean that follows from the others, until those of a loop settle."""
-    found = {k: turn.copy() for k, turn in at.items()}
+    found = {k: turn.copy() for k, turn in turns.items()}
     moving = np.arange(len(loops.moments))
     for _ in range(rounds):
         if not len(moving):
@@ -242,15 +242,15 @@ def _alternated(loops: _Loops, at: Turns, rounds: int) -> dict[str, Array]:
     return found
 
 
-def _ranked(loops: _Loops, at: Turns, most: int) -> tuple[dict[str, Array], Array]:
+def _ranked(loops: _Loops, turns: Turns, most: int) -> tuple[dict[str, Array], Array]:
     """The best rotations of each loop, (h, most, 3, 3) by letter, and the angles that they leave, (h, most) [rad]."""
-    x, y, z = (at[k][:, :, None] for k in "xyz")
+    x, y, z = (turns[k][:, :, None] for k in "xyz")
     seen = loops.a[:, None] @ x @ loops.b[:, None]
     told = y @ loops.c[:, None] @ z
     angle = _trimmed_rms(angle_between(told, seen), loops.count)
     best = np.argsort(angle, axis=-1, kind="stable")[:, :most]
     row = np.arange(len(best))[:, None]
-    return {k: turn[row, best] for k, turn in at.items()}, angle[row, best]
+    return {k: turn[row, best] for k, turn in turns.items()}, angle[row, best]
 
 
 def _trimmed_rms(angle: Array, count: IntArray) -> Array:

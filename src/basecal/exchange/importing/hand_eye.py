@@ -55,9 +55,9 @@ def told_by_cell(cell: Cell | None, camera: str | None) -> bool | None:
     return None if found is None else found.on != WORLD
 
 
-def _only(what: str, known: Mapping[str, Any], usual: str) -> str:
+def _only(kind: str, known: Mapping[str, Any], usual: str) -> str:
     if len(known) > 1:
-        raise InputError(f"which {what}? --{what} is one of: {listed(list(known))}")
+        raise InputError(f"which {kind}? --{kind} is one of: {listed(list(known))}")
     return next(iter(known), usual)
 
 

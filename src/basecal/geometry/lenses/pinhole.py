@@ -101,10 +101,10 @@ def _derivative(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array, Array]:
     return _own(slope_a, p2, rays.a, rays.stretch), mixed, _own(slope * rays.b, p1, rays.b, rays.stretch)
 
 
-def _own(slope_at: Array, p: Number, at: Array, stretch: Array) -> Array:
+def _own(slope_at: Array, p: Number, coordinate: Array, stretch: Array) -> Array:
     """Derivative of a coordinate's image to the coordinate itself."""
     total = slope_at + 4 * p
-    total *= at
+    total *= coordinate
     total += stretch
     return total
 

@@ -78,8 +78,8 @@ def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[st
         yield element("path", class_=f"axis-{axis}", d=segments([np.stack([origin, tip])]))
 
 
-def _label(name: str, at: Array, class_: str = "label") -> str:
-    return element("text", text(name), class_=class_, x=f"{at[0]:.1f}", y=f"{at[1]:.1f}")
+def _label(name: str, place: Array, class_: str = "label") -> str:
+    return element("text", text(name), class_=class_, x=f"{place[0]:.1f}", y=f"{place[1]:.1f}")
 
 
 def _arm(arm: Arm, number: int, sample: int, drawn: Scene, project: Project) -> Iterator[str]:

@@ -38,9 +38,9 @@ def history_figure(history: Sequence[PastVerification]) -> Figure | None:
     return replace(figure, caption=f"{caption}; {', '.join(names)}")
 
 
-def _band(at: float, shift: MeasuredShift | None) -> Band:
+def _band(x: float, shift: MeasuredShift | None) -> Band:
     if shift is None:
-        return Band(at, None, None, None)
+        return Band(x, None, None, None)
     length = 1e3 * float(np.linalg.norm(shift.t_m))
     doubt = 1e3 * _SIGMAS * float(np.linalg.norm(shift.sigma_m)) / np.sqrt(3)
-    return Band(at, max(length - doubt, 0.0), length, length + doubt)
+    return Band(x, max(length - doubt, 0.0), length, length + doubt)

@@ -24,13 +24,13 @@ Build = Callable[[Any, Any], None]
 
 
 @contextmanager
-def serving(build: Build, title: str, what: str, port: int = 0) -> Iterator[str]:
+def serving(build: Build, title: str, subject: str, port: int = 0) -> Iterator[str]:
     """The address of a page while this lasts, with the token it asks for.
 
     Args:
         build: Makes it for each visitor.
         title: Of the page.
-        what: It is, in words, where NiceGUI is missing.
+        subject: It is, in words, where NiceGUI is missing.
         port: Where it is served; any that is free where 0.
 
     Raises:
@@ -42,7 +42,7 @@ def serving(build: Build, title: str, what: str, port: int = 0) -> Iterator[str]
         from fastapi import FastAPI
         from nicegui import run, ui
     except ImportError:
-        raise MissingExtra("web", what) from None
+        raise MissingExtra("web", subject) from None
     token = secrets.token_urlsafe(_TOKEN_BYTES)
     line = _listening(port)
     at = f"{HOST}:{line.getsockname()[1]}"

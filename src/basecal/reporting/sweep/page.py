@@ -58,13 +58,13 @@ def _others(summary: Mapping[str, Any], axes: Sequence[str]) -> list[dict[str, A
     return [dict(zip(left, values, strict=True)) for values in product(*left.values())]
 
 
-def _points(summary: Mapping[str, Any], at: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _points(summary: Mapping[str, Any], values: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The points that have these values."""
-    return [p for p in summary["points"] if all(p["at"][axis] == value for axis, value in at.items())]
+    return [p for p in summary["points"] if all(p["at"][axis] == value for axis, value in values.items())]
 
 
-def _said(at: Mapping[str, Any]) -> str:
-    return ", ".join(f"{axis} {value}" for axis, value in at.items())
+def _said(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{axis} {value}" for axis, value in values.items())
 
 
 def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[str]]:

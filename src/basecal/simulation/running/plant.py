@@ -112,10 +112,10 @@ class Plant:
         for view in self._views.values():
             view.close()
 
-    def _drawn(self, camera: str, what: int) -> np.random.Generator:
+    def _drawn(self, camera: str, stream: int) -> np.random.Generator:
         """Random numbers of a picture, the same for the same one since the arms were sent to the same place."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
-        words = hashlib.sha256(repr((self._world.seed, camera, goals, self._shots, what)).encode()).digest()
+        words = hashlib.sha256(repr((self._world.seed, camera, goals, self._shots, stream)).encode()).digest()
         return np.random.default_rng(np.frombuffer(words, dtype=np.uint32))
 
     def _arm(self, robot: str) -> RunningArm:

@@ -45,14 +45,14 @@ def _entries(folder: Path) -> list[os.DirEntry[str]]:
         raise DatasetError(str(folder), f"cannot be read: {error.strerror}") from None
 
 
-def fingerprint(cell: Path, of: str) -> str:
+def fingerprint(cell: Path, versions: str) -> str:
     """A hash of names, sizes and times of all files of a cell but those made of it, and of a text.
 
     Args:
         cell: The cell's folder.
-        of: What else the answer depends on.
+        versions: What else the answer depends on.
     """
-    digest = hashlib.sha256(of.encode())
+    digest = hashlib.sha256(versions.encode())
     for name, size, changed in _files(cell, Path(), _MADE):
         digest.update(f"\0{name}\0{size}\0{changed}".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()

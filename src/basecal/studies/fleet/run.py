@@ -51,17 +51,17 @@ class Fleet:
         """What tells whether a cell, or this program, has changed."""
         return fingerprint(self.folder / cell, version("basecal"))
 
-    def row(self, cell: str, of: str | None = None) -> Mapping[str, Any] | None:
-        """The row that is kept of a cell; None where there is none, or of another fingerprint than `of`."""
+    def row(self, cell: str, fingerprint: str | None = None) -> Mapping[str, Any] | None:
+        """The row that is kept of a cell; None where there is none, or of another fingerprint than `fingerprint`."""
         try:
             kept = json.loads(read_bounded(self.kept(cell, ROW), _LARGEST_BYTES))
         except (DatasetError, ValueError, RecursionError):
             return None
-        if not isinstance(kept, dict) or (kept.pop("fingerprint", None) != of and of is not None):
+        if not isinstance(kept, dict) or (kept.pop("fingerprint", None) != fingerprint and fingerprint is not None):
             return None
         return kept if tuple(kept) == COLUMNS else None
 
-    def keep(self, cell: str, of: str, content: bytes) -> None:
+    def keep(self, cell: str, fingerprint: str, content: bytes) -> None:
         """Keep what `calibrated` gave of a cell of that fingerprint; the row last, which says that all is there.
 
         Raises:
@@ -73,7 +73,7 @@ class Fleet:
                 write_whole(self.kept(cell, name), text, within=self.output, durable=False)
             else:
                 self.kept(cell, name).unlink(missing_ok=True)
-        row = found["row"] | {"fingerprint": of}
+        row = found["row"] | {"fingerprint": fingerprint}
         write_whole(self.kept(cell, ROW), _as_text(row), within=self.output, durable=False)
 
 

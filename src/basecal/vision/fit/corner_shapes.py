@@ -64,15 +64,15 @@ class Corner:
             jacobian = np.concatenate([jacobian, (values - blurred)[:, None]], axis=1)
         return (1 + share) * values - share * blurred, jacobian
 
-    def _values(self, at: _Scaled) -> Array:
-        first, second = ndtr(at.first), ndtr(at.second)
+    def _values(self, scaled: _Scaled) -> Array:
+        first, second = ndtr(scaled.first), ndtr(scaled.second)
         if self.crossed:
-            return np.asarray((2 * first - 1) * (2 * second - 1) + 4 * _overlap(at))
-        return np.asarray(first * second + _overlap(at))
+            return np.asarray((2 * first - 1) * (2 * second - 1) + 4 * _overlap(scaled))
+        return np.asarray(first * second + _overlap(scaled))
 
-    def _slopes(self, at: _Scaled) -> tuple[Array, _Slopes]:
+    def _slopes(self, scaled: _Scaled) -> tuple[Array, _Slopes]:
         """Values, and their derivatives at a spread."""
-        a, b, r = at.first, at.second, at.cosine
+        a, b, r = scaled.first, scaled.second, scaled.cosine
         root = np.sqrt(np.maximum(1 - r * r, _LEAST_SINE2))
         a_given_b, b_given_a = (a - r * b) / root, (b - r * a) / root
         by_first = _DENSITY * np.exp(-0.5 * a * a)
@@ -80,9 +80,9 @@ class Corner:
         by_first *= ndtr(b_given_a) - 0.5 * self.crossed
         by_second = _DENSITY * np.exp(-0.5 * b * b) * (ndtr(a_given_b) - 0.5 * self.crossed)
         times = 4.0 if self.crossed else 1.0
-        by_spread = -(a * by_first + b * by_second) * at.bounded
-        slopes = _Slopes(by_first * at.inverse, by_second * at.inverse, by_cosine, by_spread)
-        return self._values(at), _Slopes(*(times * each for each in slopes))
+        by_spread = -(a * by_first + b * by_second) * scaled.bounded
+        slopes = _Slopes(by_first * scaled.inverse, by_second * scaled.inverse, by_cosine, by_spread)
+        return self._values(scaled), _Slopes(*(times * each for each in slopes))
 
 
 saddle = Corner(crossed=True)
@@ -161,15 +161,15 @@ def _chained(sides: _Sides, slopes: _Slopes, free: int) -> Array:
     return np.stack(columns[:free], axis=1)
 
 
-def _overlap(at: _Scaled) -> Array:
+def _overlap(scaled: _Scaled) -> Array:
     """The normal probability that two correlated numbers are both positive, beyond the product, (n, p).
 
     Its derivative to the correlation is the density (Price's theorem); the integral over it by Gauss-Legendre in the
     arc's sine, which is smooth up to correlation one. Source: Drezner & Wesolowsky 1990.
     """
-    product, squares = at.first * at.second, 0.5 * (at.first**2 + at.second**2)
+    product, squares = scaled.first * scaled.second, 0.5 * (scaled.first**2 + scaled.second**2)
     total = np.zeros_like(product)
-    top = np.arcsin(np.clip(at.cosine, -1, 1))
+    top = np.arcsin(np.clip(scaled.cosine, -1, 1))
     for node, weight in zip(_NODES + 0.5, _WEIGHTS, strict=True):
         sine, cosine2 = np.sin(top * node), np.cos(top * node) ** 2
         total += weight * np.exp((sine * product - squares) / cosine2)

@@ -129,12 +129,12 @@ class _Context:
     window: Window
 
 
-def _fitted(of: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
+def _fitted(context: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
     """A fit whose covariance is in pixels, with the noise that the residuals show; a rough one by a part of them."""
     middle = np.rint(q[:, :2])
-    used = _pixels(of, q, middle, _THINNED if settled == _ROUGH else 1)
+    used = _pixels(context, q, middle, _THINNED if settled == _ROUGH else 1)
     fit = fit_shapes(
-        of.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled
+        context.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled
     )
     weights = used.weights
     freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
@@ -145,27 +145,27 @@ def _fitted(of: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
     return Fit(moved, fit.light, covariance, fit.residuals, enough)
 
 
-def _pixels(of: _Context, q: Array, middle: Array, thinned: int) -> Patches:
+def _pixels(context: _Context, q: Array, middle: Array, thinned: int) -> Patches:
     """Pixels in the crosses of corners, counted from `middle`; one of so many where enough are left."""
-    patches = patches_around(of.image, middle, int(np.ceil(_DIAGONAL * of.window.arm_px)), thinned)
-    weights = patches.weights * _in_cross(of, q, q[:, :2] - middle, patches.xy)
+    patches = patches_around(context.image, middle, int(np.ceil(_DIAGONAL * context.window.arm_px)), thinned)
+    weights = patches.weights * _in_cross(context, q, q[:, :2] - middle, patches.xy)
     used = packed(patches, weights)
     few = thinned > 1 and (used.weights > 0).sum(axis=1).min() < _LEAST_THINNED
-    return _pixels(of, q, middle, 1) if few else used
+    return _pixels(context, q, middle, 1) if few else used
 
 
-def _in_cross(of: _Context, q: Array, at: Array, xy: Array) -> BoolArray:
+def _in_cross(context: _Context, q: Array, places: Array, xy: Array) -> BoolArray:
     """Which places, (n, p, 2), lie in the crosses of corners that stand at, (n, 2)."""
-    offset = xy - at[:, None]
-    to_pitches = np.linalg.inv(of.axes)[:, None]
+    offset = xy - places[:, None]
+    to_pitches = np.linalg.inv(context.axes)[:, None]
     pitches = [offset[..., 0] * to_pitches[..., 0, k] + offset[..., 1] * to_pitches[..., 1, k] for k in range(2)]
-    length = np.linalg.norm(of.axes, axis=2)
-    height = np.abs(np.linalg.det(of.axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
+    length = np.linalg.norm(context.axes, axis=2)
+    height = np.abs(np.linalg.det(context.axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
     guard = _GUARD * np.exp(q[:, 4])[:, None] / height
     least = _LEAST_WIDTH_PX / height
-    inside, outside = (np.maximum(limit - guard, least) for limit in (of.window.inside, of.window.outside))
-    before = -np.maximum(of.window.before - guard, least)
-    arm = np.minimum(of.window.arm, of.window.arm_px / length)
+    inside, outside = (np.maximum(limit - guard, least) for limit in (context.window.inside, context.window.outside))
+    before = -np.maximum(context.window.before - guard, least)
+    arm = np.minimum(context.window.arm, context.window.arm_px / length)
     both_positive = (pitches[0] > 0) & (pitches[1] > 0)
     near, within = np.zeros_like(both_positive), np.ones_like(both_positive)
     for k, along in enumerate(pitches):

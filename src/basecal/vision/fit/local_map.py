@@ -12,11 +12,11 @@ _RIDGE = 1e-9  # in squared pitches of one point: only points in a line need it
 _CUBIC_RIDGE = 1e-6  # likewise: a grid of two rows has no second derivative across them
 
 
-def local_axes(at: Array, plane: Array, pixels: Array, pitch: float) -> Array:
+def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array:
     """What a pitch along x and along y of the plane is in the image near places of the plane.
 
     Args:
-        at: Where, (n, 2) [m].
+        place: Where, (n, 2) [m].
         plane: Known points, (m, 2) [m], three or more and not in a line.
         pixels: The same in the image, (m, 2) [px].
         pitch: Length [m], also how far points count: with exp(-(distance / pitch)^2 / 2).
@@ -24,7 +24,7 @@ def local_axes(at: Array, plane: Array, pixels: Array, pitch: float) -> Array:
     Returns:
         (n, 2, 2) [px], a row for each axis.
     """
-    offset = (plane[None] - at[:, None]) / pitch
+    offset = (plane[None] - place[:, None]) / pitch
     weight = np.exp(-0.5 * (offset**2).sum(axis=2)) + _FAR
     basis = np.concatenate([offset, np.ones((*offset.shape[:2], 1))], axis=2)
     weighted = np.swapaxes(basis * weight[..., None], 1, 2)

@@ -78,12 +78,12 @@ def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]
     return Spot(x, y, float(sigma), math.exp(log_width_x), math.exp(log_width_y), brightness)
 
 
-def _spread(at: _At, weights: Array) -> float:
+def _spread(fit: _At, weights: Array) -> float:
     """How much wider than a normal distribution's the place's variance is, since a few pixels give their own noise.
 
     As of Student's distribution, with as many degrees of freedom as pixels that hold the place.
     """
-    held = weights * (at.jacobian[0] ** 2 + at.jacobian[1] ** 2)
+    held = weights * (fit.jacobian[0] ** 2 + fit.jacobian[1] ** 2)
     freedom = max(float(held.sum() ** 2 / (held @ held)), 4.0)
     return freedom / (freedom - 2)
 
@@ -144,14 +144,14 @@ def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, 
     return share[1:] - share[:-1], inverse * (density[:-1] - density[1:]), d_width[:-1] - d_width[1:]
 
 
-def _variance(at: _At, weights: Array, covariance: Array) -> Array:
+def _variance(fit: _At, weights: Array, covariance: Array) -> Array:
     """Variance of each pixel, (p,), linear in the spot's level: maximum likelihood by Fisher's scoring.
 
     Squared residuals are raised by what the fit follows of its own pixels.
     """
-    leverage = weights * ((covariance @ at.jacobian) * at.jacobian).sum(axis=0)
-    level, count = np.maximum(at.level, 0.0), weights > 0
-    squared = at.residuals**2 / np.maximum(1 - leverage, 0.05)
+    leverage = weights * ((covariance @ fit.jacobian) * fit.jacobian).sum(axis=0)
+    level, count = np.maximum(fit.level, 0.0), weights > 0
+    squared = fit.residuals**2 / np.maximum(1 - leverage, 0.05)
     dark = count & (level < 0.02 * level.max())
     floor, slope = max(float(squared[dark].mean() if dark.sum() > 8 else np.median(squared[count])), _QUANTUM), 0.0
     basis = np.stack([np.ones_like(level), level, level**2, squared, level * squared], axis=1)

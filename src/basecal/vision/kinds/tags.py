@@ -58,13 +58,13 @@ def detect(image: Image, target: Target) -> Detection | None:
     return None
 
 
-def _quads(of: _Look, image: Grey, way: Way) -> dict[int, Array]:
+def _quads(look: _Look, image: Grey, way: Way) -> dict[int, Array]:
     """Corners, (4, 2) [px], of tags that are read once, by their rows among the target's."""
-    quads, numbers, _ = _detector(of.tags.family, of.border).detectMarkers(image)
+    quads, numbers, _ = _detector(look.tags.family, look.border).detectMarkers(image)
     if numbers is None:
         return {}
     seen, first, count = np.unique(numbers.ravel(), return_index=True, return_counts=True)
-    _, rows, at = np.intersect1d(of.tags.numbers, seen[count == 1], return_indices=True)
+    _, rows, at = np.intersect1d(look.tags.numbers, seen[count == 1], return_indices=True)
     once = first[count == 1][at]
     return {int(row): way.places(quads[k]) for row, k in zip(rows, once, strict=True)}
 
@@ -109,19 +109,19 @@ class _Seen:
         return _Seen(rows, pixels, sigma_px, np.concatenate([self.trusted, more.trusted]))
 
 
-def _fitted(of: _Look, rows: IntArray, quads: Array) -> _Seen:
+def _fitted(look: _Look, rows: IntArray, quads: Array) -> _Seen:
     """Tags whose corners are fitted in the image near `quads`, (k, 4, 2) [px]."""
-    axes = of.cells * np.array([_first_cells(quad, of.cells) for quad in quads]).reshape(-1, 2, 2)
-    inside, square = of.border / of.cells, of.tags.squares
+    axes = look.cells * np.array([_first_cells(quad, look.cells) for quad in quads]).reshape(-1, 2, 2)
+    inside, square = look.border / look.cells, look.tags.squares
     if not square:
         # Dark inside and bright outside, for the width of a cell.
-        window = Window(arm_px=_ARM_PX, arm=_ARM, inside=inside, outside=np.inf, before=1 / of.cells)
-        corners = refined(of.image, wedge, quads.reshape(-1, 2), axes, window)
+        window = Window(arm_px=_ARM_PX, arm=_ARM, inside=inside, outside=np.inf, before=1 / look.cells)
+        corners = refined(look.image, wedge, quads.reshape(-1, 2), axes, window)
         trusted = corners.trusted
     else:
         # Black squares touch them, dark inside the tag and across; where that is bright it is another place.
         window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=inside, outside=square, before=square)
-        corners = refined(of.image, saddle, quads.reshape(-1, 2), axes, window)
+        corners = refined(look.image, saddle, quads.reshape(-1, 2), axes, window)
         trusted = corners.trusted & (corners.gain < 0)
     shape = (len(quads), _CORNERS)
     pixels, sigma_px = corners.pixels.reshape(*shape, 2), corners.sigma_px.reshape(shape)
@@ -137,14 +137,14 @@ def _first_cells(quad: Array, cells: int) -> Array:
     return np.asarray(cv2.perspectiveTransform(ends, image_from_square)).reshape(4, 2, 2) - quad[:, None]
 
 
-def _grown(of: _Look, target: Target, read: _Seen) -> _Seen:
+def _grown(look: _Look, target: Target, read: _Seen) -> _Seen:
     """The tags of a flat grid that are sure, and those beside them that are found by that, again and again.
 
     One that was read with a corner amiss is looked for like one that was not read; what is sure of it stays.
     """
-    corners = target.points[target.rows(of.tags.corner_ids.ravel()), :2].reshape(-1, _CORNERS, 2)
+    corners = target.points[target.rows(look.tags.corner_ids.ravel()), :2].reshape(-1, _CORNERS, 2)
     centres = corners.mean(axis=1)
-    reach = _NEIGHBOUR * (1 + of.tags.squares) * float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
+    reach = _NEIGHBOUR * (1 + look.tags.squares) * float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
     seen = read.sure
     tried = np.zeros(len(corners), dtype=bool)
     tried[seen.rows] = True
@@ -159,5 +159,5 @@ def _grown(of: _Look, target: Target, read: _Seen) -> _Seen:
         for k, near in zip(beside, guides, strict=True):
             image_from_plane, _ = cv2.findHomography(known[near].reshape(-1, 2), seen.pixels[near].reshape(-1, 2))
             start.append(cv2.perspectiveTransform(corners[k][None], image_from_plane)[0].astype(np.float64))
-        more = _fitted(of, beside, np.stack(start))
+        more = _fitted(look, beside, np.stack(start))
         seen = seen.joined(more.sure)
