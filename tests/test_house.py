@@ -300,6 +300,19 @@ def undocumented(path: Path) -> list[str]:
     return bare if ast.get_docstring(tree) else ["the module", *bare]
 
 
+NO_NOUNS = {"of", "what", "at"}
+
+
+def test_parameters_are_nouns() -> None:
+    """None is named by a preposition or a pronoun."""
+
+    def named(path: Path) -> list[str]:
+        functions = [node for node in nodes_of(parsed(path)) if isinstance(node, ast.FunctionDef)]
+        return [f.name for f in functions if NO_NOUNS & {a.arg for a in (*f.args.posonlyargs, *f.args.args)}]
+
+    assert everywhere(named) == {}
+
+
 def test_public_things_have_docstrings() -> None:
     """Every module, public class and public function says what it gives."""
     assert everywhere(undocumented) == {}

@@ -110,8 +110,8 @@ def capture(
     disagrees is reported, and taken once more at the same place. A disagreement
     that lasts, such as a base that moved, ends the command with 1.
 
-    Ends with 0 where every sample was taken, or the tolerance is reached, else
-    with 1.
+    Ends with 0 if every sample was taken, or the tolerance is reached; with 5 if
+    the tolerance is missed, else with 1.
 
     For example:
 
@@ -303,6 +303,6 @@ def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, j
             say(f"WARNING: {doubt.message}")
         say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {pasted(cell)}")
     is_doubtful = any(doubt.is_lasting for doubt in doubts)
-    if replanned is not None:
-        return 0 if replanned.is_reached and not is_doubtful else 1
-    return 1 if given_up or is_doubtful else 0
+    if replanned is not None and not replanned.is_reached:
+        return 5
+    return 1 if is_doubtful or (given_up and replanned is None) else 0

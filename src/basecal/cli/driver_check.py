@@ -18,7 +18,7 @@ _CUT_S = 20.0  # that a person has to cut a connection and to restore it
 
 
 def driver_check(
-    what: str,
+    device: str,
     name: str = "",
     /,
     *,
@@ -46,7 +46,7 @@ def driver_check(
         basecal driver check opencv --camera --option source=0
 
     Args:
-        what: Folder of a cell, or the name of a driver.
+        device: Folder of a cell, or the name of a driver.
         name: The robot or camera of the cell.
         option: An option of the driver, as KEY=VALUE; several times for several.
         camera: The driver named is that of a camera.
@@ -54,12 +54,12 @@ def driver_check(
         cut: Ask for the connection to be cut and restored, and measure the outage.
         json: Print the measurements as JSON.
     """
-    if (Path(what) / "cell.yaml").is_file():
+    if (Path(device) / "cell.yaml").is_file():
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")
-        place = _place_in_cell(Path(what), name)
+        place = _place_in_cell(Path(device), name)
     else:
-        place = _place_of_kind(what, option or [], camera)
+        place = _place_of_kind(device, option or [], camera)
     promises = _measured(place, go, cut, quiet=json)
     if json:
         print_json({"name": place.name, "promises": [vars(each) for each in promises]})

@@ -50,7 +50,7 @@ def plan(
     forbids it. With -o the samples are written for `basecal capture --plan`,
     with --to as robots' own programs take them.
 
-    Ends with 0 where the tolerance is reached, or none is asked for, else 1.
+    Ends with 0 if the tolerance is reached or none is asked for, else 5.
 
     For example:
 
@@ -98,7 +98,7 @@ def plan(
         found = _planned(described, recording, calibration, points, needed_m, samples, seed, pattern)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
     _tell(found, plan_dict(found, needed_m), motion, cell, output, json)
-    return 1 if found.reachable is False else 0
+    return 5 if found.reachable is False else 0
 
 
 def _planned(

@@ -52,12 +52,12 @@ def completed_cell_text(
 
 
 def _conflicts(
-    data: dict[str, Any], added: Mapping[str, Any], at: Loc, replaced: frozenset[Loc], changed: list[Loc]
+    data: dict[str, Any], added: Mapping[str, Any], within: Loc, replaced: frozenset[Loc], changed: list[Loc]
 ) -> list[tuple[Loc, tuple[Any, Any]]]:
     """Places where both state something else; all others are added to `data`, and named in `changed`."""
     found = []
     for key, value in added.items():
-        loc = (*at, key)
+        loc = (*within, key)
         if (loc in replaced and data.get(key) != value) or data.get(key) is None:
             data[key] = _as_written(value)
             changed.append(loc)
