@@ -119,7 +119,7 @@ def test_it_captures_until_a_task_is_known(tmp_path: Path, capsys: pytest.Captur
     with running(tmp_path):
         assert main(words) == 0
         assert "1.5 mm at the task needs" in capsys.readouterr().out
-        assert main([*words, "--samples", "2", "--go", "--json"]) == 1
+        assert main([*words, "--samples", "2", "--go", "--json"]) == 5
         answer = json.loads(capsys.readouterr().out)
         assert (len(answer["captured"]), answer["reached"]) == (2, False)
         assert main([*words, "--go"]) == 0
@@ -179,3 +179,18 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
     assert left_out == [[0], [1]]
     with pytest.raises(InputError, match="1 of 3 samples of the plan are refused"):
         found(None)
+
+
+@pytest.mark.slow
+def test_a_capture_ends_at_a_disagreement_that_lasts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A board that is put back elsewhere is named; with the option nothing is recorded beyond, without it all is."""
+    words = ["capture", "--go", "--samples", "14", "--speed-limit-deg-s", "120", "--json"]
+    for name, options in (("ends", ["--stop-on-disagreement"]), ("goes_on", [])):
+        folder = tmp_path / name
+        with running(folder, "board-remounted=8@8"):
+            assert main([*words, str(folder), *options]) == 1
+        answer = json.loads(capsys.readouterr().out)
+        assert any("moved at sample" in doubt["message"] for doubt in answer["doubts"] if doubt["is_lasting"])
+        lines = (folder / "recording" / "samples.jsonl").read_text().splitlines()
+        assert len(lines) == len(answer["captured"])
+        assert (len(lines) < 14) == bool(options)

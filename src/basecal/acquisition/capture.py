@@ -177,7 +177,8 @@ class _Captured:
 
     def step(self, sample: int, why_not: str = "", is_last: bool = False) -> Step:
         """What there is to tell once a sample is taken, or is not and why."""
-        covered, checked = coverage_of(self._by.sketch, self.taken), self._check.found(waits=is_last)
+        waits = is_last or self._by.settings.waits_for_check
+        covered, checked = coverage_of(self._by.sketch, self.taken), self._check.found(waits)
         return Step(sample, why_not, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
     def repeated(self, step: Step, plan: Sequence[Sample], left: Sequence[Sample]) -> list[Sample]:

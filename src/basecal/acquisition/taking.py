@@ -45,12 +45,14 @@ class CaptureSettings:
         tool_m_s: The fastest that any point of an arm, or of what it carries, may move.
         patience_s: How long an arm may take to come to rest beyond the time of its way, and a picture.
         lead_patience_s: How long a person may take to lead an arm to another place.
+        waits_for_check: Whether the running check of a sample is awaited before arms move on.
     """
 
     speed_rad_s: float
     tool_m_s: float = TOOL_M_S
     patience_s: float = 20.0
     lead_patience_s: float = 600.0
+    waits_for_check: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,7 +139,7 @@ def capture(
         more: Record other samples after a plan that is finished.
         moving: How arms may move.
         seed: Another number makes another plan.
-        stop_on_disagreement: End the capture at a disagreement that lasts.
+        stop_on_disagreement: Wait for the check of each sample, and end the capture at a disagreement that lasts.
         web: Show the capture as a page as well, on this machine alone; the extra web.
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
@@ -160,7 +160,9 @@ def capture(
                 return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        by = replace(_taker(view.rig(rig), sketch, cell, limits, view.tell), report=view.report)
+        taker = _taker(view.rig(rig), sketch, cell, limits, view.tell)
+        settings = replace(taker.settings, waits_for_check=stop_on_disagreement)
+        by = replace(taker, report=view.report, settings=settings)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
 
