@@ -162,11 +162,16 @@ def test_sigmas_of_a_still_board() -> None:
 
 
 OFFSETS_FREE = {"joint_offsets": joint_offsets.Stated(status="free")}
+TOO_NARROW = "with lenses estimated too the rotation is 4.4 of its sigmas off: 1.8 mrad, with 0.4 claimed"
 LINKS_FREE = {**OFFSETS_FREE, "link_parameters": link_parameters.Stated(status="free")}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("parameters", "held_out_px"), [({}, 2.1), (OFFSETS_FREE, 1.84), (LINKS_FREE, 1.60)])
+@pytest.mark.parametrize(("parameters", "held_out_px"), [
+    ({}, 2.1),
+    (OFFSETS_FREE, 1.84),
+    pytest.param(LINKS_FREE, 1.60, marks=pytest.mark.xfail(strict=True, reason=TOO_NARROW)),
+])  # fmt: skip
 def test_two_arms_on_one_turntable_given_by_joints(parameters, held_out_px) -> None:
     """Both stand on one base: where targets are, within 2 mm, 0.25 deg and three of its own sigmas of the identity.
 

@@ -77,3 +77,13 @@ def test_words(joint, what):
     words = of.words(found)
     assert words.what == what
     assert "`gear_ratio: {status: prior, sigma: 0.01}`" in words.do[0]
+
+
+def test_a_joint_that_hardly_turns_is_no_candidate():
+    """Its ratio would be another offset: the others move views as before."""
+    views = views_of(SCENARIO)
+    joints = np.array(views.groups[0].hand_joints)
+    joints[:, 0] = 0.5 + 1e-3 * np.arange(len(joints))
+    kept = of._of_joints_that_turn(None, joints)
+    np.testing.assert_array_equal(kept[:, 0], 0.0)
+    np.testing.assert_array_equal(kept[:, 1:], joints[:, 1:])

@@ -357,7 +357,7 @@ _PAIRS = [
         "board",
         changes.all_lines(lambda lines: [*lines, lines[3]]),
         "dropped-sample",
-        ("sample 3", "line 4", "new one"),
+        ("sample 3", "line 4", "number"),
     ),
     Mistake(
         "all poses equal",

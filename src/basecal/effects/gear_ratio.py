@@ -28,6 +28,7 @@ from basecal.kinematics import SerialChain
 
 NAME = "gear_ratio"
 _KEYS = "ratio_error", "sigma_ratio_error"
+_LEAST_TURN_RAD = 0.1  # of which a percent is a milliradian
 _PERCENT = 1e-2
 
 
@@ -72,8 +73,13 @@ def entry(values: Array) -> str:
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each joint of each robot by a share of its angle, then all joints of a robot at once."""
     for robot, chain in open_chains(views, NAME):
-        moves = moves_by_joint(views, robot, chain, lambda _, joints: joints)
+        moves = moves_by_joint(views, robot, chain, _of_joints_that_turn)
         yield from each_and_all("gear-ratio", robot, "", moves)
+
+
+def _of_joints_that_turn(_: object, joints: Array) -> Array:
+    """The angles, (n, joints); 0 of a joint that hardly turns, whose ratio is another offset."""
+    return np.asarray(np.where(np.ptp(joints, axis=0) > _LEAST_TURN_RAD, joints, 0.0))
 
 
 def words(found: FoundEffect) -> Words:

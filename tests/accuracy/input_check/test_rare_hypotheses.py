@@ -96,7 +96,7 @@ def test_transposed_matrices_are_undone():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mixed", "code", "words"), [
-    (turned_round(MADE.recording, "hand"), "pairing-shifted", "what hand recorded stands in reverse order"),
+    (turned_round(MADE.recording, "hand"), "pairing-shifted", "What hand recorded stands in reverse order"),
     (read_as(MADE.recording, "xyz", "XYZ"), "euler-order", "angles about moving axes x, y, z (Staubli)"),
 ])  # fmt: skip
 def test_calibrate_names_them(mixed, code, words):
