@@ -28,6 +28,7 @@ from basecal.cell import (
     Recording,
     Residuals,
     SampleResidual,
+    Tolerance,
 )
 from basecal.cell.files import latest_run
 from basecal.cli import main
@@ -151,6 +152,18 @@ def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibra
     shown = page(cell, recording, replace(calibration, verdict="refused"))
     assert shown.index("though the calibration is refused") < shown.index("static_transform_publisher")
     assert shown.index("<h2>Findings</h2>") < shown.index('class="card answer"')
+
+
+@pytest.mark.parametrize(("met", "word", "colour"), [(True, "PASS", "good"), (False, "FAIL", "refused")])
+def test_a_tolerance_stands_first(made: tuple[Cell, Recording, Calibration], met: bool, word: str, colour: str) -> None:
+    """In the colour of the banner; the verdict stands below, and FAIL is never on green."""
+    cell, recording, calibration = made
+    asked = replace(calibration, tolerance=Tolerance(1e-3, 0.5e-3 if met else 2e-3, met))
+    html = page(cell, recording, asked)
+    banner = html[html.index("<header") : html.index("</header>")]
+    assert f'<header class="verdict {colour}">' in banner
+    assert banner.index(word) < banner.index(calibration.verdict.upper())
+    assert html.count(f">{word}<") == 1
 
 
 def test_html_is_whole(html: str) -> None:
