@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from basecal.acquisition.capture import Replan, Step
     from basecal.acquisition.rig import Rig
-    from basecal.acquisition.taking import Taker, Tell
+    from basecal.acquisition.taking import Taker
     from basecal.cell import Sample
     from basecal.planning.plan_check import SpeedLimits
     from basecal.planning.sketch import Sketch
@@ -160,9 +160,7 @@ def capture(
                 return _only_planned(cell, wanted, json)
             wanted = _stored(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
-        taker = _taker(view.rig(rig), sketch, cell, limits, view.tell)
-        settings = replace(taker.settings, waits_for_check=stop_on_disagreement)
-        by = replace(taker, report=view.report, settings=settings)
+        by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
         steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
     return _summed_up(cell, steps, replanned, json)
 
@@ -237,7 +235,7 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
     with open_rig(sketch.cell, folder) as rig:
         plan = _stored(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
         limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody
-        yield from captured(_taker(rig, sketch, folder, limits), plan)
+        yield from captured(_taker(rig, sketch, folder, limits, None), plan)
 
 
 def _taken(
@@ -267,10 +265,15 @@ def _stored(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) 
     return store_plan(folder, sketch.cell, plan) if is_new else plan
 
 
-def _taker(rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, tell: Tell = lambda words: None) -> Taker:
+def _taker(
+    rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, view: CaptureView | None, waits_for_check: bool = False
+) -> Taker:
+    """What takes samples; without a view nobody is told what is done."""
     from basecal.acquisition.taking import CaptureSettings, Taker
 
-    return Taker(rig, sketch, folder, CaptureSettings(limits.joint_rad_s, limits.tool_m_s), tell)
+    settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)
+    taker = Taker(rig, sketch, folder, settings)
+    return taker if view is None else replace(taker, tell=view.tell, report=view.report)
 
 
 def _only_planned(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
