@@ -90,7 +90,7 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
     time.sleep(max(0.0, end_s + 0.3 - time.monotonic()))
     arms.spans = ((begin_s, end_s),)
     picture = feed.picture()
-    assert 0.2 <= picture.stamp_s - picture.exposed_s < 0.35
+    assert 0.19 <= picture.stamp_s - picture.exposed_s < 0.35  # the latency has a sigma of 0.01 s
     assert "wrist: pictures arrive 0.2" in picture.note
     arms.forget()
     again = feed.picture()
