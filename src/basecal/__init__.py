@@ -94,6 +94,7 @@ def _called(name: str) -> Callable[..., object]:
     """A public function that is loaded when it is called."""
 
     def call(*arguments: object, **options: object) -> object:
+        """Load the function and call it."""
         function = __getattr__(name)
         assert callable(function)
         return function(*arguments, **options)

@@ -14,7 +14,8 @@ from basecal.simulation import Scenario, simulate
 from evidence import evidence_of
 
 MADE = simulate(Scenario(samples=3), seed=0)
-CASE = Case(MADE.cell, MADE.recording, Settings())
+CASE_WORDS = (MADE.cell, MADE.recording, Settings())
+CASE = Case(*CASE_WORDS)
 ERROR, WARNING = (Finding(s, s, (), s) for s in ("error", "warning"))
 
 
@@ -27,12 +28,9 @@ def test_what_no_stage_has_found_yet_cannot_be_used():
 
 def test_the_solution_is_the_last_one():
     """That without outliers, once there is one."""
-    case = Case(MADE.cell, MADE.recording, Settings(), plain="plain")
+    case = Case(*CASE_WORDS, plain="plain")
     assert case.solution == "plain"
     assert Case(*CASE_WORDS, plain="plain", robust=SimpleNamespace(solution="robust")).solution == "robust"
-
-
-CASE_WORDS = (MADE.cell, MADE.recording, Settings())
 
 
 def test_findings_add_up():

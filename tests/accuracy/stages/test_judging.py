@@ -10,6 +10,7 @@ import pytest
 from basecal.accuracy.stages import judging
 from basecal.accuracy.stages.case import Case
 from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 from evidence import evidence_of
 
@@ -35,8 +36,6 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
 
 def test_the_covariance_covers_each_effect(monkeypatch):
     """Of confounded effects the one that moves the answer most, in its sigmas."""
-    from basecal.estimation.solve import solve
-
     solution = solve(MADE.cell, MADE.recording)
     width = solution.problem.width
     sigma = np.sqrt(np.diag(solution.covariance))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +15,7 @@ from basecal.acquisition.running.background import BackgroundCheck
 from basecal.acquisition.running.check import Doubt
 from shared.running_samples import recorded
 
+TESTS = Path(__file__).parents[2]
 pytestmark = pytest.mark.timed
 
 
@@ -42,3 +46,48 @@ def test_the_capture_does_not_wait_for_a_slow_check(monkeypatch):
         check._check.go.set()
         assert [doubt.sample for doubt in check.found(waits=True).doubts] == [0, 1, 2]
         assert check.found(waits=True).doubts == ()
+
+
+def test_a_check_that_fails_is_told_to_whoever_asks(monkeypatch):
+    """And the next samples are checked."""
+
+    class Failing(Slow):
+        def add(self, sample):
+            if sample.sample == 0:
+                raise ValueError("no check")
+            return ()
+
+    monkeypatch.setattr(module, "RunningCheck", Failing)
+    cell, samples = recorded(2)
+    with BackgroundCheck(cell) as check:
+        for sample in samples:
+            check.add(sample)
+        with pytest.raises(ValueError, match="no check"):
+            check.found(waits=True)
+        del check._running[0]
+        assert check.found(waits=True).doubts == ()
+
+
+HANGS = """
+import time
+from pathlib import Path
+from basecal.acquisition.running import background as module
+from shared.running_samples import recorded
+
+class Hanging:
+    estimate = None
+    def __init__(self, cell): ...
+    def add(self, sample): time.sleep(600)
+
+module.RunningCheck = Hanging
+cell, samples = recorded(1)
+with module.BackgroundCheck(cell) as check:
+    check.add(samples[0])
+    print("left", flush=True)
+"""
+
+
+def test_a_check_that_hangs_does_not_keep_the_program():
+    """The process ends though the check does not: Ctrl-C ends a capture at once."""
+    ended = subprocess.run([sys.executable, "-c", HANGS], cwd=TESTS, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "left\n", "")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures import TimeoutError as Unfinished
 from dataclasses import dataclass
+from queue import SimpleQueue
+from threading import Thread
 from time import monotonic
 from types import TracebackType
 
@@ -28,13 +30,14 @@ class Checked:
 
 
 class BackgroundCheck:
-    """Checks samples one after another in a thread."""
+    """Checks samples one after another in a thread, which no end of the program waits for."""
 
     def __init__(self, cell: Cell) -> None:
         self._check = RunningCheck(cell)
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="running-check")
+        self._waiting: SimpleQueue[tuple[Sample, Future[Checked]] | None] = SimpleQueue()
         self._running: list[Future[Checked]] = []
         self._sigma: tuple[float, float] | None = None
+        Thread(target=self._work, name="running-check", daemon=True).start()
 
     def __enter__(self) -> BackgroundCheck:
         return self
@@ -42,11 +45,15 @@ class BackgroundCheck:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._thread.shutdown(wait=False, cancel_futures=True)
+        for future in self._running:
+            future.cancel()
+        self._waiting.put(None)
 
     def add(self, sample: Sample) -> None:
         """Have a sample checked."""
-        self._running.append(self._thread.submit(self._checked, sample))
+        future: Future[Checked] = Future()
+        self._running.append(future)
+        self._waiting.put((sample, future))
 
     def found(self, waits: bool = False) -> Checked:
         """What is known by now; of all samples where it `waits`."""
@@ -61,6 +68,17 @@ class BackgroundCheck:
             self._sigma = checked.sigma
             doubts += checked.doubts
         return Checked(self._sigma, tuple(doubts))
+
+    def _work(self) -> None:
+        """Check samples as they come, until none comes any more."""
+        while (wanted := self._waiting.get()) is not None:
+            sample, future = wanted
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(self._checked(sample))
+            except Exception as error:  # whoever asks for the result is told
+                future.set_exception(error)
 
     def _checked(self, sample: Sample) -> Checked:
         doubts = self._check.add(sample)

@@ -26,6 +26,7 @@ def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints)
     """How views of each group move with a unit of each joint's value, (n, 6, joints)."""
 
     def moved(k: int) -> Array | None:
+        """Moves of a group, (n, 6, joints); None if the robot carries nothing there."""
         group = views.groups[k]
         if robot not in (group.eye, group.hand):
             return None
