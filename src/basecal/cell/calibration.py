@@ -2,21 +2,48 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, GetPydanticSchema
 
 from basecal.cell.cell import Cell
 from basecal.cell.frames import base_between, frame_between
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
+from basecal.fields.written import (
+    THREE,
+    Error,
+    ErrorInDeg,
+    ErrorInMm,
+    Flag,
+    Length,
+    Number,
+    Pose,
+    Real,
+    Vector3,
+    Whole,
+    array_in,
+    as_written,
+    in_unit,
+)
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 from basecal.methods import METHODS
 from basecal.registry import EXPORTERS
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
+_BETTER = as_written(
+    Literal["local", "global"], lambda best: best == "local", lambda is_better: "local" if is_better else "global"
+)
+
+
+def _known_in(factor: float) -> GetPydanticSchema:
+    """A number in another unit, which is NaN if a file has null."""
+    return as_written(Error, lambda value: math.nan if value is None else value / factor, lambda value: value * factor)
 
 
 @dataclass(frozen=True)
@@ -49,12 +76,12 @@ class Finding:
 class SampleResidual:
     """How one view fits: rms over its coordinates [px], and the loop it closes [m, rad]; None where not defined."""
 
-    sample: int
+    sample: Whole
     camera: str
     target: str
-    rms_px: float | None = None
-    loop_m: float | None = None
-    loop_rad: float | None = None
+    rms_px: Error = None
+    loop_m: Annotated[ErrorInMm, Field(alias="loop_mm")] = None
+    loop_rad: Annotated[ErrorInDeg, Field(alias="loop_deg")] = None
 
 
 @dataclass(frozen=True)
@@ -70,19 +97,19 @@ class Loop:
     """
 
     path: tuple[str, ...]
-    views: int
-    rms_m: float
-    rms_rad: float
+    views: Whole
+    rms_m: Annotated[float, Field(alias="rms_mm"), _known_in(1e3)]
+    rms_rad: Annotated[float, Field(alias="rms_deg"), _known_in(math.degrees(1))]
 
 
 @dataclass(frozen=True)
 class Residuals:
     """How everything fits; None where no view defines it."""
 
-    rms_px: float | None = None
-    median_px: float | None = None
-    loop_rms_m: float | None = None
-    loop_rms_rad: float | None = None
+    rms_px: Error = None
+    median_px: Error = None
+    loop_rms_m: Annotated[ErrorInMm, Field(alias="loop_rms_mm")] = None
+    loop_rms_rad: Annotated[ErrorInDeg, Field(alias="loop_rms_deg")] = None
     per_sample: tuple[SampleResidual, ...] = ()
     loops: tuple[Loop, ...] = ()
 
@@ -99,10 +126,10 @@ class Outlier:
         reason: In words.
     """
 
-    sample: int
+    sample: Whole
     camera: str
     target: str
-    ids: tuple[int, ...]
+    ids: tuple[Whole, ...]
     reason: str
 
 
@@ -121,11 +148,11 @@ class Validation:
     """
 
     kind: str
-    folds: int
-    rms_px: float | None = None
-    target_m: float | None = None
-    target_rad: float | None = None
-    base_change: float | None = None
+    folds: Whole
+    rms_px: Error = None
+    target_m: Annotated[ErrorInMm, Field(alias="target_mm")] = None
+    target_rad: Annotated[ErrorInDeg, Field(alias="target_deg")] = None
+    base_change: Error = None
 
 
 @dataclass(frozen=True)
@@ -138,8 +165,8 @@ class Certificate:
         reason: Why it could not; empty where it was.
     """
 
-    gap: float | None
-    is_global: bool | None
+    gap: Real | None
+    is_global: Annotated[Flag | None, Field(alias="global")]
     reason: str = ""
 
 
@@ -171,9 +198,9 @@ class BudgetEntry:
     """
 
     source: str
-    rms_m: float
-    share: float
-    halved_rms_m: float
+    rms_m: Annotated[float, Field(alias="mm"), in_unit(Length, 1e3)]
+    share: Annotated[float, Field(alias="percent"), in_unit(Real, 100.0)]
+    halved_rms_m: Annotated[float, Field(alias="total_mm_if_halved"), in_unit(Length, 1e3)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,9 +213,9 @@ class ErrorMap:
         angle_95_rad: (n,) likewise the angle [rad].
     """
 
-    points_m: Array
-    length_95_m: Array
-    angle_95_rad: Array
+    points_m: Annotated[Array, array_in(list[Annotated[list[Number], THREE]], shape=(-1, 3))]
+    length_95_m: Annotated[Array, Field(alias="mm_95"), array_in(list[Length], 1e3)]
+    angle_95_rad: Annotated[Array, Field(alias="deg_95"), array_in(list[Length], math.degrees(1))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,13 +232,13 @@ class LocalFit:
         transforms: Those asked for, by the local fit of all samples.
     """
 
-    centre_m: Array
-    samples: tuple[int, ...]
-    global_m: float | None
-    local_m: float | None
-    chance: float
-    is_better: bool
-    transforms: Mapping[str, SE3]
+    centre_m: Vector3
+    samples: tuple[Whole, ...]
+    global_m: Annotated[float | None, Field(alias="global_mm"), in_unit(Length | None, 1e3)]
+    local_m: Annotated[float | None, Field(alias="local_mm"), in_unit(Length | None, 1e3)]
+    chance: Annotated[Number, Field(alias="p")]
+    is_better: Annotated[bool, Field(alias="recommended"), _BETTER]
+    transforms: Mapping[str, Pose]
 
 
 @dataclass(frozen=True)
@@ -225,9 +252,9 @@ class Tolerance:
         met: Whether that is within the tolerance and the verdict is good, without which it proves nothing.
     """
 
-    asked_m: float
-    expected_95_m: float | None
-    met: bool
+    asked_m: Annotated[Length, Field(gt=0)]
+    expected_95_m: Error
+    met: Flag
 
     @property
     def is_within(self) -> bool:

@@ -147,7 +147,7 @@ def test_transforms_and_lenses():
     given = Calibration(
         "doubtful",
         estimates,
-        status={"a_from_b": "prior", "c_from_p": "free", "eye": "free"},
+        status={"a_from_b": "prior", "c_from_p": "free"},
         points=frozenset({"c_from_p"}),
         cameras={"eye": (lens, np.eye(8))},
         order=("a_from_b",),

@@ -55,7 +55,7 @@ def example() -> Calibration:
             BASE: PoseEstimate(SE3.exp([1, 2, 3, 0.1, 0.2, 0.3]), spread),
             LIGHT: PoseEstimate(SE3.exp([0, 0, 0.1, 0, 0, 0]), point),
         },
-        status={BASE: "free", LIGHT: "prior", "wrist": "free"},
+        status={BASE: "free", LIGHT: "prior"},
         points=frozenset({LIGHT}),
         cameras={"wrist": (camera, np.eye(9))},
         robot_parameters={
@@ -98,7 +98,7 @@ def test_shape() -> None:
     assert data["transforms"][LIGHT]["covariance"] == [[1e-6, 0, 0], [0, 2e-6, 0], [0, 0, 3e-6]]
     assert data["intrinsics"]["wrist"] == {
         **{"model": "pinhole", "fx": 700.0, "fy": 701.0, "cx": 320.0, "cy": 240.0, "size_px": [640, 480]},
-        **{"distortion": [0.1, 0.2, 0.0, 0.0, 0.0], "covariance": np.eye(9).tolist(), "status": "free"},
+        **{"distortion": [0.1, 0.2, 0.0, 0.0, 0.0], "covariance": np.eye(9).tolist()},
     }
     assert data["joint"]["order"] == [BASE]
     residuals = data["residuals"]

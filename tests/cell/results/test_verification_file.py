@@ -44,7 +44,7 @@ def test_a_line_that_was_cut_off_is_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("old", "new", "field"),
-    [("0.25", "NaN", "line"), ('"p"', '"q"', "p"), ("[0.0005, ", "[-0.0005, ", "sigma_m"), ("false", '"no"', "moved")],
+    [("0.25", "NaN", "line"), ('"p"', '"q"', "p"), ("[0.0005,", "[-0.0005,", "sigma_m"), ("false", '"no"', "moved")],
 )
 def test_what_cannot_be_read_is_named(tmp_path: Path, old: str, new: str, field: str) -> None:
     """With its file, line and field."""

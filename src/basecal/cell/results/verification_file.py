@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import append_durably
+from basecal.cell.schema.errors import problems_of
 from basecal.errors import DatasetError
+from basecal.fields.problems import field_name
+from basecal.fields.written import THREE, Error, Flag, Length, Vector3, Whole, array_in
 from basecal.geometry import Array
 
 FILE = "verifications.jsonl"
 _LARGEST_BYTES = 2**26  # 64 MB: a verification every minute of some months
-_Number = Annotated[float, Field(allow_inf_nan=False)]
-_Three = tuple[_Number, _Number, _Number]
-_Sigmas = tuple[Annotated[_Number, Field(ge=0)], Annotated[_Number, Field(ge=0)], Annotated[_Number, Field(ge=0)]]
+
+
+def _in_utc(when: datetime) -> datetime:
+    """An instant in UTC, which it counts in if it names no zone."""
+    return when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +36,8 @@ class MeasuredShift:
         sigma_m: (3,) [m].
     """
 
-    t_m: Array
-    sigma_m: Array
+    t_m: Vector3
+    sigma_m: Annotated[Array, array_in(Annotated[list[Length], THREE])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,32 +55,18 @@ class PastVerification:
         shifts: By transform asked for, whether it moved or not.
     """
 
-    when: datetime
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False)
+    when: Annotated[datetime, AfterValidator(_in_utc)]
     run: str
-    samples: int
-    moved: bool | None
-    chance: float
-    detectable_m: float | None
+    samples: Annotated[Whole, Field(ge=0)]
+    moved: Flag | None
+    chance: Annotated[float, Field(alias="p", strict=True, ge=0, le=1)]
+    detectable_m: Error
     frame: str | None
     shifts: Mapping[str, MeasuredShift]
 
 
-class _Shift(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-    t_m: _Three
-    sigma_m: _Sigmas
-
-
-class _Line(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-    when: datetime
-    run: str
-    samples: Annotated[int, Field(ge=0)]
-    moved: bool | None
-    p: Annotated[_Number, Field(ge=0, le=1)]
-    detectable_m: Annotated[_Number, Field(ge=0)] | None
-    frame: str | None
-    shifts: dict[str, _Shift]
+_LINE = TypeAdapter(PastVerification)
 
 
 def append_verification(folder: str | Path, entry: PastVerification) -> None:
@@ -86,17 +75,8 @@ def append_verification(folder: str | Path, entry: PastVerification) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    line = {
-        "when": entry.when.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "run": entry.run,
-        "samples": entry.samples,
-        "moved": entry.moved,
-        "p": entry.chance,
-        "detectable_m": entry.detectable_m,
-        "frame": entry.frame,
-        "shifts": {n: {"t_m": s.t_m.tolist(), "sigma_m": s.sigma_m.tolist()} for n, s in entry.shifts.items()},
-    }
-    append_durably(Path(folder) / FILE, json.dumps(line, allow_nan=False) + "\n", within=Path(folder))
+    line = _LINE.dump_json(entry, by_alias=True, warnings=False).decode()
+    append_durably(Path(folder) / FILE, line + "\n", within=Path(folder))
 
 
 def read_verifications(folder: str | Path) -> tuple[PastVerification, ...]:
@@ -109,20 +89,12 @@ def read_verifications(folder: str | Path) -> tuple[PastVerification, ...]:
     if not path.exists():
         return ()
     *lines, _ = read_bounded(path, _LARGEST_BYTES).split(b"\n")
-    verifications = []
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        try:
-            said = _Line.model_validate_json(line)
-        except ValidationError as error:
-            first = error.errors()[0]
-            field = ".".join(str(part) for part in first["loc"])
-            message = f"{field or 'line'}: {first['msg'][:1].lower()}{first['msg'][1:]}; take the line out"
-            raise DatasetError(str(path), message, number) from None
-        when = said.when if said.when.tzinfo is not None else said.when.replace(tzinfo=UTC)
-        shifts = {name: MeasuredShift(np.array(s.t_m), np.array(s.sigma_m)) for name, s in said.shifts.items()}
-        verifications.append(
-            PastVerification(when, said.run, said.samples, said.moved, said.p, said.detectable_m, said.frame, shifts)
-        )
-    return tuple(verifications)
+    return tuple(_read(line, str(path), number) for number, line in enumerate(lines, start=1) if line.strip())
+
+
+def _read(line: bytes, path: str, number: int) -> PastVerification:
+    try:
+        return _LINE.validate_json(line)
+    except ValidationError as error:
+        problem = problems_of(error, _LINE)[0]
+        raise DatasetError(path, f"{problem.message}; take the line out", number, field_name(problem.loc)) from None

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from basecal.cell.targets.all_kinds import KIND_NAMES, entry_with_tag
 from basecal.errors import nearest
@@ -16,27 +15,31 @@ from basecal.fields.problems import Loc, Problem, short
 _WORDS = {
     "missing": "missing; add it",
     "model_type": "expected a mapping `{field: value}`",
+    "dataclass_type": "expected a mapping `{field: value}`",
     "dict_type": "expected a mapping `{name: ...}`",
     "list_type": "expected a list",
+    "tuple_type": "expected a list",
     "string_type": "expected text",
     "float_type": "expected a number",
     "int_type": "expected a whole number",
     "finite_number": "expected a finite number",
     "bool_type": "expected true or false",
 }
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")  # of a model, and of a dataclass
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
 
 
-def problems_of(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
+def problems_of(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> list[Problem]:
     """Each error of a model as a problem at the place where it is written."""
-    return [_problem(details, model) for details in error.errors(include_url=False)]
+    schema = model.core_schema if isinstance(model, TypeAdapter) else model.__pydantic_core_schema__
+    return [_problem(details, schema) for details in error.errors(include_url=False)]
 
 
-def _problem(details: Mapping[str, Any], model: type[BaseModel]) -> Problem:
+def _problem(details: Mapping[str, Any], schema: Any) -> Problem:
     loc = tuple(part for part in details["loc"] if not _is_tag(part))
     kind, value = details["type"], details["input"]
-    if kind == "extra_forbidden":
-        known = _fields_at(model, details["loc"][:-1])
+    if kind in _UNKNOWN:
+        known = _fields_at(schema, details["loc"][:-1])
         return Problem(loc, f"unknown field{nearest(str(loc[-1]), known)}; known: {', '.join(known)}")
     if kind == "union_tag_invalid":
         written = value["kind"]
@@ -56,30 +59,38 @@ def _is_tag(part: str | int) -> bool:
     return isinstance(part, str) and entry_with_tag(part) is not None
 
 
-def _fields_at(model: type[BaseModel], loc: Loc) -> list[str]:
-    """Names of the fields of the entry at a place."""
-    here: Any = model
+def _fields_at(schema: Any, loc: Loc) -> list[str]:
+    """Names of the fields of the entry at a place, by what pydantic made of its model."""
+    shared = {each["ref"]: each for each in schema.get("definitions", ())}
+    here = _bare(schema, shared)
     for part in loc:
-        here = _bare(here)
-        if _is_tag(part):
-            here = entry_with_tag(str(part))
-        elif _is_model(here):
-            here = next((f.annotation for name, f in here.model_fields.items() if part in (name, f.alias)), None)
-        else:
-            here = get_args(here)[-1] if get_args(here) else None
-    entry = _bare(here)
-    return [field.alias or name for name, field in entry.model_fields.items()] if _is_model(entry) else []
+        here = _bare(_inner(here, part), shared)
+    return list(_fields(here))
 
 
-def _bare(annotation: Any) -> Any:
-    """An annotation without its metadata and without `| None`."""
-    while get_origin(annotation) is Annotated:
-        annotation = get_args(annotation)[0]
-    if get_origin(annotation) in (Union, UnionType):
-        some = [option for option in get_args(annotation) if option is not type(None)]
-        return _bare(some[0]) if len(some) == 1 else annotation
-    return annotation
+def _inner(schema: Any, part: str | int) -> Any:
+    """The schema of what stands at a key of a mapping, or at a place of a list."""
+    match schema["type"]:
+        case "dict":
+            return schema["values_schema"]
+        case "tuple":
+            return schema["items_schema"][0]
+        case "tagged-union":
+            return schema["choices"][part]
+        case "list":
+            return schema["items_schema"]
+    return _fields(schema)[str(part)]
 
 
-def _is_model(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+def _fields(schema: Any) -> dict[str, Any]:
+    """Schemas of the fields of an entry, by their names in files."""
+    fields = schema.get("fields", ())
+    named = fields.items() if isinstance(fields, dict) else ((field["name"], field) for field in fields)
+    return {field.get("validation_alias", name): field["schema"] for name, field in named}
+
+
+def _bare(schema: Any, shared: Mapping[str, Any]) -> Any:
+    """A schema without what is wrapped around it: defaults, checks, `| None`."""
+    while "schema" in schema or schema["type"] == "definition-ref":
+        schema = shared[schema["schema_ref"]] if schema["type"] == "definition-ref" else schema["schema"]
+    return schema

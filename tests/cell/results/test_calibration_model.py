@@ -24,7 +24,8 @@ from basecal.cell.calibration import (
     Validation,
 )
 from basecal.cell.files import calibration_from_dict, calibration_to_dict, read_calibration, write_calibration
-from basecal.cell.results.calibration_schema import check_calibration
+from basecal.cell.results.calibration_dict import calibration_from_dict as check_calibration
+from basecal.cell.results.calibration_dict import finding_to_dict
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 
@@ -138,6 +139,8 @@ def test_a_refused_run_without_transforms(tmp_path: Path) -> None:
     assert read_calibration(path).joint_covariance.shape == (0, 0)
 
 
+EMPTY_FINDING = finding_to_dict(Finding("a", "info", (), "What."))
+GEAR = {"ratio_error": [0.0], "sigma_ratio_error": [0.0], "seen": [True], "joint_names": ["pan"]}
 SIGMAS = {"sigma_t_m": [1e-3] * 3, "sigma_r_rad": [1e-3] * 3}
 
 
@@ -162,7 +165,32 @@ def test_the_first_wrong_field_is_named(change: dict[str, Any], words: str) -> N
         check_calibration(EMPTY | change)
 
 
-def test_fields_of_later_programs_are_passed_over() -> None:
-    """What is not known is no error."""
-    assert calibration_from_dict(EMPTY | {"later": [1]}).verdict == "refused"
-    check_calibration(EMPTY | {"noise": {"robots": {"arm": SIGMAS | {"later": 1}}}})
+ROBOT = {"noise": {"robots": {"arm": SIGMAS}}}
+POSE = {
+    "t_m": [0.0] * 3,
+    "q_xyzw": [0.0, 0, 0, 1],
+    "covariance": np.eye(6).tolist(),
+    "status": "free",
+    "verdict": "good",
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"later": [1]}, "later: unknown field; known: schema, version"),
+        ({"verdicts": {}}, r"verdicts: unknown field \(did you mean 'verdict'\?\)"),
+        ({"transforms": {"a_from_b": POSE | {"sigma": 1}}}, r"transforms\.a_from_b\.sigma: unknown field"),
+        ({"noise": {"robots": {"arm": SIGMAS | {"later": 1}}}}, r"noise\.robots\.arm\.later: unknown field"),
+        ({"noise": {"later": 1}}, r"noise\.later: unknown field"),
+        ({"joint": {"order": [], "covariance": [], "more": 1}}, r"joint\.more: unknown field"),
+        ({"findings": [EMPTY_FINDING | {"sev": 1}]}, r"findings\[0\]\.sev: unknown field"),
+        ({"gear_ratio": {"arm": GEAR | {"later": []}}}, r"gear_ratio\.arm\.later: unknown field"),
+        ({"certificate": {"gap": None, "global": None}}, r"certificate\.reason: missing; add it"),
+    ],
+)
+def test_unknown_and_missing_fields_are_errors(change: dict[str, Any], words: str) -> None:
+    """On every level, with their place and the fields that are known there."""
+    assert check_calibration(EMPTY | ROBOT).noise == ROBOT["noise"]
+    with pytest.raises(InputError, match=words):
+        check_calibration(EMPTY | change)

@@ -1,0 +1,223 @@
+"""What `calibration.json` holds, as a model: nouns in the form and the units of files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from basecal.cell.calibration import (
+    BudgetEntry,
+    Calibration,
+    Certificate,
+    ClockOffset,
+    ErrorMap,
+    Finding,
+    LineTime,
+    LocalFit,
+    Outlier,
+    Residuals,
+    Tolerance,
+    Validation,
+    Verdict,
+)
+from basecal.cell.results.noise_written import WrittenNoise
+from basecal.effects.faces.robot_parameter import RobotParameters
+from basecal.errors import InputError
+from basecal.fields.problems import short
+from basecal.fields.values import Status
+from basecal.fields.written import Covariance, Length, Number, Real, Seconds, Whole, WrittenPose, as_written, pose_data
+from basecal.geometry import Array, Camera, PoseEstimate
+
+
+def _transform_name(name: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_]*_from_[a-z][a-z0-9_]*", name) or name.count("_from_") != 1:
+        raise ValueError(f"expected the name of a transform, a_from_b, got {short(name)}")
+    return name
+
+
+_Name = Annotated[str, AfterValidator(_transform_name)]
+
+
+class _Known(NamedTuple):
+    """A transform that is known; `size` is 3 if only its position is defined, else 6."""
+
+    estimate: PoseEstimate
+    size: int
+    status: str | None
+    verdict: Verdict
+
+
+class _WrittenTransform(WrittenPose):
+    covariance: Covariance
+    status: Status | None
+    verdict: Verdict
+
+    def known(self) -> _Known:
+        """The transform, with a covariance (6, 6)."""
+        size, full = len(self.covariance), np.zeros((6, 6))
+        if size not in (3, 6):
+            raise ValueError(f"covariance: has {size} rows, expected 3 or 6")
+        full[:size, :size] = self.covariance
+        return _Known(PoseEstimate(self.transform(), full), size, self.status, self.verdict)
+
+
+def _transform_data(known: _Known) -> dict[str, Any]:
+    covariance = known.estimate.covariance[: known.size, : known.size] + 0.0
+    return pose_data(known.estimate.mean) | {"covariance": covariance, "status": known.status, "verdict": known.verdict}
+
+
+class _WrittenLens(BaseModel):
+    model_config = ConfigDict(allow_inf_nan=False)
+    model: str
+    fx: Number
+    fy: Number
+    cx: Number
+    cy: Number
+    distortion: list[Number]
+    size_px: tuple[Whole, Whole] | None
+    covariance: Covariance
+
+    def lens(self) -> tuple[Camera, Array]:
+        """The camera, and the covariance of its parameters."""
+        parameters = np.array([self.fx, self.fy, self.cx, self.cy, *self.distortion])
+        return Camera(self.model, parameters, self.size_px), self.covariance
+
+
+def _lens_data(lens: tuple[Camera, Array]) -> dict[str, Any]:
+    camera, covariance = lens
+    fx, fy, cx, cy, *terms = (camera.parameters + 0.0).tolist()
+    return {
+        "model": camera.model,
+        **{"fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": terms},
+        "size_px": camera.size_px,
+        "covariance": covariance,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    order: tuple[_Name, ...]
+    covariance: Covariance
+
+
+@dataclass(frozen=True)
+class _Observability:
+    condition: Real | None
+    unobservable: tuple[str, ...]
+
+
+class _WrittenSettings(BaseModel):
+    """What was asked, as it is; only what is calculated with is looked at."""
+
+    model_config = ConfigDict(extra="allow")
+    tolerance_m: Annotated[Length, Field(gt=0)] | None = None
+
+    def plain(self) -> dict[str, Any]:
+        """The data."""
+        return self.model_dump(exclude_unset=True)
+
+
+_Transform = Annotated[_Known, as_written(_WrittenTransform, _WrittenTransform.known, _transform_data)]
+_Lens = Annotated[tuple[Camera, Array], as_written(_WrittenLens, _WrittenLens.lens, _lens_data)]
+_Settings = Annotated[Mapping[str, Any], as_written(_WrittenSettings, _WrittenSettings.plain, dict)]
+_TimeSigma = Annotated[Seconds, Field(ge=0)]
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationFile:
+    """What `calibration.json` holds beside its schema, the program's version and parameters of robots."""
+
+    __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False)
+    verdict: Verdict
+    transforms: Mapping[_Name, _Transform]
+    intrinsics: Mapping[str, _Lens]
+    clock_offset_s: Mapping[str, Seconds] | None
+    clock_sigma_s: Mapping[str, _TimeSigma] | None
+    line_time_s: Mapping[str, Seconds] | None
+    line_time_sigma_s: Mapping[str, _TimeSigma] | None
+    noise: WrittenNoise
+    joint: _Joint | None
+    residuals: Residuals
+    outliers: tuple[Outlier, ...] | None
+    validation: Validation | None
+    observability: _Observability
+    certificate: Certificate | None
+    budget: tuple[BudgetEntry, ...] | None
+    error_map: ErrorMap | None
+    local: tuple[LocalFit, ...] | None
+    findings: tuple[Finding, ...]
+    tolerance: Tolerance | None
+    settings: _Settings
+    inputs: Mapping[str, str]
+    versions: Mapping[str, str]
+
+    def checked(self) -> Self:
+        """The file itself, if its fields go together.
+
+        Raises:
+            InputError: if they do not.
+        """
+        for sigmas, values in (("clock_sigma_s", "clock_offset_s"), ("line_time_sigma_s", "line_time_s")):
+            if (getattr(self, sigmas) or {}).keys() != (getattr(self, values) or {}).keys():
+                raise InputError(f"{sigmas}: expected a sigma of each of {values}")
+        if self.joint is not None and len(self.joint.covariance) != 6 * len(self.joint.order):
+            size, count = len(self.joint.covariance), len(self.joint.order)
+            raise InputError(f"joint.covariance: has {size} rows, expected 6 for each of {count} transforms")
+        if (errors := self.error_map) and not len(errors.points_m) == len(errors.length_95_m) == len(
+            errors.angle_95_rad
+        ):
+            raise InputError("error_map: expected an error in mm and in deg for each point")
+        return self
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> Self:
+        """What the file of a calibration holds."""
+        joint = calibration.joint_covariance
+        clocks, lines = calibration.clocks, calibration.line_times
+        return cls(
+            transforms={name: _known(name, calibration) for name in calibration.transforms},
+            intrinsics=calibration.cameras,
+            clock_offset_s={name: clock.offset_s for name, clock in clocks.items()} or None,
+            clock_sigma_s={name: clock.sigma_s for name, clock in clocks.items()} or None,
+            line_time_s={name: line.line_time_s for name, line in lines.items()} or None,
+            line_time_sigma_s={name: line.sigma_s for name, line in lines.items()} or None,
+            joint=None if joint is None else _Joint(calibration.order, joint),
+            observability=_Observability(calibration.condition, calibration.unobservable),
+            **{name: getattr(calibration, name) for name in _SAME},
+        )
+
+    def calibration(self, robot_parameters: Mapping[str, Mapping[str, RobotParameters]]) -> Calibration:
+        """The calibration, with parameters of robots by kind."""
+        known, joint = self.transforms, self.joint
+        return Calibration(
+            transforms={name: each.estimate for name, each in known.items()},
+            verdicts={name: each.verdict for name, each in known.items()},
+            status={name: each.status for name, each in known.items() if each.status is not None},
+            points=frozenset(name for name, each in known.items() if each.size == 3),
+            cameras=self.intrinsics,
+            robot_parameters=robot_parameters,
+            clocks={n: ClockOffset(s, (self.clock_sigma_s or {})[n]) for n, s in (self.clock_offset_s or {}).items()},
+            line_times={n: LineTime(s, (self.line_time_sigma_s or {})[n]) for n, s in (self.line_time_s or {}).items()},
+            order=() if joint is None else joint.order,
+            joint_covariance=None if joint is None else joint.covariance,
+            condition=self.observability.condition,
+            unobservable=self.observability.unobservable,
+            **{name: getattr(self, name) for name in _SAME},
+        )
+
+
+_SAME = CalibrationFile.__dataclass_fields__.keys() & Calibration.__dataclass_fields__.keys() - {"transforms"}
+
+
+def _known(name: str, calibration: Calibration) -> _Known:
+    return _Known(
+        calibration.transforms[name],
+        3 if name in calibration.points else 6,
+        calibration.status.get(name),
+        calibration.verdicts.get(name, calibration.verdict),
+    )

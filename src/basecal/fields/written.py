@@ -1,0 +1,106 @@
+"""Numbers and arrays of results, as pydantic types: in one form and unit in memory, in another in files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict
+from pydantic_core import core_schema
+
+from basecal.fields.values import LARGEST
+from basecal.geometry import SE3, Array, read_only
+
+_FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
+FARTHEST_S = 1e12
+"""[s]: as far as stamps may be."""
+
+LARGEST_NUMBER = 1e150
+"""Of any field: beyond it a square overflows, and nothing that is measured is as large."""
+
+
+def as_written(form: Any, read: Callable[[Any], Any], write: Callable[[Any], Any]) -> GetPydanticSchema:
+    """The annotation of a value that files hold in another form, a type; it is checked there before it is read."""
+
+    def schema(_: Any, handler: Any) -> core_schema.CoreSchema:
+        """The form's own, with both conversions."""
+        writing = core_schema.plain_serializer_function_ser_schema(write)
+        return core_schema.no_info_after_validator_function(read, handler(form), serialization=writing)
+
+    return GetPydanticSchema(schema)
+
+
+def in_unit(form: Any, factor: float) -> GetPydanticSchema:
+    """The annotation of a number that is `factor` times as large in files, or null there."""
+
+    def read(value: float | None) -> float | None:
+        """The number in memory."""
+        return None if value is None else value / factor
+
+    def write(value: float | None) -> float | None:
+        """The number in files."""
+        return None if value is None else value * factor
+
+    return as_written(form, read, write)
+
+
+def array_in(form: Any, factor: float = 1.0, shape: tuple[int, ...] = (-1,)) -> GetPydanticSchema:
+    """The annotation of an array that files hold as lists of numbers `factor` times as large."""
+    return as_written(
+        form,
+        lambda rows: read_only(np.array(rows, dtype=np.float64).reshape(shape) / factor),
+        lambda array: (np.asarray(array, dtype=np.float64) * factor + 0.0).tolist(),
+    )
+
+
+def _square(rows: list[list[float | None]]) -> Array:
+    """A square matrix whose variances are not negative; a number that is not known is NaN."""
+    if any(len(row) != len(rows) for row in rows):
+        raise ValueError(f"expected a square, got {len(rows)} rows of {' or '.join(map(str, {len(r) for r in rows}))}")
+    values = read_only(np.array(rows, dtype=np.float64).reshape(len(rows), len(rows)))
+    bad = (np.diagonal(values) < 0) | np.any(np.abs(values) > LARGEST_NUMBER, axis=1)
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise ValueError(f"row {first} holds a number beyond {LARGEST_NUMBER:g} or a variance below 0")
+    return values
+
+
+THREE = Field(min_length=3, max_length=3)
+Whole = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+Real = Annotated[float, Strict()]
+Number = Annotated[float, Strict(), Field(ge=-_FARTHEST, le=_FARTHEST)]
+Length = Annotated[float, Strict(), Field(ge=0, le=_FARTHEST)]
+Seconds = Annotated[float, Strict(), Field(ge=-FARTHEST_S, le=FARTHEST_S)]
+Sigma = Annotated[float, Strict(), Field(ge=0, le=LARGEST)]
+# An error of a fit; None where nothing defines it.
+Error = Annotated[float, Strict(), Field(ge=0, le=LARGEST_NUMBER)] | None
+ErrorInMm = Annotated[float | None, in_unit(Error, 1e3)]
+ErrorInDeg = Annotated[float | None, in_unit(Error, float(np.degrees(1)))]
+Covariance = Annotated[Array, as_written(list[list[Real | None]], _square, lambda array: array + 0.0)]
+Vector3 = Annotated[Array, array_in(Annotated[list[Number], THREE])]
+
+
+class WrittenPose(BaseModel):
+    """`t_m` and `q_xyzw` of a transform."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+    t_m: Annotated[list[Number], THREE]
+    q_xyzw: Annotated[list[Real], Field(min_length=4, max_length=4)]
+
+    def transform(self) -> SE3:
+        """The transform.
+
+        Raises:
+            InputError: if the quaternion is not of norm 1.
+        """
+        return SE3.from_quaternion(self.q_xyzw, self.t_m)
+
+
+def pose_data(pose: SE3) -> dict[str, Any]:
+    """The data of a transform, without negative zeros."""
+    return {"t_m": (pose.translation + 0.0).tolist(), "q_xyzw": (pose.quaternion + 0.0).tolist()}
+
+
+Pose = Annotated[SE3, as_written(WrittenPose, WrittenPose.transform, pose_data)]

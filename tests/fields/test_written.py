@@ -1,0 +1,90 @@
+"""Values that files hold in another form: what is read is what was written, and limits are those of the file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from basecal.fields.written import (
+    Covariance,
+    ErrorInDeg,
+    ErrorInMm,
+    Length,
+    Pose,
+    Vector3,
+    Whole,
+    WrittenPose,
+    array_in,
+    as_written,
+    pose_data,
+)
+from basecal.geometry import SE3, Array
+
+IN_MM = Annotated[Array, array_in(list[Length], 1e3)]
+
+
+@pytest.mark.parametrize(
+    ("form", "written", "value"),
+    [
+        (ErrorInMm, 2.0, 0.002),
+        (ErrorInMm, None, None),
+        (ErrorInDeg, 180.0, np.pi),
+        (Vector3, [1.0, 2.0, 3.0], np.array([1.0, 2, 3])),
+        (IN_MM, [1.0, 500.0], np.array([0.001, 0.5])),
+        (Covariance, [[2.0, 1.0], [1.0, 2.0]], np.array([[2.0, 1], [1, 2]])),
+    ],
+)
+def test_units_and_arrays(form: Any, written: Any, value: Any) -> None:
+    """Read from a file and written again."""
+    adapter = TypeAdapter(form)
+    found = adapter.validate_python(written)
+    assert found is None if value is None else np.allclose(found, value, rtol=1e-15)
+    again = adapter.dump_python(found)
+    assert again is None if written is None else np.allclose(again, written, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("form", "written", "words"),
+    [
+        (ErrorInMm, -1.0, "greater than or equal to 0"),
+        (Whole, True, "valid integer"),
+        (Whole, 1.0, "valid integer"),
+        (Vector3, [1.0, 2.0], "at least 3 items"),
+        (Vector3, [1.0, 2.0, 1e10], "less than or equal to 1000000000"),
+        (Covariance, [[1.0, 2.0]], "expected a square, got 1 rows of 2"),
+        (Covariance, [[1.0, 0.0], [0.0, -1.0]], "row 1 holds .* a variance below 0"),
+        (Covariance, [[1e151]], "row 0 holds a number beyond"),
+        (Pose, {"t_m": [0.0] * 3, "q_xyzw": [0.0, 0, 0, 2]}, "norm 2"),
+    ],
+)
+def test_limits_are_checked(form: Any, written: Any, words: str) -> None:
+    """In the unit of the file, before anything is converted."""
+    with pytest.raises(ValidationError, match=words):
+        TypeAdapter(form).validate_python(written)
+
+
+def test_a_number_that_is_not_known_is_nan_in_a_matrix() -> None:
+    """And the matrix cannot be changed."""
+    found = TypeAdapter(Covariance).validate_python([[None]])
+    assert np.isnan(found).all()
+    assert not found.flags.writeable
+
+
+def test_poses() -> None:
+    """A position and a quaternion, without negative zeros."""
+    pose = SE3.from_rotvec([0.1, -0.2, 0.3], [1.0, 2.0, -0.0])
+    data = pose_data(pose)
+    assert str(data["t_m"]) == "[1.0, 2.0, 0.0]"
+    np.testing.assert_allclose(WrittenPose.model_validate(data).transform().matrix, pose.matrix, atol=1e-15)
+    np.testing.assert_allclose(TypeAdapter(Pose).validate_python(data).matrix, pose.matrix, atol=1e-15)
+
+
+def test_any_form() -> None:
+    """A word in a file may be anything in memory."""
+    form = Annotated[bool, as_written(str, lambda word: word == "yes", lambda value: "yes" if value else "no")]
+    adapter = TypeAdapter(form)
+    assert [adapter.validate_python(word) for word in ("yes", "no")] == [True, False]
+    assert [adapter.dump_python(value) for value in (True, False)] == ["yes", "no"]
