@@ -19,7 +19,8 @@ from basecal.exchange.controllers.convention import (
     MatrixConvention,
     convention,
 )
-from basecal.registry import CONTROLLERS, DRIVERS, IMPORTS
+from basecal.exchange.importers.registry import IMPORTERS
+from basecal.registry import CONTROLLERS, DRIVERS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -109,7 +110,7 @@ def test_glossary_says_each_word_once() -> None:
 def test_every_import_is_documented() -> None:
     """Each kind of import has its section, in the order of the registry, and no other has one."""
     page = (DOCS / "importing.md").read_text(encoding="utf-8")
-    assert re.findall(r"^## `(.+)`$", page, re.MULTILINE) == list(IMPORTS)
+    assert re.findall(r"^## `(.+)`$", page, re.MULTILINE) == list(IMPORTERS)
 
 
 def test_every_driver_is_documented() -> None:

@@ -12,7 +12,6 @@ from basecal.registry import (
     CONTROLLERS,
     DRIVERS,
     EXPORTERS,
-    IMPORTS,
     LENSES,
     MOTIONS,
     PATTERNS,
@@ -99,12 +98,3 @@ def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None
     }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
     assert faces == set(names)
-
-
-def test_every_import_is_registered() -> None:
-    """Each kind of `basecal import` has a module with its verb, and no such module is left out."""
-    verbs = {path.stem.removeprefix("import_").replace("_", "-") for path in (SOURCE / "cli").glob("import_*.py")}
-    assert verbs == set(IMPORTS)
-    for kind in IMPORTS:
-        name = f"import_{kind.replace('-', '_')}"
-        assert f"\ndef {name}(" in (SOURCE / "cli" / f"{name}.py").read_text(encoding="utf-8")

@@ -12,6 +12,7 @@ from basecal.methods import METHODS
 
 TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
+    from basecal.accuracy.at_the_door.importing import import_into as import_into
     from basecal.accuracy.calibrate import calibrate as calibrate
     from basecal.accuracy.compare import compare as compare
     from basecal.accuracy.drift.verify import verify as verify
@@ -35,6 +36,21 @@ if TYPE_CHECKING:
     from basecal.estimation.stages import Stages as Stages
     from basecal.exchange.exporters.exporter import export as export
     from basecal.exchange.exporters.exporter import pasteable as pasteable
+    from basecal.exchange.importers.bag import read_bag as read_bag
+    from basecal.exchange.importers.camera_info import read_camera_info as read_camera_info
+    from basecal.exchange.importers.colmap import read_colmap as read_colmap
+    from basecal.exchange.importers.data_set import read_data_set as read_data_set
+    from basecal.exchange.importers.easy_handeye import read_easy_handeye as read_easy_handeye
+    from basecal.exchange.importers.images import read_images as read_images
+    from basecal.exchange.importers.joints import read_joints as read_joints
+    from basecal.exchange.importers.kalibr import read_kalibr as read_kalibr
+    from basecal.exchange.importers.lerobot import read_lerobot as read_lerobot
+    from basecal.exchange.importers.moveit_samples import read_moveit_samples as read_moveit_samples
+    from basecal.exchange.importers.mrcal import read_mrcal as read_mrcal
+    from basecal.exchange.importers.opencv import read_opencv as read_opencv
+    from basecal.exchange.importers.pixels import read_pixels as read_pixels
+    from basecal.exchange.importers.poses import read_poses as read_poses
+    from basecal.exchange.importing.described_target import Shape as Shape
     from basecal.geometry import SE3 as SE3
     from basecal.geometry import Camera as Camera
     from basecal.geometry import PoseEstimate as PoseEstimate
@@ -56,6 +72,7 @@ _HOME = {
     "Sample": "cell",
     "Scenario": "simulation.scenario",
     "Settings": "estimation.settings",
+    "Shape": "exchange.importing.described_target",
     "SimulatedCell": "simulation.scenario",
     "Solution": "estimation.solve",
     "Stages": "estimation.stages",
@@ -65,10 +82,25 @@ _HOME = {
     "detect": "vision.detect",
     "export": "exchange.exporters.exporter",
     "html_summary": "reporting.notebook",
+    "import_into": "accuracy.at_the_door.importing",
     "latest_run": "cell.files",
     "pasteable": "exchange.exporters.exporter",
+    "read_bag": "exchange.importers.bag",
     "read_calibration": "cell.files",
+    "read_camera_info": "exchange.importers.camera_info",
     "read_cell": "cell.files",
+    "read_colmap": "exchange.importers.colmap",
+    "read_data_set": "exchange.importers.data_set",
+    "read_easy_handeye": "exchange.importers.easy_handeye",
+    "read_images": "exchange.importers.images",
+    "read_joints": "exchange.importers.joints",
+    "read_kalibr": "exchange.importers.kalibr",
+    "read_lerobot": "exchange.importers.lerobot",
+    "read_moveit_samples": "exchange.importers.moveit_samples",
+    "read_mrcal": "exchange.importers.mrcal",
+    "read_opencv": "exchange.importers.opencv",
+    "read_pixels": "exchange.importers.pixels",
+    "read_poses": "exchange.importers.poses",
     "read_recording": "cell.files",
     "read_truth": "cell.files",
     "simulate": "simulation.testbed",

@@ -66,25 +66,6 @@ EXPORTERS = {
 }
 """Kinds of `basecal export` with what each gives: modules of `basecal.exchange.exporters`."""
 
-IMPORTS = (
-    "images",
-    "poses",
-    "joints",
-    "lerobot",
-    "bag",
-    "pixels",
-    "easy-handeye",
-    "moveit-samples",
-    "industrial-calibration",
-    "robot-cal-tools",
-    "camera-info",
-    "kalibr",
-    "opencv",
-    "colmap",
-    "mrcal",
-)
-"""Kinds of `basecal import`: modules `basecal.cli.import_<kind>`, with `_` for `-`."""
-
 DRIVERS = (
     "simulated",
     "replay",

@@ -13,11 +13,11 @@ from basecal.accuracy.stages.case import Case
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.cli.template import cell_text
 from basecal.errors import FrameNotFound
 from basecal.estimation.settings import Settings
 from basecal.estimation.stages import Stages
 from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.importing.template import cell_text
 from basecal.exchange.poses import PoseStream
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate

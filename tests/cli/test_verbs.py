@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from basecal.cell.files import read_cell, read_recording
-from basecal.cli import main
-from basecal.registry import IMPORTS
+from basecal.cli import _VERBS, main
+from basecal.exchange.importers.registry import IMPORTERS
 from pose_files import options, pose_files
 
 VERBS = ["new", "simulate", "demo", "calibrate", "report", "export", "merge", "study"]
-VERBS += [f"import {kind}" for kind in IMPORTS]
+VERBS += [f"import {kind}" for kind in IMPORTERS]
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -33,6 +34,13 @@ def test_help_lists_the_verbs(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(verb.split()[0] in told for verb in VERBS)
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.strip()[0].isdigit()
+
+
+@pytest.mark.parametrize("verb", [*_VERBS])
+def test_the_list_says_what_the_verb_says(verb: str) -> None:
+    """The line of a verb in the list is the first sentence of its own help."""
+    told = getattr(import_module(f"basecal.cli.{verb}"), verb).__doc__
+    assert " ".join(told.split("\n\n")[0].split()) == _VERBS[verb]
 
 
 @pytest.mark.parametrize(

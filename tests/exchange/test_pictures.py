@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.pictures import pictures_of, stamp_of, unreadable_pictures, usual_size
+from basecal.exchange.pictures import picture_size, pictures_of, stamp_of, unreadable_pictures, usual_size
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -71,3 +73,12 @@ def test_times_that_are_names(name: str, stamp: float | None) -> None:
 def test_the_usual_size() -> None:
     """That of most."""
     assert usual_size([(4, 3), (8, 6), (8, 6)]) == (8, 6)
+
+
+def test_the_size_of_a_picture(tmp_path: Path) -> None:
+    """By its first bytes; of what is no picture, or not there, nothing is said."""
+    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((48, 64), np.uint8))
+    (tmp_path / "b.png").write_bytes(b"no picture")
+    assert picture_size(tmp_path / "a.png") == (64, 48)
+    assert picture_size(tmp_path / "b.png") is None
+    assert picture_size(tmp_path / "c.png") is None

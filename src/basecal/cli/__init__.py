@@ -1,11 +1,10 @@
-"""The command line: a table of verbs, each in a small file that imports what is heavy only when it runs."""
+"""The command line: a table of verbs, each in a small file that is loaded when it is asked for."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from importlib import import_module
+from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -13,25 +12,25 @@ from basecal.cli.study import study
 from basecal.cli.task_point import numbers_apart
 from basecal.cli.terminal import say
 from basecal.errors import BasecalError, DatasetError
-from basecal.registry import IMPORTS
 
-_VERBS = (
-    "new",
-    "target",
-    "simulate",
-    "demo",
-    "capture",
-    "detect",
-    "plan",
-    "calibrate",
-    "verify",
-    "compare",
-    "report",
-    "view",
-    "export",
-    "merge",
-)
-_STUDIES = ("paper",)
+_VERBS = {
+    "new": "Write a working cell.yaml to fill in, and an empty recording.",
+    "target": "Print a target at true scale, with a ruler to check the print.",
+    "simulate": "Make a cell and a recording whose truth is known, or run such a cell.",
+    "demo": "Run two simulated arms, capture, calibrate, and compare with the truth.",
+    "capture": "Make a recording: send the arms, wait until all is still, look, and note.",
+    "detect": "Find the targets in the images of a recording.",
+    "plan": "Say which samples to record, and how many, so that a task point is known well enough.",
+    "calibrate": "Estimate the transforms asked for, with their covariance.",
+    "verify": "Tell from one or a few new samples whether a cell is still as calibrated.",
+    "compare": "Tell whether two runs or more agree, and what differs between them.",
+    "report": "Tell the latest calibration in plain text, and write its page.",
+    "view": "Look through the runs of a cell on a local page.",
+    "export": "Write what a calibration found the way another program says it.",
+    "merge": "Make one cell of several that were recorded apart, such as each arm with the other still.",
+}
+"""Each a function of a module of its name, and the first sentence of its help: none is loaded to list them."""
+_IMPORT = "Make a cell and its recording from other programs' files, or complete what is there."
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.
 
@@ -40,15 +39,6 @@ Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page of
 
 Exit codes: 0 good or tolerance met, 1 doubtful, 2 wrong usage, 3 unreadable input,
 4 refused, 5 tolerance missed, 70 a fault of this program, 130 interrupted."""
-
-
-_IMPORT_HELP = """Make a cell and its recording from other programs' files, or complete what is
-there: nothing that is recorded is overwritten.
-
-For example:
-
-    basecal import images mycell photos --camera wrist --on left
-    basecal import poses mycell --robot left ur.csv --format ur"""
 
 
 def build_app(words: Sequence[str] = ()) -> App:
@@ -66,32 +56,20 @@ def build_app(words: Sequence[str] = ()) -> App:
         default_parameter=Parameter(negative=()),
         suppress_keyboard_interrupt=False,
     )
-    first, second = (*words[:2], "", "")[:2]
-    _add(app, {verb: verb for verb in _VERBS}, first not in {*_VERBS, "import", "driver", "study"})
-    imports = App(name="import", help=_IMPORT_HELP, help_format="plaintext", sort_key=len(_VERBS))
-    kinds = {kind: f"import_{kind.replace('-', '_')}" for kind in IMPORTS}
-    _add(imports, kinds, first == "import" and second not in kinds)
-    app.command(imports)
-    drivers = App(
-        name="driver",
-        help="Measure what drivers of robots and cameras promise.",
-        help_format="plaintext",
-        sort_key=len(_VERBS),
-    )
-    _add(drivers, {"check": "driver_check"}, first == "driver" and second != "check")
+    first = next(iter(words), "")
+    for place, (verb, summary) in enumerate(_VERBS.items()):
+        help_ = None if verb == first else summary
+        app.command(f"basecal.cli.{verb}:{verb}", name=verb, help=help_, sort_key=place)
+    app.command("basecal.cli.importing:app", name="import", help=None if first == "import" else _IMPORT, sort_key=place)
+    about = "Measure what drivers of robots and cameras promise."
+    drivers = App(name="driver", help=about, help_format="plaintext", sort_key=len(_VERBS))
+    drivers.command("basecal.cli.driver_check:driver_check", name="check")
     app.command(drivers)
     studies = App(name="study", help_format="plaintext", sort_key=len(_VERBS) + 1)
     studies.default(study)
-    _add(studies, {verb: f"study_{verb}" for verb in _STUDIES}, first == "study" and second not in _STUDIES)
+    studies.command("basecal.cli.study_paper:study_paper", name="paper")
     app.command(studies)
     return app
-
-
-def _add(app: App, verbs: Mapping[str, str], listed: bool) -> None:
-    """Add verbs, each the function of a module of that name; only where they are `listed` are they imported at once."""
-    for place, (name, verb) in enumerate(verbs.items()):
-        module = f"basecal.cli.{verb}"
-        app.command(getattr(import_module(module), verb) if listed else f"{module}:{verb}", name=name, sort_key=place)
 
 
 def _version() -> str:

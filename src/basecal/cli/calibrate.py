@@ -11,8 +11,8 @@ from basecal.cli.next_step import next_step
 from basecal.cli.page import StoredRun, print_page_path, write_page
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, print_stages, progress, say
-from basecal.cli.typed_length import length_m
 from basecal.errors import UsageError, printable
+from basecal.fields.typed_length import length_m
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell

@@ -15,8 +15,8 @@ from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, task_of
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
-from basecal.cli.typed_length import length_m
 from basecal.errors import InputError, UsageError
+from basecal.fields.typed_length import length_m
 from basecal.registry import PATTERNS
 
 _SAMPLES = 25  # where nobody says how many

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import CycloptsError, Parameter, validators
 
-from basecal.cli.described_target import UNSAID, Shape, are_alike, is_described, target_fields
 from basecal.cli.new_from_ros2 import NewCell, ros2_cell
 from basecal.cli.next_step import next_step
-from basecal.cli.paired import paired
-from basecal.cli.template import Kind, cell_text
 from basecal.cli.terminal import pasted, say
+from basecal.exchange.importing.described_target import UNSAID, Shape, are_alike, is_described, target_fields
+from basecal.exchange.importing.paired import paired
+from basecal.exchange.importing.template import Kind, cell_text
 
 if TYPE_CHECKING:
     from basecal.cell import Cell
@@ -32,7 +32,7 @@ def new(
     robots: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=9))] = None,
     names: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     target: Kind = "charuco",
-    shape: Shape = UNSAID,
+    shape: Annotated[Shape, Parameter(name="*")] = UNSAID,
     from_: Annotated[Literal["ros2"] | None, Parameter(name="--from")] = None,
     robot: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     domain: Annotated[int | None, Parameter(validator=validators.Number(gte=0, lte=232))] = None,

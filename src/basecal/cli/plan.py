@@ -10,8 +10,8 @@ from cyclopts import Parameter, validators
 from basecal.cli.detected import detected_recording
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import pasted, print_json, progress, say
-from basecal.cli.typed_length import length_m
 from basecal.errors import BasecalError, FrameNotFound, UsageError
+from basecal.fields.typed_length import length_m
 from basecal.registry import MOTIONS
 
 _KINDS = "; ".join(f"{name}: {what}" for name, what in MOTIONS.items())

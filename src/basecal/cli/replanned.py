@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from basecal.cli.task_point import Box, Point, task_points
-from basecal.cli.typed_length import length_m
 from basecal.errors import InputError, UsageError
+from basecal.fields.typed_length import length_m
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

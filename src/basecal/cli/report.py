@@ -7,8 +7,8 @@ from pathlib import Path
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.page import print_page_path, stored_run, write_page
 from basecal.cli.terminal import pasted, print_json, progress
-from basecal.cli.typed_length import length_m
 from basecal.errors import InputError
+from basecal.fields.typed_length import length_m
 
 
 def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, verbose: bool = False) -> int:

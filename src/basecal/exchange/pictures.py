@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from basecal.errors import DatasetError, listed
+from basecal.vision.image_header import header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
 """Of pictures that can be read, in small letters."""
@@ -15,6 +16,7 @@ ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".
 _OTHER_PICTURES = frozenset(
     (".heic", ".heif", ".gif", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".exr", ".jp2", ".avif", ".npy")
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
+_HEADER_BYTES = 2**24  # of a picture in which its size stands: metadata before it fill less
 _MOST_PICTURES = 200_000  # as many as a recording may have samples
 _PARTS = re.compile(r"(\d+)")
 _STAMP = re.compile(r"\d+(?:[._]\d+)?")
@@ -56,6 +58,16 @@ def unreadable_pictures(folder: Path) -> tuple[str, ...]:
 def usual_size(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
     """The size that most pictures have; the first of those that are as frequent."""
     return Counter(sizes).most_common(1)[0][0]
+
+
+def picture_size(path: Path) -> tuple[int, int] | None:
+    """Width and height of a picture [px]; None if they cannot be read."""
+    try:
+        with path.open("rb") as file:
+            found = header(file.read(_HEADER_BYTES))
+    except OSError:
+        return None
+    return None if found is None else found.size_px
 
 
 def stamp_of(name: str) -> float | None:

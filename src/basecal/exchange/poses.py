@@ -19,8 +19,9 @@ from basecal.fields.values import LARGEST
 from basecal.geometry import SE3, Array
 
 LengthUnit = Literal["m", "mm"]
+METRES: dict[LengthUnit, float] = {"m": 1.0, "mm": 1e-3}
+"""Of a length in a unit."""
 
-_METRES: dict[LengthUnit, float] = {"m": 1.0, "mm": 1e-3}
 _QUATERNION = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _MATRIX = tuple(f"m{row}{column}" for row in range(3) for column in range(4))
 _ALIASES = {
@@ -70,7 +71,7 @@ def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
     else:
         matrices, lines = _from_text(name)
         stream = PoseStream(name, _each(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
-    scaled = SE3(stream.poses.rotation, stream.poses.translation * _METRES[length_unit])
+    scaled = SE3(stream.poses.rotation, stream.poses.translation * METRES[length_unit])
     return replace(stream, poses=scaled)
 
 

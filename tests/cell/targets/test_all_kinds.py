@@ -12,7 +12,7 @@ from basecal.cell.files import cell_from_dict, cell_to_dict
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
 from basecal.cell.targets.kind import PrintSizes
-from basecal.cli.template import cell_text
+from basecal.exchange.importing.template import cell_text
 from basecal.geometry import SE3
 from basecal.registry import TargetKindName
 

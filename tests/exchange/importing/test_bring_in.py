@@ -25,8 +25,9 @@ def poses(robot: str, count: int, names: bool = False, **more: object) -> Import
     return Imported(f"{robot}.csv", "poses", rows, {"robots": {robot: {}}, **more})
 
 
-def fine(cell: Cell, recording: Recording) -> None:
-    """Nothing is wrong."""
+def fine(cell: Cell, recording: Recording) -> tuple[str, ...]:
+    """Nothing is implausible."""
+    return ()
 
 
 def pictures(folder: Path, names: list[str]) -> Imported:
@@ -43,7 +44,7 @@ def content(folder: Path) -> dict[str, bytes]:
 
 def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
     """The first robot makes cell and recording, the second completes both."""
-    made = bring_in(tmp_path / "c", poses("left", 3, reference="left"), fine)
+    made = bring_in(tmp_path / "c", poses("left", 3), fine)
     assert (made.is_new_cell, made.made) == (True, 3)
     done = bring_in(tmp_path / "c", poses("right", 3), fine)
     assert (done.is_new_cell, done.made, done.changed) == (False, 0, ("robots.right",))
@@ -54,9 +55,9 @@ def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("first", ["poses", "pictures"])
 def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
     """Pictures and a table that names them belong together whichever comes first, however they are sorted."""
-    table = poses("left", 3, True, reference="left")
+    table = poses("left", 3, True)
     folder = pictures(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
-    begin = Imported("", "", (), {"reference": "left", "robots": {"left": {}}})
+    begin = Imported("", "", (), {"robots": {"left": {}}})
     for each in [begin, table, folder] if first == "poses" else [begin, folder, table]:
         bring_in(tmp_path / "c", each, fine)
     for sample in read_recording(tmp_path / "c").samples:
@@ -68,7 +69,7 @@ def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
 
 def test_what_fails_leaves_everything(tmp_path: Path) -> None:
     """A robot recorded already, another count, and what the check refuses change nothing in the folder."""
-    bring_in(tmp_path, poses("left", 3, reference="left"), fine)
+    bring_in(tmp_path, poses("left", 3), fine)
     before = content(tmp_path)
 
     def refuse(cell: Cell, recording: Recording) -> None:
@@ -88,9 +89,9 @@ def test_what_fails_leaves_everything(tmp_path: Path) -> None:
 
 def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
     """What was recorded before is not held against what comes now."""
-    bring_in(tmp_path, poses("left", 2, reference="left"), fine)
+    bring_in(tmp_path, poses("left", 2), fine)
     told: list[Recording] = []
-    bring_in(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording))
+    bring_in(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording) or ())
     assert [sorted(sample.robots) for sample in told[0].samples] == [["right"]] * 2
 
 
@@ -99,7 +100,7 @@ def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
 )
 def test_damaged_names_of_pictures_are_said(text: str, tmp_path: Path) -> None:
     """Names of an earlier table that are not as they were written are an error that says what to remove."""
-    bring_in(tmp_path, poses("left", 2, names=True, reference="left"), fine)
+    bring_in(tmp_path, poses("left", 2, names=True), fine)
     path = tmp_path / "recording" / "image_names.json"
     assert path.exists()
     path.write_text(text)

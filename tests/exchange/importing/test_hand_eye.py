@@ -39,7 +39,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
 
 
 def brought(folder: Path, cell: Cell | None, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
-    done = bring_in(folder, imported_hand_eye(cell, record, names), lambda _, __: None)
+    done = bring_in(folder, imported_hand_eye(cell, record, names), lambda _, __: ())
     return done.cell, done.recording
 
 

@@ -28,7 +28,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
 
 
 def brought(folder: Path, imported: Imported) -> Cell:
-    return bring_in(folder, imported, lambda cell, recording: None).cell
+    return bring_in(folder, imported, lambda cell, recording: ()).cell
 
 
 def test_a_new_cell_has_the_camera_on_a_robot(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.exchange.importing.pairing import pair
 from basecal.geometry import SE3
 
@@ -16,8 +16,8 @@ TIMED = [Sample(n, 10.0 + n) for n in (0, 1, 2)]
 PICTURES = [Sample(n, None, {}, (), {"cam": f"recording/images/cam/IMG_{n}.png"}) for n in (0, 1, 2)]
 
 
-def rows(*each: Row) -> Imported:
-    return Imported("table.csv", "rows", each)
+def rows(*each: Row, by: By | None = None) -> Imported:
+    return Imported("table.csv", "rows", each, by=by)
 
 
 def test_first_rows_make_samples() -> None:
@@ -46,10 +46,10 @@ def test_names_of_which_none_is_known_make_samples() -> None:
     others = [Row(image="a.png"), Row(image="b.png"), Row(image="c.png")]
     assert pair(rows(*others), PICTURES, {}).numbers == (3, 4, 5)
     folder = [Row(pictures={"two": Path(row.image or "")}, image=row.image) for row in others]
-    assert pair(rows(*folder), PICTURES, {}, "image").numbers == (3, 4, 5)
+    assert pair(rows(*folder, by="image"), PICTURES, {}).numbers == (3, 4, 5)
     assert pair(rows(*folder), PICTURES, {}).numbers == (0, 1, 2)
     with pytest.raises(InputError, match="what is recorded names no pictures to pair by: leave `--by name` away"):
-        pair(rows(*folder), [Sample(0), Sample(1), Sample(2)], {}, "image")
+        pair(rows(*folder, by="image"), [Sample(0), Sample(1), Sample(2)], {})
 
 
 def test_by_names_of_an_earlier_table() -> None:
@@ -75,7 +75,7 @@ def test_a_sample_twice_is_an_error() -> None:
 
 def test_asked_for() -> None:
     """What is asked for wins over what the rows would say."""
-    assert pair(rows(*[Row(image="IMG_2")] * 3), PICTURES, {}, "order").numbers == (0, 1, 2)
+    assert pair(rows(*[Row(image="IMG_2")] * 3, by="order"), PICTURES, {}).numbers == (0, 1, 2)
 
 
 def test_streams_get_lines_of_their_own() -> None:

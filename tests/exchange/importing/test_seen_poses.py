@@ -30,7 +30,6 @@ def test_carriers(cell: Cell | None, sight: Sight, carriers: tuple[str, str]) ->
     entry = sight_entry(cell, sight)
     assert (entry["cameras"]["eye"]["on"], entry["targets"]["tag"]["on"]) == carriers
     assert set(entry["robots"]) == set(carriers) - {"world"}
-    assert entry.get("reference") == ("left" if cell is None else None)
 
 
 def test_what_the_cell_says_stays() -> None:

@@ -20,7 +20,7 @@ from basecal.cell.format.writing import write_whole
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.pairing import By, Pairing, pair, plain_name
+from basecal.exchange.importing.pairing import Pairing, pair, plain_name
 from basecal.exchange.importing.placed import placed
 
 _CELL, _FOLDER = "cell.yaml", "recording"
@@ -39,6 +39,7 @@ class Brought:
         made: How many samples are new.
         changed: Places of `cell.yaml` that are new or other; all of them where there was none.
         is_new_cell: Whether there was none.
+        doubts: What of the input is implausible, a line each; it was brought in nevertheless.
     """
 
     cell: Cell
@@ -47,24 +48,17 @@ class Brought:
     made: int
     changed: tuple[str, ...]
     is_new_cell: bool
+    doubts: tuple[str, ...] = ()
 
 
-def bring_in(
-    folder: Path,
-    imported: Imported,
-    check: Callable[[Cell, Recording], None],
-    by: By | None = None,
-    link: bool = False,
-) -> Brought:
+def bring_in(folder: Path, imported: Imported, check: Callable[[Cell, Recording], tuple[str, ...]]) -> Brought:
     """What was read is in the cell, all of it or nothing.
 
     Args:
         folder: The cell, or where one is to be made.
         imported: What was read.
-        check: Told the cell and what is added to its samples; raises InputError for what cannot be, and nothing is
-            written.
-        by: What rows and samples are paired by; None for what both have.
-        link: Whether pictures are linked instead of copied.
+        check: What of the cell and of what is added to its samples is implausible; raises InputError if that is not to
+            be written.
 
     Raises:
         InputError: if it does not fit what is there, or would overwrite it.
@@ -72,17 +66,18 @@ def bring_in(
     path, journal_path = folder / _CELL, folder / _FOLDER / "samples.jsonl"
     old = read_text(path, "") if path.exists() else None
     started = imported.new_cell if old is None else old
+    added = {**_reference(imported.cell), **imported.cell} if started is None else imported.cell
     with placed(imported.files, folder):
-        text, changed = completed_cell_text(started, imported.cell, str(path), imported.replaced)
+        text, changed = completed_cell_text(started, added, str(path), imported.replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
         names = _names(folder)
-        pairing = pair(imported, recorded.samples, names, by) if imported.rows else None
+        pairing = pair(imported, recorded.samples, names) if imported.rows else None
         samples, pictures = _samples(imported.rows, pairing)
         journal = completed_recording_text(folder, samples) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
-        check(cell, Recording(tuple(samples)))
-        with placed(pictures, folder, link):
+        doubts = check(cell, Recording(tuple(samples)))
+        with placed(pictures, folder, imported.is_linked):
             if text != old:
                 write_whole(path, text)
             named = {**names, **_named(imported.rows, pairing)}
@@ -91,7 +86,13 @@ def bring_in(
             if samples:
                 write_whole(journal_path, journal, within=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
-    return Brought(cell, recording, pairing, made, changed, old is None)
+    return Brought(cell, recording, pairing, made, changed, old is None, doubts)
+
+
+def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """The reference of a new cell: its first robot."""
+    first = next(iter(cell.get("robots", {})), None)
+    return {} if first is None else {"reference": first}
 
 
 def _names(folder: Path) -> dict[str, int]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 from basecal.cell import WORLD, Cell, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
@@ -12,7 +13,10 @@ from basecal.errors import InputError, listed
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.known import known_cell
 from basecal.geometry import SE3
+
+CameraOn = Literal["robot", "world"]
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,35 @@ class Names:
     robot: str
     camera: str
     target: str
+
+
+def hand_eye_of_file(
+    folder: str | Path,
+    read: Callable[[bool | None], HandEyeRecord],
+    camera_on: CameraOn | None,
+    robot: str | None,
+    camera: str | None,
+    target: str | None,
+    is_linked: bool = False,
+) -> Imported:
+    """A hand-eye recording, for the cell in a folder.
+
+    Args:
+        folder: The cell, or where one is to be made.
+        read: The recording, given whether the robot carries the camera; None if neither user nor cell says so.
+        camera_on: What carries the camera, if the user says so.
+        robot: Its name in the cell; that of what is carried, or of the only one, if None.
+        camera: Likewise.
+        target: Likewise.
+        is_linked: Whether pictures are linked instead of copied.
+
+    Raises:
+        InputError: if it cannot be read, or does not fit the cell.
+    """
+    cell = known_cell(folder)
+    record = read(told_by_cell(cell, camera) if camera_on is None else camera_on == "robot")
+    names = chosen_names(cell, robot, camera, target, record.camera_on_robot)
+    return imported_hand_eye(cell, record, names, is_linked)
 
 
 def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
@@ -61,13 +94,14 @@ def _only(kind: str, known: Mapping[str, Any], usual: str) -> str:
     return next(iter(known), usual)
 
 
-def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names) -> Imported:
+def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is_linked: bool = False) -> Imported:
     """Rows of a recording, and what the cell must have for them; what it states already stays.
 
     Args:
         cell: The cell there is; None where one is made.
         record: What was read.
         names: What the cell calls robot, camera and target.
+        is_linked: Whether pictures are linked instead of copied.
     """
     carriers = (names.robot, WORLD) if record.camera_on_robot else (WORLD, names.robot)
     known_camera = None if cell is None else cell.cameras.get(names.camera)
@@ -88,9 +122,9 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names) ->
     robot: dict[str, Any] = {}
     if known_robot is None or not known_robot.frames:
         robot = {"frames": dict(record.frames)} if record.frames else {}
-    data: dict[str, Any] = {"reference": names.robot} if cell is None else {}
-    data |= {"robots": {names.robot: robot}, "cameras": {names.camera: camera}, "targets": {names.target: target}}
-    return Imported(record.path, record.what, _rows(record, names), data)
+    data = {"robots": {names.robot: robot}, "cameras": {names.camera: camera}, "targets": {names.target: target}}
+    rows = _rows(record, names)
+    return Imported(record.path, record.what, rows, data, is_linked=is_linked, advice="check --camera-on")
 
 
 def _mount(known: Unknown | None, found: SE3 | None) -> dict[str, Any]:
@@ -141,4 +175,5 @@ def imported_joint_states(cell: Cell | None, states: JointStates, source: str, r
         )
     columns = [states.names.index(joint) for joint in wanted]
     rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])
-    return Imported(source, f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names", rows)
+    what = f"{len(rows)} joint states of {name} by MoveIt (rad), joints by their names"
+    return Imported(source, what, rows, advice="check that they are radians, and of this robot")

@@ -1,14 +1,26 @@
-"""What an import read, in this project's terms: rows of a recording, and lines of a `cell.yaml`."""
+"""What an importer read, in this project's terms: rows of a recording, and lines of a `cell.yaml`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
 
 from basecal.cell import Observation, RobotState
 from basecal.fields.problems import Loc
+
+By = Literal["order", "image", "sample", "stamp_s"]
+"""What rows and samples are paired by."""
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Annotation of an importer's parameter: what it is, and the names that it takes."""
+
+    about: str
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +57,14 @@ class Imported:
         new_cell: All of a `cell.yaml` where there is none; `cell` makes one where None.
         files: Other files that the cell needs, such as a URDF, by their path in it.
         is_stream: Whether each row makes a line of its own, by the clock of what recorded it.
+        by: What rows and samples are paired by; None for what both have.
+        is_linked: Whether pictures become hard links instead of copies.
+        advice: Which option to check if the input is implausible.
+        is_strict: Whether implausible input is refused, and not only reported.
+        notes: Lines about how it was read.
+        warnings: Likewise, of what was left out.
+        is_preview: Whether it holds notes alone, and nothing to bring into a cell.
+        scratch: Folder that holds its pictures and other files, if they exist only as long as this object.
     """
 
     source: str
@@ -55,3 +75,11 @@ class Imported:
     new_cell: str | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
     is_stream: bool = False
+    by: By | None = None
+    is_linked: bool = False
+    advice: str = "check the options"
+    is_strict: bool = True
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    is_preview: bool = False
+    scratch: TemporaryDirectory[str] | None = None

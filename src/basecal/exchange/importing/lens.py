@@ -3,16 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal
 
 from basecal.cell import WORLD, Cell
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError, listed
 from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.known import known_cell, recorded_samples
 from basecal.exchange.lens_files.stated import StatedLens, camera_entry
+from basecal.exchange.pictures import picture_size
 from basecal.geometry import SE3
 
 LensStatus = Literal["fixed", "free"]
+
+
+def lens_of_file(
+    folder: str | Path,
+    lens: StatedLens,
+    file: str | Path,
+    camera: str | None,
+    on: str | None,
+    status: LensStatus,
+    mount: SE3 | None = None,
+) -> Imported:
+    """The lens of a camera, for the cell in a folder; see `imported_lens`.
+
+    Raises:
+        InputError: if it does not fit the cell, or the recorded pictures have another size.
+    """
+    cell = known_cell(folder)
+    if cell is not None and lens.camera.size_px is not None:
+        _check_pictures(Path(folder), cell, chosen_camera(cell, camera), lens.camera.size_px, str(file))
+    return imported_lens(cell, lens, str(file), camera, on, status, mount)
+
+
+def _check_pictures(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int], source: str) -> None:
+    """Raise an InputError if the first picture of the camera has another size."""
+    samples = recorded_samples(folder, cell)
+    image = next((sample.images[camera] for sample in samples if camera in sample.images), None)
+    size = None if image is None else picture_size(folder / image)
+    if size is not None and size != tuple(size_px):
+        sizes = f"{source} is of {size_px[0]} x {size_px[1]} px, {image} has {size[0]} x {size[1]}"
+        raise InputError(f"{sizes}: import the calibration of pictures of this size; a lens cannot be carried over")
 
 
 def imported_lens(
@@ -54,7 +87,7 @@ def imported_lens(
         data["cameras"][name]["mount"] = {"status": "free", "guess": pose_dict(mount)}
     places = frozenset({("cameras", name, "model"), ("cameras", name, "intrinsics")})
     what = f"{lens.what}; written as {status} intrinsics of camera {name!r}"
-    return Imported(source, what, cell=data, replaced=places)
+    return Imported(source, what, cell=data, replaced=places, advice="check that the file is of this camera")
 
 
 def chosen_camera(cell: Cell | None, camera: str | None) -> str:
@@ -84,7 +117,7 @@ def _carried(cell: Cell | None, camera: str, on: str | None) -> dict[str, Any]:
     if on == WORLD:
         raise InputError(f"there is no cell.yaml to put camera {camera!r} into: `basecal new`, or --on ROBOT makes one")
     robot = on or "eye"
-    return {"reference": robot, "robots": {robot: {}}, "cameras": {camera: _on(robot)}}
+    return {"robots": {robot: {}}, "cameras": {camera: _on(robot)}}
 
 
 def _on(carrier: str) -> Mapping[str, Any]:
@@ -138,4 +171,5 @@ def imported_target(
             raise InputError(f"target {name!r} is not in cell.yaml: say what carries it, --on one of {known}")
         entry = {**_on(on), **entry}
     sizes = ", ".join(f"{key} {value}" for key, value in target.items() if key != "kind")
-    return Imported(source, f"a target, {target['kind']}: {sizes}", cell={"targets": {name: entry}})
+    what = f"a target, {target['kind']}: {sizes}"
+    return Imported(source, what, cell={"targets": {name: entry}}, advice="check its sizes")

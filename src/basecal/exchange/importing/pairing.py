@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Literal
 
 import numpy as np
 
 from basecal.cell import Sample
 from basecal.errors import InputError, listed
-from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.imported import By, Imported, Row
 
-By = Literal["order", "image", "sample", "stamp_s"]
 LARGEST_DIFFERENCE_S = 0.05
 """Between a row and its sample where times pair them: half of what a camera of 10 pictures a second leaves open."""
 
@@ -35,21 +33,20 @@ class Pairing:
     unpaired_samples: tuple[int, ...] = ()
 
 
-def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int], by: By | None = None) -> Pairing:
+def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]) -> Pairing:
     """The samples of the rows; a number that no sample has is that of a new one.
 
     Args:
         imported: What was read.
         samples: Those that are recorded.
         names: Samples of the pictures that a table named before.
-        by: What to pair by; what the rows and the samples both have where None.
 
     Raises:
         InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
             if it is to be by name and nothing that is recorded has one; of a stream, if what it tells of is recorded
             already.
     """
-    rows = imported.rows
+    rows, by = imported.rows, imported.by
     if imported.is_stream:
         return _lines_of_their_own(imported, samples)
     known = dict(names)

@@ -53,11 +53,11 @@ def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
     if camera_on == target_on:
         raise InputError(f"camera {sight.camera!r} and target {sight.target!r} are both on {camera_on!r}")
     carriers = [name for name in (camera_on, target_on) if name != WORLD]
-    entry: dict[str, Any] = {"reference": carriers[0]} if cell is None else {}
-    entry["robots"] = {name: {} for name in carriers}
-    entry["cameras"] = {sight.camera: {} if sight.camera in cameras else _free(camera_on)}
-    entry["targets"] = {sight.target: {} if sight.target in targets else _free(target_on)}
-    return entry
+    return {
+        "robots": {name: {} for name in carriers},
+        "cameras": {sight.camera: {} if sight.camera in cameras else _free(camera_on)},
+        "targets": {sight.target: {} if sight.target in targets else _free(target_on)},
+    }
 
 
 def _carrier(kind: str, name: str, given: str | None, known: Mapping[str, str], robots: tuple[str, ...]) -> str:

@@ -1,0 +1,140 @@
+"""`basecal import`: a verb for each importer, whose options are the parameters of the function that reads."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import is_dataclass
+from inspect import Parameter as Argument
+from inspect import signature
+from pathlib import Path
+from typing import Annotated, Any, get_origin
+
+from cyclopts import App, Parameter
+
+from basecal.accuracy.at_the_door.importing import import_into
+from basecal.cli.convention_check import say_conventions
+from basecal.cli.detected import counting
+from basecal.cli.next_step import next_step
+from basecal.cli.terminal import pasted, say
+from basecal.errors import listed
+from basecal.exchange.importers.registry import IMPORTERS
+from basecal.exchange.importing.bring_in import Brought
+from basecal.exchange.importing.imported import Imported, OneOf
+
+_HELP = """Make a cell and its recording from other programs' files, or complete what is
+there: nothing that is recorded is overwritten.
+
+For example:
+
+    basecal import images mycell photos --camera wrist --on left
+    basecal import poses mycell --robot left ur.csv --format ur"""
+_PROGRESS = "progress"  # the parameter that is no option
+_IN_WORDS = {
+    "order": "in order",
+    "image": "by the names of pictures",
+    "sample": "by the number of the sample",
+    "stamp_s": "by time",
+}
+
+
+def import_app() -> App:
+    """The verb with a verb for each importer."""
+    made = App(name="import", help=_HELP, help_format="plaintext")
+    for place, (name, read) in enumerate(IMPORTERS.items()):
+        made.command(import_verb(read), name=name, sort_key=place)
+    return made
+
+
+def import_verb(read: Callable[..., Imported]) -> Callable[..., int]:
+    """A command with the parameters and the docstring of an importer, which brings in what that reads."""
+    declared = signature(read, eval_str=True)
+    parameters = [_option(each) for each in declared.parameters.values() if each.name != _PROGRESS]
+
+    def verb(cell: Path, *sources: Path, **options: object) -> int:
+        """Read, bring in and report."""
+        with counting("reading") as step:
+            watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
+            imported = read(cell, *sources, **options, **watched)
+        return finish_import(cell, imported)
+
+    verb.__doc__ = read.__doc__
+    vars(verb)["__signature__"] = declared.replace(parameters=parameters, return_annotation=int)
+    return verb
+
+
+def _option(parameter: Argument) -> Argument:
+    """A parameter as the command line takes it."""
+    kind: Any = parameter.annotation
+    for each in getattr(kind, "__metadata__", ()):
+        if isinstance(each, OneOf):
+            kind = Annotated[kind, Parameter(help=f"{each.about}: {', '.join(each.names)}.")]
+    if is_dataclass(kind):
+        kind = Annotated[kind, Parameter(name="*")]
+    elif get_origin(kind) is tuple:
+        kind = Annotated[kind, Parameter(consume_multiple=True)]
+    elif kind == str | Path:
+        kind = Path
+    elif kind == str | Path | None:
+        kind = Path | None
+    return parameter.replace(annotation=kind)
+
+
+def finish_import(folder: Path, imported: Imported) -> int:
+    """The exit code, after all that was read is in the cell and reported; nothing is there if that fails.
+
+    Args:
+        folder: The cell, or where one is to be made.
+        imported: What was read.
+
+    Raises:
+        InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
+    """
+    for note in imported.notes:
+        say(note)
+    if imported.is_preview:
+        return 0
+    brought = import_into(folder, imported)
+    for doubt in (*imported.warnings, *brought.doubts):
+        say(f"basecal: warning: {doubt}", sys.stderr)
+    for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought)):
+        say(line)
+    if brought.changed and not brought.is_new_cell:
+        say(f"written into cell.yaml: {listed(brought.changed)}")
+    missing = next_step(brought.cell, brought.recording, folder)
+    then = missing or f"next: basecal calibrate {pasted(folder)}"
+    if missing is None and say_conventions(folder, brought.cell, brought.recording):
+        then = "mend what is said above first, in cell.yaml or by importing anew into another folder"
+    say(f"{_written(folder, brought)}: {then}")
+    return 0
+
+
+def _written(folder: Path, brought: Brought) -> str:
+    """What was written, in words."""
+    if brought.pairing is None:
+        return f"wrote {folder / 'cell.yaml'}"
+    count = len(brought.recording.samples)
+    told = f"wrote {count} samples" if brought.made == count else f"completed the {count} samples"
+    if 0 < brought.made < count:
+        told += f", {brought.made} of them new,"
+    made = " and cell.yaml" if brought.is_new_cell else ""
+    return f"{told}{made} {'to' if brought.made == count else 'of'} {folder}"
+
+
+def _pairing_lines(brought: Brought) -> list[str]:
+    pairing = brought.pairing
+    if pairing is None:
+        return []
+    lines = []
+    joined = sum(number is not None for number in pairing.numbers) - brought.made
+    if joined:
+        lines.append(f"paired with {joined} samples {_IN_WORDS[pairing.by]}")
+    if pairing.unpaired_rows:
+        lines.append(f"not paired, and left out: {listed(pairing.unpaired_rows)}")
+    if pairing.unpaired_samples:
+        lines.append(f"samples that nothing was imported to: {listed([str(n) for n in pairing.unpaired_samples])}")
+    return lines
+
+
+app = import_app()
+"""The verb `import`."""

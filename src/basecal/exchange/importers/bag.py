@@ -1,0 +1,149 @@
+"""Bags of ROS 1 and ROS 2."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from basecal.cell import Cell
+from basecal.errors import UsageError
+from basecal.exchange.bags.bag import Bag, Message, opened
+from basecal.exchange.bags.choice import chosen
+from basecal.exchange.bags.entry import bag_entry, urdf_name
+from basecal.exchange.bags.rows import rows_of, still_instants, stream_instants, write_pictures
+from basecal.exchange.bags.sources import Asked, ByJoints, Taken
+from basecal.exchange.bags.survey import Survey, surveyed
+from basecal.exchange.bags.tracks import read_tracks
+from basecal.exchange.importing.imported import Imported
+from basecal.exchange.importing.known import known_cell
+from basecal.exchange.importing.paired import paired
+from basecal.exchange.pictures import picture_size
+
+Progress = Callable[[int, int], None]
+
+
+def read_bag(
+    cell: str | Path,
+    bag: str | Path,
+    /,
+    *,
+    list: bool = False,
+    robot: tuple[str, ...] = (),
+    camera: tuple[str, ...] = (),
+    view: tuple[str, ...] = (),
+    on: tuple[str, ...] = (),
+    tf: bool = False,
+    streams: bool = False,
+    progress: Progress | None = None,
+) -> Imported:
+    """Make a recording of a bag of ROS 1 (.bag) or ROS 2 (sqlite3, MCAP).
+
+    Robots come from joint states with /robot_description, which is written into
+    the cell, else from tf, or from topics of PoseStamped. Pictures may be raw or
+    compressed; camera_info gives the lens of a camera that is new. What is taken
+    is found by the usual names, and told; with --list nothing is written.
+
+    Of a recording in which arms stop, each stop at which something was seen is a
+    sample: all robots stand for 0.3 s around a picture. With --streams all is
+    taken as it moves, and `basecal calibrate` finds by how much clocks differ.
+
+    For example:
+
+        basecal import bag mycell recording --list
+        basecal import bag mycell recording --robot left=left_base,left_tool0 \\
+            right=right_base,right_tool0 --camera wrist=/wrist/image_raw
+        basecal import bag mycell tags.bag --robot arm=/arm/pose \\
+            --view wrist,tag=/tag/pose --on wrist=arm --streams
+
+    Args:
+        cell: Folder of the cell.
+        bag: The bag: a folder of ROS 2, or a .bag, .mcap or .db3.
+        list: Tell what is in the bag, and what would be taken of it.
+        robot: NAME=BASE,FLANGE, frames of tf and links of the URDF; or NAME=/TOPIC of PoseStamped.
+        camera: NAME=/TOPIC of Image or CompressedImage.
+        view: CAMERA,TARGET=/TOPIC of PoseStamped, the target in the camera; or its FRAME,FRAME of tf for a topic.
+        on: NAME=ROBOT or NAME=world: what carries a camera or target that is new.
+        tf: Take robots from tf where there are joint states as well.
+        streams: Take everything, each device at its own times, instead of one sample for each stop.
+        progress: Called after each message, with how many are read, and of how many.
+
+    Raises:
+        UsageError: if an option has another form.
+        MissingExtra: if the library of bags is not installed.
+        InputError: if it cannot be read, or does not fit the cell.
+    """
+    asked = _asked(robot, camera, view, on, tf)
+    known = known_cell(cell)
+    with opened(Path(bag)) as there:
+        watched = there if progress is None else _watched(there, progress)
+        survey = surveyed(watched)
+        taken = chosen(there, survey, asked, known)
+        if list:
+            topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(there.topics.values()))
+            would = (f"would take {line}" for line in taken.words)
+            return Imported(str(bag), "what is in it", notes=(*topics, *would), is_preview=True)
+        beside = next(above for above in Path(cell).absolute().parents if above.exists())
+        scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
+        try:
+            imported = _imported(watched, survey, taken, asked, known, Path(scratch.name), streams)
+        except BaseException:
+            scratch.cleanup()
+            raise
+        return replace(imported, scratch=scratch, notes=tuple(f"taking {line}" for line in taken.words))
+
+
+def _imported(
+    bag: Bag, survey: Survey, taken: Taken, asked: Asked, known: Cell | None, folder: Path, streams: bool
+) -> Imported:
+    """What is brought into the cell, pictures and URDFs being in a folder."""
+    tracks = read_tracks(bag, survey, taken)
+    instants = (stream_instants if streams else still_instants)(tracks, bag.path)
+    write_pictures(bag, taken, instants, folder)
+    rows = tuple(rows_of(tracks, instants, folder))
+    first = {name: path for row in reversed(rows) for name, path in row.pictures.items()}
+    sizes = {name: size for name, path in first.items() if (size := picture_size(path)) is not None}
+    files = {}
+    for name, source in taken.robots.items():
+        if isinstance(source, ByJoints) and source.urdf is not None:
+            files[urdf_name(name)] = folder / urdf_name(name)
+            files[urdf_name(name)].write_text(survey.urdfs[source.urdf], encoding="utf-8")
+    entry = bag_entry(known, bag.path, survey, taken, asked, sizes)
+    what = f"{len(rows)} {'lines of streams' if streams else 'stops'}, metres and radians as ROS has them"
+    advice = "check the frames and topics that were taken"
+    return Imported(bag.path, what, rows, entry, files=files, is_stream=True, advice=advice)
+
+
+def _watched(bag: Bag, progress: Progress) -> Bag:
+    """The bag, with its messages counted as they are read: for what is in it, for times, for pictures."""
+    total = 3 * sum(topic.messages for topic in bag.topics.values())
+    done = 0
+
+    def read(names: Iterable[str]) -> Iterator[Message]:
+        """The messages of some topics, each counted."""
+        nonlocal done
+        for message in bag.read(names):
+            done += 1
+            progress(min(done, total), total)
+            yield message
+
+    return replace(bag, read=read)
+
+
+def _asked(
+    robot: tuple[str, ...], camera: tuple[str, ...], view: tuple[str, ...], on: tuple[str, ...], tf: bool
+) -> Asked:
+    views = {}
+    for names, words in paired("--view", view, "CAMERA,TARGET=/TOPIC").items():
+        eye, _, target = names.partition(",")
+        if not eye or not target:
+            raise UsageError(f"--view {names}={words}: expected CAMERA,TARGET=/TOPIC")
+        views[eye, target] = words
+    return Asked(
+        paired("--robot", robot, "NAME=BASE,FLANGE"),
+        paired("--camera", camera, "NAME=/TOPIC"),
+        views,
+        paired("--on", on, "NAME=ROBOT"),
+        tf,
+    )

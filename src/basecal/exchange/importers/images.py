@@ -1,0 +1,190 @@
+"""Folders of pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from shlex import quote
+from typing import Any, Literal
+
+from basecal.cell import Cell
+from basecal.errors import InputError, listed
+from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
+from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.importing.known import known_cell, recorded_samples
+from basecal.exchange.pictures import pictures_of, stamp_of, unreadable_pictures, usual_size
+from basecal.fields.problems import Loc
+from basecal.registry import TargetKindName
+
+_BY: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
+
+
+def read_images(
+    cell: str | Path,
+    folder: str | Path,
+    /,
+    *,
+    camera: str,
+    on: str | None = None,
+    by: Literal["order", "name", "time"] | None = None,
+    link: bool = False,
+    target: TargetKindName | None = None,
+    target_on: str | None = None,
+    target_name: str = "board",
+    shape: Shape = UNSAID,
+    progress: Callable[[int, int], None] | None = None,
+) -> Imported:
+    """Copy one camera's pictures into a recording; several cameras by several calls.
+
+    Picture i, in the order of their names (2.png before 10.png), belongs to
+    sample i; where a table had a column `image`, its names say which. Where
+    nothing is recorded, each picture makes a sample. A camera that is not in the
+    cell is added to it, with a free lens. So is the target that the pictures show,
+    where it is described here.
+
+    For example:
+
+        basecal import images mycell photos --camera wrist --on left \\
+            --target charuco --squares 5x7 --square 40mm --target-on right
+        basecal import images mycell /data/cam2 --camera door --on world --link
+
+    Args:
+        cell: Folder of the cell.
+        folder: Folder of the pictures.
+        camera: Name of the camera.
+        on: What carries a camera that is new: a robot (its flange), or `world`; the robot where there is one alone.
+        by: What pairs pictures with samples: their order, names in the recording, or times that their names are.
+        link: Make hard links instead of copies.
+        target: Kind of the target in the pictures, where the cell does not describe it; its sizes are below.
+        target_on: What carries it: a robot (its flange), or `world`; if not said, the only robot without the camera.
+        target_name: Its name.
+        shape: Its counts and sizes.
+        progress: Called after each picture, with how many are read, and of how many.
+
+    Raises:
+        UsageError: if a target is described without its kind.
+        InputError: if no picture can be read, or it is not clear what carries camera or target.
+    """
+    files = pictures_of(Path(folder))
+    new, replaced = _camera_entry(cell, camera, on)
+    carrier = new["cameras"][camera].get("on")
+    shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
+    looked = _look(Path(folder), files, progress)
+    rows = tuple(_row(camera, path, by == "time") for path in files)
+    entry = {
+        "robots": {name: {} for name in (*new.get("robots", {}), *shown.get("robots", {}))},
+        "cameras": {camera: {"size_px": list(looked.size_px), **new["cameras"][camera]}},
+        "targets": shown.get("targets", {}),
+    }
+    return Imported(
+        str(folder),
+        _what(len(rows), camera, looked.size_px, carrier if on is None else None, entry["targets"]),
+        rows,
+        {key: value for key, value in entry.items() if value},
+        replaced,
+        by=None if by is None else _BY[by],
+        is_linked=link,
+        advice="check --camera",
+        warnings=looked.warnings,
+    )
+
+
+def _row(camera: str, path: Path, is_timed: bool) -> Row:
+    """A picture, with the time that its name is if it `is_timed`."""
+    stamp = stamp_of(path.name) if is_timed else None
+    if is_timed and stamp is None:
+        raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
+    return Row(pictures={camera: path}, image=path.name, stamp_s=stamp)
+
+
+def _what(
+    count: int, camera: str, size_px: tuple[int, int], carrier: str | None, targets: dict[str, dict[str, Any]]
+) -> str:
+    """What was read, in words; `carrier` is what was assumed to carry a new camera."""
+    carried = "" if carrier is None else f", on {carrier!r}"
+    advice = " (where it stands beside the robot, correct `on: world` in cell.yaml)" if carried else ""
+    described = [f"; target {name!r}, {each['kind']} on {each['on']!r}" for name, each in targets.items()]
+    return f"{count} pictures of {camera!r}{carried}, {size_px[0]} x {size_px[1]} px{advice}{''.join(described)}"
+
+
+@dataclass(frozen=True)
+class _Look:
+    """The size that most pictures have [px], and what is to be said of the others."""
+
+    size_px: tuple[int, int]
+    warnings: tuple[str, ...]
+
+
+def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
+    """Read all pictures once.
+
+    Raises:
+        InputError: if none can be read.
+    """
+    from basecal.vision.image_file import grey_image, read_bytes  # OpenCV, which no other import needs
+
+    sizes: dict[str, tuple[int, int]] = {}
+    damaged: list[str] = []
+    for done, path in enumerate(files, start=1):
+        data = read_bytes(path)
+        image = data if isinstance(data, str) else grey_image(data, None)
+        if isinstance(image, str):
+            damaged.append(f"{path.name} {image}")
+        else:
+            sizes[path.name] = (image.shape[1], image.shape[0])
+        if progress is not None:
+            progress(done, len(files))
+    if not sizes:
+        raise InputError(f"{folder}: none of {len(files)} pictures can be read: {listed(damaged)}")
+    size_px = usual_size(list(sizes.values()))
+    odd = [f"{name} ({size[0]} x {size[1]})" for name, size in sizes.items() if size != size_px]
+    others = unreadable_pictures(folder)
+    of_all = f"{len(damaged)} of {len(files)} pictures cannot be read, and will not be used: {listed(damaged)}"
+    of_sizes = f"{len(odd)} pictures have another size than the rest, and will not be used: {listed(odd)}"
+    of_kinds = f"{len(others)} files of other kinds are left out: {listed(others)}"
+    said = ((damaged, of_all), (odd, of_sizes), (others, of_kinds))
+    return _Look(size_px, tuple(f"{folder}: {text}" for names, text in said if names))
+
+
+def _camera_entry(folder: str | Path, name: str, on: str | None) -> tuple[dict[str, Any], frozenset[Loc]]:
+    """What `cell.yaml` must have for the camera but its size, and what it may lose: a size that nothing rests on.
+
+    Raises:
+        InputError: if the camera is new, and nobody says what carries it; or it is carried by something else.
+    """
+    known = known_cell(folder)
+    if known is not None and name in known.cameras:
+        camera = known.cameras[name]
+        if on is not None and on != camera.on:
+            stated = f"{Path(folder) / 'cell.yaml'}: cameras.{name} is on {camera.on!r}, not on {on!r}"
+            raise InputError(f"{stated}: leave --on away, or correct it")
+        has_numbers = camera.intrinsics is not None and camera.intrinsics.camera is not None
+        is_open = not has_numbers and not _is_recorded(folder, known, name)
+        return {"cameras": {name: {}}}, frozenset({("cameras", name, "size_px")} if is_open else ())
+    carrier = _carrier(folder, known, name, on)
+    entry: dict[str, Any] = {"cameras": {name: {"on": carrier, "intrinsics": {"status": "free"}}}}
+    return ({"robots": {carrier: {}}, **entry} if carrier != "world" else entry), frozenset()
+
+
+def _carrier(folder: str | Path, known: Cell | None, name: str, on: str | None) -> str:
+    """What carries a new camera."""
+    if known is None and on in (None, "world"):
+        make = f"import the robots' poses first, or basecal new {quote(str(folder))}"
+        if on == "world":
+            raise InputError(f"{folder} has no cell.yaml, and so no robot in whose base {name!r} could stand: {make}")
+        raise InputError(f"{folder} has no cell.yaml: say which robot carries {name!r}, as --on ROBOT; or {make}")
+    if on is not None:
+        return on
+    robots = [] if known is None else list(known.robots)
+    if len(robots) == 1:
+        return robots[0]
+    cameras = [] if known is None else list(known.cameras)
+    there = f"cell.yaml has {listed(cameras)}; " if cameras else ""
+    options = " or ".join(f"--on {each}" for each in [*robots, "world"])
+    raise InputError(f"{folder} has no camera {name!r}: {there}to add it say what carries it, {options}")
+
+
+def _is_recorded(folder: str | Path, cell: Cell, name: str) -> bool:
+    samples = recorded_samples(folder, cell)
+    return any(name in s.images or any(o.camera == name for o in s.observations) for s in samples)

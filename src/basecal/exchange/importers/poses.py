@@ -1,0 +1,181 @@
+"""Flange poses of robots, and poses of targets in cameras, from tables and from files of matrices."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from basecal.errors import FrameNotFound, UsageError
+from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
+from basecal.exchange.importing.imported import Imported, OneOf
+from basecal.exchange.importing.known import known_cell
+from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
+from basecal.exchange.importing.streams import Inverted, Streams, read_streams
+from basecal.exchange.poses import METRES, LengthUnit
+from basecal.registry import CONTROLLERS
+
+_ADVICE = "check --length-unit and --format"
+
+
+def read_poses(
+    cell: str | Path,
+    file: str | Path | None = None,
+    /,
+    *,
+    robot: str | None = None,
+    format: Annotated[str | None, OneOf("Whose numbers they are", CONTROLLERS)] = None,
+    length_unit: LengthUnit | None = None,
+    deg: bool = False,
+    rad: bool = False,
+    camera_from_target: str | None = None,
+    eye_base_from_flange: str | None = None,
+    hand_base_from_flange: str | None = None,
+    camera: str | None = None,
+    target: str | None = None,
+    invert: tuple[Inverted, ...] = (),
+    streams: bool = False,
+    on: str | None = None,
+    target_on: str | None = None,
+) -> Imported:
+    """Import robots' flange poses as their controllers write them, a robot at a time;
+    or make a recording of matrices of all robots and of a target at once.
+
+    A file of one robot is a table with or without a header, separated by commas,
+    semicolons, tabs or spaces, or poses as they are pasted from a controller:
+    p[...], {X ..., A ...}, [[...],[...]]. Rows belong to the samples that are
+    there in order, unless a column `image`, `sample` or `stamp_s` says otherwise;
+    where nothing is recorded they make the samples. A robot that is recorded is
+    never overwritten. With --camera and --target instead of --robot the table is of
+    the target's poses in the camera. With --streams rows keep the times they have
+    and make lines of their own: devices that recorded each at its own rate, by its
+    own clock; `basecal calibrate` finds by how much the clocks differ.
+
+    For example:
+
+        basecal import poses mycell --robot left left.csv --format ur
+        basecal import poses mycell --robot right right.txt --format kuka
+        basecal import poses mycell --length-unit mm \\
+            --eye-base-from-flange A.txt --hand-base-from-flange C.txt \\
+            --camera-from-target B.txt
+        basecal import poses mycell --robot arm arm.csv --format ros --streams
+        basecal import poses mycell tag.csv --camera wrist --target tag \\
+            --on arm --format ros --streams
+
+    Without FILE, pose i of each file belongs to the same instant. A file is
+    then 4x4 matrices one below the other (.txt: rows of four numbers), an array
+    (n, 4, 4) (.npz, .npz:key, .npy), or a .csv whose header names x, y, z, qx,
+    qy, qz, qw or m00 ... m23. Without a hand file the target stands on the
+    world; without an eye file the camera does.
+
+    Args:
+        cell: Folder of the cell.
+        file: Flange poses of one robot, in its base; or a target's in a camera.
+        robot: Its name; added to the cell where it is new.
+        format: Whose numbers they are.
+        length_unit: What lengths are in; the controller's own unit where not stated.
+        deg: Angles are in degrees, where the controller writes radians.
+        rad: Angles are in radians, where the controller writes degrees.
+        camera_from_target: Poses of the target in the camera.
+        eye_base_from_flange: Poses of the flange that carries the camera, in its robot's base.
+        hand_base_from_flange: Poses of the flange that carries the target, in its robot's base.
+        camera: Name of the camera, where the cell has several, or of the one that saw what a table holds.
+        target: Likewise of the target.
+        invert: Files that hold the inverse, by the name of their option; a table of a robot is base-from-flange, of a
+            target camera-from-target.
+        streams: Each row, at its time (column stamp_s, else the first), makes a line of its own.
+        on: What carries a camera that is new, with a table of a target: a robot, or world.
+        target_on: What carries a target that is new; the world where the camera is on a robot.
+
+    Raises:
+        UsageError: if options do not go together.
+        InputError: if a file cannot be read, or does not fit the cell.
+    """
+    table = None if file is None else _Table(str(file), format, length_unit, deg, rad, streams)
+    if table is not None and robot is None and camera is not None and target is not None:
+        is_inverted = _is_inverted(invert, "camera-from-target")
+        return _target_poses(cell, table, Sight(camera, target, on, target_on), is_inverted)
+    if on is not None or target_on is not None:
+        raise UsageError("--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
+    if robot is not None or table is not None:
+        if robot is None or table is None:
+            missing = "--robot" if robot is None else "FILE"
+            raise UsageError(f"{missing} is missing: CELL --robot NAME FILE")
+        return _robot_poses(robot, table, _is_inverted(invert, "base-from-flange"))
+    if streams:
+        raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
+    if camera_from_target is None or length_unit is None:
+        missing = "--camera-from-target" if camera_from_target is None else "--length-unit"
+        raise UsageError(f"{missing} is missing; for one robot's poses: CELL --robot NAME FILE --format FORMAT")
+    files = Streams(eye_base_from_flange, hand_base_from_flange, camera_from_target, length_unit, invert)
+    return read_streams(cell, files, camera, target)
+
+
+def _is_inverted(invert: tuple[Inverted, ...], held: Inverted) -> bool:
+    """Whether a table holds the inverse of the poses that it is to hold."""
+    if others := [each for each in invert if each != held]:
+        raise UsageError(f"--invert {others[0]}, but no file is given by --{others[0]}: here it is {held}")
+    return bool(invert)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A file, and how to read it.
+
+    Attributes:
+        file: As the user named it.
+        format: Whose numbers they are; what the file says by itself where None.
+        unit: What lengths are in; the controller's own where None.
+        deg: Whether angles are in degrees, where the controller writes radians.
+        rad: The other way round.
+        is_stream: Whether each row, at its time, makes a line of its own.
+    """
+
+    file: str
+    format: str | None
+    unit: LengthUnit | None
+    deg: bool
+    rad: bool
+    is_stream: bool
+
+    @property
+    def reading(self) -> Reading:
+        """The convention and the units.
+
+        Raises:
+            UsageError: if there is no such convention, or two units are stated.
+            DatasetError: if none is stated, and the file does not say.
+        """
+        if self.format is not None and self.format not in CONTROLLERS:
+            raise UsageError(f"--format {FrameNotFound(self.format, CONTROLLERS)}")
+        if self.deg and self.rad:
+            raise UsageError("--deg and --rad cannot both be")
+        angle = math.radians(1) if self.deg else 1.0 if self.rad else None
+        length_m = None if self.unit is None else METRES[self.unit]
+        return Reading(self.format or guessed_format(self.file), length_m, angle)
+
+
+def _robot_poses(robot: str, table: _Table, is_inverted: bool) -> Imported:
+    """Poses of a robot's flange in its base, or their inverses."""
+    reading = table.reading
+    rows = read_controller_poses(table.file, robot, reading, table.is_stream, is_inverted)
+    what = _what(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
+    return Imported(table.file, what, rows, {"robots": {robot: {}}}, is_stream=table.is_stream, advice=_ADVICE)
+
+
+def _target_poses(cell: str | Path, table: _Table, sight: Sight, is_inverted: bool) -> Imported:
+    """Poses of a target in a camera, or their inverses."""
+    reading = table.reading
+    found = read_pose_rows(table.file, reading, table.is_stream)
+    rows = seen_rows(found.rows, found.poses.inverse() if is_inverted else found.poses, sight)
+    what = _what(len(rows), sight.camera, sight.target, reading, is_inverted)
+    advice = f"{_ADVICE}, and whether it takes --invert camera-from-target"
+    entry = sight_entry(known_cell(cell), sight)
+    return Imported(table.file, what, rows, entry, is_stream=table.is_stream, advice=advice)
+
+
+def _what(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
+    """What a table holds, in words."""
+    written = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
+    return f"{count} poses {written} as of {reading.name} ({reading.words})"

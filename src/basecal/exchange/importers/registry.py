@@ -1,0 +1,40 @@
+"""Every importer, by its name in `basecal import`: a new one is a module, and a line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from basecal.exchange.importers.bag import read_bag
+from basecal.exchange.importers.camera_info import read_camera_info
+from basecal.exchange.importers.colmap import read_colmap
+from basecal.exchange.importers.data_set import read_data_set
+from basecal.exchange.importers.easy_handeye import read_easy_handeye
+from basecal.exchange.importers.images import read_images
+from basecal.exchange.importers.joints import read_joints
+from basecal.exchange.importers.kalibr import read_kalibr
+from basecal.exchange.importers.lerobot import read_lerobot
+from basecal.exchange.importers.moveit_samples import read_moveit_samples
+from basecal.exchange.importers.mrcal import read_mrcal
+from basecal.exchange.importers.opencv import read_opencv
+from basecal.exchange.importers.pixels import read_pixels
+from basecal.exchange.importers.poses import read_poses
+from basecal.exchange.importing.imported import Imported
+
+IMPORTERS: Mapping[str, Callable[..., Imported]] = {
+    "images": read_images,
+    "poses": read_poses,
+    "joints": read_joints,
+    "lerobot": read_lerobot,
+    "bag": read_bag,
+    "pixels": read_pixels,
+    "easy-handeye": read_easy_handeye,
+    "moveit-samples": read_moveit_samples,
+    "industrial-calibration": read_data_set,
+    "robot-cal-tools": read_data_set,
+    "camera-info": read_camera_info,
+    "kalibr": read_kalibr,
+    "opencv": read_opencv,
+    "colmap": read_colmap,
+    "mrcal": read_mrcal,
+}
+"""In the order in which help lists them. Each reads a file for the cell in a folder: its parameters are the options."""

@@ -1,0 +1,187 @@
+"""A target as options describe it: its kind, its counts and its sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.cell.target import Target
+from basecal.cell.targets.all_kinds import target_kind
+from basecal.cell.targets.fiducials import large_enough
+from basecal.cell.targets.kind import PrintSizes, alike
+from basecal.errors import InputError, UsageError
+from basecal.exchange.importing.known import known_cell
+from basecal.fields.typed_length import columns_rows, length_m
+
+_COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
+_MARKER = 0.75  # of the square, as `basecal target` prints
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """What a target looks like.
+
+    Attributes:
+        squares: Columns and rows of a ChArUco board, such as 5x7.
+        corners: Columns and rows of a chessboard's inner corners, such as 8x6.
+        circles: Columns and rows of circles.
+        tags: Columns and rows of an aprilgrid's tags.
+        square: Size of a square or tag, spacing of circles, with its unit, such as 40mm.
+        marker: Size of a ChArUco marker; three quarters of the square where not given.
+        dictionary: Of the ChArUco markers.
+        family: Of AprilTags.
+        tag: Number of a single AprilTag.
+        set: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
+    """
+
+    squares: str | None = None
+    corners: str | None = None
+    circles: str | None = None
+    tags: str | None = None
+    square: str | None = None
+    marker: str | None = None
+    dictionary: str | None = None
+    family: str | None = None
+    tag: int | None = None
+    set: tuple[str, ...] = ()
+
+
+UNSAID = Shape()
+"""Of a target of which nothing is said."""
+
+
+def is_described(shape: Shape) -> bool:
+    """Whether any of it was said."""
+    return shape != UNSAID
+
+
+def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
+    """The fields of a target in `cell.yaml`, with its kind.
+
+    Raises:
+        InputError: if its kind needs counts or a size that are not given, or has none such.
+    """
+    counts = {name: text for name in _COUNTED if (text := getattr(shape, name)) is not None}
+    numbers = [columns_rows(text, f"--{name}") for name, text in counts.items()]
+    columns, rows = numbers[0] if numbers else (1, 1)
+    square = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
+    marker = _MARKER * square if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
+    by_count = large_enough("DICT_4X4_50", columns * rows // 2)
+    named = (shape.dictionary or by_count, shape.family or "tag36h11", shape.tag or 0)
+    sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), *named)
+    fields = printed_fields(kind, sizes, shape.set)
+    _check_said(kind, shape, fields, list(counts))
+    return {"kind": kind, **fields}
+
+
+def target_entry(
+    folder: str | Path,
+    kind: str | None,
+    shape: Shape,
+    on: Mapping[str, str | None],
+    camera_on: Mapping[str, str | None],
+) -> dict[str, Any]:
+    """What `cell.yaml` must have for a target that pictures show; nothing where none is described.
+
+    Args:
+        folder: The cell, or where one is to be made.
+        kind: Kind of the target.
+        shape: Its sizes.
+        on: Its name, and what carries it where that is said.
+        camera_on: The camera that sees it, and what carries it where that is said.
+
+    Raises:
+        UsageError: if more is said of a target of no kind.
+        InputError: if its kind needs other sizes, several could carry it, or no picture tells it from another.
+    """
+    ((name, carrier),) = on.items()
+    if kind is None:
+        if carrier is not None or is_described(shape):
+            raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")
+        return {}
+    fields = target_fields(kind, shape)
+    _check_marks(folder, name, kind, fields)
+    carrier = carrier or _only_carrier(folder, name, camera_on)
+    targets = {"targets": {name: {"on": carrier, **fields}}}
+    return targets if carrier == "world" else {"robots": {carrier: {}}, **targets}
+
+
+def are_alike(one: Target, other: Target) -> bool:
+    """Whether no picture tells which of two targets it shows."""
+    return one.kind == other.kind and alike(target_kind(one.kind), one.options, other.options)
+
+
+def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
+    """Nothing, where pictures tell a target from those that the cell has.
+
+    Raises:
+        InputError: if not.
+    """
+    cell, of_kind = known_cell(folder), target_kind(kind)
+    for other in cell.targets.values() if cell is not None else ():
+        if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
+            continue
+        if alike(of_kind, fields, other.target.options):
+            raise InputError(
+                f"no picture tells {name!r} from {other.name!r} of cell.yaml, which has the same marks: if they are "
+                f"one and the same leave --target away, else state its own dictionary, family, number or counts"
+            )
+
+
+def _only_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str | None]) -> str:
+    """The one robot that does not carry the camera, or else the world.
+
+    Raises:
+        InputError: if there are several such robots, or the cell's robots are not known yet.
+    """
+    known = known_cell(folder)
+    if known is None:
+        raise InputError(f"say what carries the target {target!r}: --target-on ROBOT or --target-on world")
+    ((camera, carrier),) = camera_on.items()
+    carrier = carrier or known.cameras[camera].on
+    others = [robot for robot in known.robots if robot != carrier]
+    if len(others) > 1 or (not others and carrier == "world"):
+        options = " or ".join(f"--target-on {each}" for each in (*others, "world") if each != carrier)
+        raise InputError(f"say what carries the target {target!r}: {options}")
+    return others[0] if others else "world"
+
+
+def _check_said(kind: str, shape: Shape, fields: dict[str, Any], counted: list[str]) -> None:
+    """Nothing, where what must be measured of the kind was said and nothing else.
+
+    Raises:
+        InputError: if not.
+    """
+    set_by_name = {each.partition("=")[0] for each in shape.set}
+    needed = [name for name in _COUNTED if name in fields and not isinstance(fields[name][0], dict)]
+    has_size = bool(fields.keys() - {"dictionary", "family"})
+    if missing := [f"--{name} COLUMNSxROWS" for name in needed if name not in {*counted, *set_by_name}]:
+        missing = [*missing, *(["--square SIZE"] if shape.square is None else [])]
+    elif has_size and shape.square is None and not any(name.endswith("_m") for name in set_by_name):
+        missing = ["--square SIZE"]
+    if missing:
+        raise InputError(f"a target of kind {kind!r} needs {' and '.join(missing)}, such as 5x7 and 40mm; measure it")
+    if odd := [name for name in counted if name not in needed]:
+        of = f"counted by --{needed[0]}" if needed else "not counted"
+        raise InputError(f"a target of kind {kind!r} is {of}, not by --{odd[0]}")
+
+
+def printed_fields(kind: str, sizes: PrintSizes, given: tuple[str, ...]) -> dict[str, Any]:
+    """A target's fields in `cell.yaml`: as its kind makes them of the sizes, and those given one by one.
+
+    Raises:
+        InputError: if the kind is not made of sizes, or one given is no FIELD=VALUE.
+    """
+    printed = target_kind(kind).printed
+    if printed is None:
+        raise InputError(f"a target of kind {kind!r} needs more than sizes: describe it in cell.yaml")
+    fields = dict(printed(sizes))
+    for each in given:
+        name, equals, value = each.partition("=")
+        if not equals:
+            raise InputError(f"--set takes FIELD=VALUE, such as legacy_pattern=true, got {each!r}")
+        fields |= parse_yaml(f"{name}: {value}", "--set").data
+    return fields

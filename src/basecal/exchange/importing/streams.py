@@ -1,0 +1,149 @@
+"""Files of poses of all robots and of a target, or of points that a camera saw, as one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from shlex import quote
+from typing import Literal, TypeVar
+
+from basecal.cell import Cell, CellCamera, CellTarget
+from basecal.errors import InputError
+from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.importing.imported import Imported, Row
+from basecal.exchange.importing.known import known_cell
+from basecal.exchange.importing.template import cell_text
+from basecal.exchange.pixels import read_pixels
+from basecal.exchange.poses import LengthUnit, PoseStream, read_poses
+
+Thing = TypeVar("Thing")
+Inverted = Literal["base-from-flange", "eye-base-from-flange", "hand-base-from-flange", "camera-from-target"]
+
+
+@dataclass(frozen=True)
+class Streams:
+    """The files of one import, and how to read them."""
+
+    eye: str | None
+    hand: str | None
+    camera_from_target: str | None
+    length_unit: LengthUnit
+    invert: tuple[Inverted, ...] = ()
+    pixels: str | None = None
+    sigma_px: float | None = None
+
+    @property
+    def by_option(self) -> dict[Inverted, str | None]:
+        """Files of poses by the name of their option."""
+        return {
+            "eye-base-from-flange": self.eye,
+            "hand-base-from-flange": self.hand,
+            "camera-from-target": self.camera_from_target,
+        }
+
+    @property
+    def named(self) -> list[str]:
+        """All files, as the user named them."""
+        return [file for file in (*self.by_option.values(), self.pixels) if file is not None]
+
+
+@dataclass(frozen=True)
+class Places:
+    """The names that the cell gives: None where camera or target stands on the world."""
+
+    camera: str
+    target: str
+    eye: str | None
+    hand: str | None
+
+
+def read_streams(cell: str | Path, files: Streams, camera: str | None, target: str | None) -> Imported:
+    """A recording of the files, and a `cell.yaml` for a folder that has none.
+
+    Args:
+        cell: The cell's folder, or where one is to be made.
+        files: What is read.
+        camera: Which camera saw the target; the only one of the cell if None.
+        target: Likewise the target.
+
+    Raises:
+        InputError: if a recording is there already, or files and cell do not fit.
+    """
+    path, known = Path(cell) / "recording" / "samples.jsonl", known_cell(cell)
+    if path.exists() and path.stat().st_size:
+        raise InputError(
+            f"{path} holds a recording and is not overwritten: import into another folder, or move it away"
+        )
+    places = _new_places(cell, files, camera, target) if known is None else _known_places(known, files, camera, target)
+    poses = _read(files)
+    eye, hand = poses.get("eye-base-from-flange"), poses.get("hand-base-from-flange")
+    carried = ((places.eye, eye), (places.hand, hand))
+    recording = recording_from_streams(
+        {robot: stream for robot, stream in carried if robot is not None and stream is not None},
+        places.camera,
+        places.target,
+        poses.get("camera-from-target"),
+        read_pixels(files.pixels) if files.pixels else None,
+        files.sigma_px,
+    )
+    rows = tuple(Row(s.robots, s.observations, stamp_s=s.stamp_s) for s in recording.samples)
+    text = None
+    if known is None:
+        text = cell_text(2 if files.eye and files.hand else 1, "pose", camera_on_world=not files.eye)
+    inverted = f", inverted: {', '.join(files.invert)}" if files.invert else ""
+    what = f"{len(rows)} instants of {', '.join(poses)}, lengths in {files.length_unit}{inverted}"
+    advice = "check --length-unit and --invert"
+    return Imported(" and ".join(files.named), what, rows, new_cell=text, is_strict=False, advice=advice)
+
+
+def _new_places(folder: str | Path, files: Streams, camera: str | None, target: str | None) -> Places:
+    if files.pixels:
+        make = f"basecal new {quote(str(folder))}"
+        raise InputError(f"{folder} has no cell.yaml, which must say what target and lens it is: {make}")
+    if not files.eye and not files.hand:
+        raise InputError("no robot: give --eye-base-from-flange, --hand-base-from-flange or both")
+    if camera not in (None, "camera") or target not in (None, "target"):
+        raise InputError(f"{folder} has no cell.yaml to name {camera or target!r}: leave names away, or write it first")
+    return Places("camera", "target", "eye" if files.eye else None, "hand" if files.hand else None)
+
+
+def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | None) -> Places:
+    seeing = _chosen("camera", camera, cell.cameras)
+    seen = _chosen("target", target, cell.targets)
+    eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
+    hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
+    if eye is not None and eye == hand:
+        raise InputError(f"camera {seeing.name!r} and target {seen.name!r} are both on {eye!r}: nothing can be learnt")
+    return Places(seeing.name, seen.name, eye, hand)
+
+
+def _chosen(kind: str, name: str | None, known: Mapping[str, Thing]) -> Thing:
+    if name is not None and name in known:
+        return known[name]
+    if name is None and len(known) == 1:
+        return next(iter(known.values()))
+    question = "which one" if name is None else f"no {kind} {name!r}"
+    raise InputError(f"{question}? --{kind} is one of: {', '.join(known) or 'none in this cell'}")
+
+
+def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:
+    """The robot that carries a camera or target, where it is one; its poses must have been given."""
+    if thing.on in cell.robots:
+        if file is None:
+            raise InputError(f"{thing.name!r} is on robot {thing.on!r} in cell.yaml: give its poses by {option}")
+        return thing.on
+    if file is not None:
+        raise InputError(f"{thing.name!r} is on the world in cell.yaml, so {option} belongs to no robot")
+    return None
+
+
+def _read(files: Streams) -> dict[Inverted, PoseStream]:
+    given = {option: file for option, file in files.by_option.items() if file is not None}
+    strangers = [option for option in files.invert if option not in given]
+    if strangers:
+        raise InputError(f"--invert {strangers[0]}, but no file is given by --{strangers[0]}")
+    streams = {option: read_poses(file, files.length_unit) for option, file in given.items()}
+    for option in files.invert:
+        streams[option] = replace(streams[option], poses=streams[option].poses.inverse())
+    return streams

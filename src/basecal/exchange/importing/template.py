@@ -1,0 +1,111 @@
+"""The text of a new `cell.yaml`, every field explained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from json import dumps
+from textwrap import dedent
+from typing import Any, Literal
+
+import numpy as np
+
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.cell.targets.all_kinds import target_kind
+from basecal.geometry.lens import lens_models, terms_text
+from basecal.registry import TargetKindName
+
+Kind = Literal[TargetKindName, "pose"]
+
+_HEAD = """\
+# What exists in the cell, what is known of it, and what is asked for. Lengths in m, angles in rad unless the key says
+# otherwise. A transform a_from_b is where b stands in a; each has a status: free (asked), prior (with sigma_t_m and
+# sigma_r_rad) or fixed. A pose has t_m and one of q_xyzw, rotvec_rad, rpy_deg; or is a 4x4 matrix.
+schema: basecal/cell/1
+"""
+_ROBOT_HELP = """\
+robots:                              # by recorded flange poses; for joints: {urdf: .., base_link: .., flange_link: ..}
+"""
+_NOISE_HELP = "# optional: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 1e-4}}, of its recorded pose, per axis"
+
+
+def cell_text(
+    robots: int | Sequence[str], kind: Kind, camera_on_world: bool = False, shape: Mapping[str, Any] | None = None
+) -> str:
+    """A `cell.yaml` to fill in.
+
+    Args:
+        robots: How many, or their names. One robot looks at a target on the world; of more, each sees the target that
+            the next one carries.
+        kind: Kind of the targets, each with marks of its own; `pose` for targets whose pose another program gives.
+        camera_on_world: Whether the camera stands beside a single robot, which then carries the target.
+        shape: Fields of the targets, with their kind; those of an example where None.
+    """
+    counted = robot_names(robots) if isinstance(robots, int) else list(robots)
+    names = ["hand"] if camera_on_world else counted
+    # What carries each camera, and what carries the target it looks at.
+    alone = ("world", names[0]) if camera_on_world else (names[0], "world")
+    pairs = list(pairwise(names)) if len(names) > 1 else [alone]
+    parts = [
+        _HEAD,
+        f"reference: {names[0]:<26}# this robot's base is `world`: where everything is expressed\n",
+        _ROBOT_HELP,
+    ]
+    parts += [f"  {name + ': {}':<35}{_NOISE_HELP if name == names[0] else ''}".rstrip() + "\n" for name in names]
+    parts += ["bases:\n"] if len(names) > 1 else []
+    for name in names[1:]:
+        about = f"{names[0]}_base_from_{name}_base; free is the default; `guess: {{...}}` is optional"
+        parts.append(f"{f'  {name}: {{status: free}}':<37}# {about}\n")
+    parts += ["cameras:\n", *(_camera(_numbered("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs))]
+    places = [(_numbered("target", i), on) for i, (_, on) in enumerate(pairs)]
+    parts += ["targets:\n"]
+    parts += [
+        f"  {name}:\n{_mount(on, names[0], name)}{_fields(kind, shape, i)}" for i, (name, on) in enumerate(places)
+    ]
+    parts += (
+        []
+        if kind == "pose"
+        else ["# noise: {pixel_px: 0.3}           # per coordinate; estimated from the residuals where absent\n"]
+    )
+    return "".join(parts)
+
+
+def robot_names(robots: int) -> list[str]:
+    """Names of the robots of a new cell."""
+    return ["eye", "hand", *(f"arm{i}" for i in range(3, robots + 1))][:robots]
+
+
+def _numbered(name: str, place: int) -> str:
+    return name if place == 0 else f"{name}{place + 1}"
+
+
+def _mount(on: str, reference: str, name: str) -> str:
+    carrier = f"{reference}_base" if on == "world" else f"{on}_flange"
+    carried = f"    on: {on:<29}# a robot (its flange) or `world`\n"
+    return f"{carried}    mount: {{status: free}}            # {carrier}_from_{name}\n"
+
+
+def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
+    text = f"  {name}:\n{_mount(on, reference, name)}"
+    if kind == "pose":
+        return text
+    text += f"    model: pinhole                   # {' or '.join(f'{m} ({terms_text(m)})' for m in lens_models())}\n"
+    text += "    size_px: [1280, 720]             # width, height of its images\n"
+    # A target of one point does not determine the intrinsics.
+    if not target_kind(kind).usual(np.random.default_rng(0)).is_point:
+        return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
+    known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
+    advice = "# Put your camera's numbers here: a single light does not determine them."
+    return text + f"    {advice}\n    intrinsics: {known}\n"
+
+
+def _fields(kind: Kind, shape: Mapping[str, Any] | None, place: int) -> str:
+    """The lines of a target of several; the first of those that nobody described are explained."""
+    if kind == "pose":
+        return ""
+    known = target_kind(kind)
+    if shape is None and place == 0:
+        return known.template
+    fields = known.another(shape or parse_yaml(dedent(known.template), kind).data, place)
+    plain = {key: value if isinstance(value, str) else dumps(value) for key, value in fields.items()}
+    return "".join(f"    {key}: {value}\n" for key, value in plain.items())

@@ -1,0 +1,74 @@
+"""What an importer read is brought into a cell, unless it is implausible; a library user imports as the verb does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import numpy as np
+import pytest
+
+import basecal
+from basecal.errors import InputError
+
+TABLE = "x,y,z,rx,ry,rz\n" + "".join(f"0.4,0.{i},0.3,0,0.{i},0.{i}\n" for i in range(1, 4))
+
+
+def table(folder: Path) -> Path:
+    path = folder / "left.csv"
+    path.write_text(TABLE)
+    return path
+
+
+def test_a_cell_of_poses_and_pictures(tmp_path: Path) -> None:
+    """By public names alone: poses of a robot, then pictures and their target, become a cell and its recording."""
+    cell, photos = tmp_path / "mycell", tmp_path / "photos"
+    photos.mkdir()
+    for i in range(3):
+        cv2.imwrite(str(photos / f"{i}.png"), np.full((48, 64), 9, np.uint8))
+    made = basecal.import_into(cell, basecal.read_poses(cell, table(tmp_path), robot="left", format="ur"))
+    assert (made.is_new_cell, made.made, made.doubts) == (True, 3, ())
+    shape = basecal.Shape(squares="5x7", square="40mm")
+    images = basecal.read_images(cell, photos, camera="wrist", on="left", target="charuco", shape=shape)
+    done = basecal.import_into(cell, images)
+    assert (done.is_new_cell, done.made) == (False, 0)
+    samples = basecal.read_recording(cell).samples
+    assert [Path(sample.images["wrist"]).name for sample in samples] == ["0.png", "1.png", "2.png"]
+    assert [round(float(s.robots["left"].base_from_flange.translation[1]), 6) for s in samples] == [0.1, 0.2, 0.3]
+    described = basecal.read_cell(cell)
+    assert (described.reference, described.cameras["wrist"].size_px) == ("left", (64, 48))
+    assert described.targets["board"].target.options["squares"] == [5, 7]
+
+
+def test_implausible_input_is_refused(tmp_path: Path) -> None:
+    """Millimetres read as metres leave nothing behind, and the message says which options to check."""
+    path = tmp_path / "far.csv"
+    path.write_text("x,y,z,rx,ry,rz\n" + "".join(f"400,{i},300,0,0,0.{i}\n" for i in range(3)))
+    read = basecal.read_poses(tmp_path / "c", path, robot="left", format="ur")
+    with pytest.raises(InputError, match=r"far.csv: flange of left 500 m: .* nothing is imported; check --length-unit"):
+        basecal.import_into(tmp_path / "c", read)
+    assert not (tmp_path / "c").exists()
+    done = basecal.import_into(tmp_path / "c", replace(read, is_strict=False))
+    assert "flange of left 500 m" in done.doubts[0]
+
+
+def test_scratch_is_removed_whatever_happens(tmp_path: Path) -> None:
+    """The folder of what was read goes with it, and so does that of a read that is refused."""
+    read = basecal.read_poses(tmp_path / "c", table(tmp_path), robot="left", format="ur")
+    for expected in (False, True):  # the second time the robot is recorded already
+        scratch = TemporaryDirectory(dir=tmp_path)
+        if expected:
+            with pytest.raises(InputError):
+                basecal.import_into(tmp_path / "c", replace(read, scratch=scratch))
+        else:
+            basecal.import_into(tmp_path / "c", replace(read, scratch=scratch))
+        assert not Path(scratch.name).exists()
+
+
+def test_a_preview_is_not_imported(tmp_path: Path) -> None:
+    """What was only listed holds nothing to bring in."""
+    read = basecal.read_poses(tmp_path / "c", table(tmp_path), robot="left", format="ur")
+    with pytest.raises(InputError, match="only listed"):
+        basecal.import_into(tmp_path / "c", replace(read, is_preview=True))

@@ -1,0 +1,88 @@
+"""What every import says at its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from cyclopts import App
+
+from basecal.cell import RobotState
+from basecal.cli.importing import finish_import, import_app, import_verb
+from basecal.exchange.importers.registry import IMPORTERS
+from basecal.exchange.importing.imported import Imported, Row
+from basecal.geometry import SE3
+
+
+@dataclass(frozen=True)
+class Size:
+    """A group of options."""
+
+    rows: int = 1
+
+
+def poses(robot: str, count: int, scale: float = 1.0, is_strict: bool = True) -> Imported:
+    states = [RobotState(SE3.from_rotvec([0, 0, 0.1], [0.4 * scale, 0.1 * i * scale, 0])) for i in range(count)]
+    rows, cell = tuple(Row({robot: state}) for state in states), {"robots": {robot: {}}}
+    return Imported(f"{robot}.csv", f"{count} poses", rows, cell, is_strict=is_strict, advice="try mm")
+
+
+def test_it_says_what_was_read_and_what_comes_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Source, pairing, what changed in the cell, and the next command, a line each."""
+    assert finish_import(tmp_path, poses("left", 3)) == 0
+    first = capsys.readouterr().out.splitlines()
+    assert first[0] == "read left.csv: 3 poses"
+    assert first[-1].startswith(f"wrote 3 samples and cell.yaml to {tmp_path}: next, its pictures: basecal import im")
+    assert finish_import(tmp_path, poses("right", 3)) == 0
+    assert capsys.readouterr().out.splitlines()[1:3] == [
+        "paired with 3 samples in order",
+        "written into cell.yaml: robots.right",
+    ]
+
+
+def test_doubts_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is implausible, and brought in nevertheless, is a warning with advice; so is what was left out."""
+    read = replace(poses("left", 3, 1000.0, is_strict=False), warnings=("photos: 2 files are left out",))
+    assert finish_import(tmp_path / "c", read) == 0
+    told = capsys.readouterr().err
+    assert "warning: left.csv: flange of left 447 m" in told
+    assert "try mm" in told
+    assert "warning: photos: 2 files are left out" in told
+
+
+def test_a_preview_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its notes are told, and no cell is made."""
+    assert finish_import(tmp_path / "c", replace(poses("left", 3), notes=("3 topics",), is_preview=True)) == 0
+    assert capsys.readouterr().out == "3 topics\n"
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_verb_has_the_options_of_its_importer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each parameter is an option, but what counts; words, several words and a group of options arrive as such."""
+    given: list[object] = []
+
+    def read(
+        cell: str | Path,
+        file: str | Path,
+        /,
+        *,
+        on: tuple[str, ...] = (),
+        size: Size = Size(),
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Imported:
+        """Read a file."""
+        given.extend([cell, file, on, size, progress is not None])
+        return poses("left", 2)
+
+    app = App(result_action="return_value")
+    app.default(import_verb(read))
+    app([str(tmp_path / "c"), "a.csv", "--on", "x", "y", "--rows", "3"])
+    assert given == [tmp_path / "c", Path("a.csv"), ("x", "y"), Size(3), True]
+    assert "wrote 2 samples" in capsys.readouterr().out
+
+
+def test_every_importer_is_a_verb() -> None:
+    """None is left out."""
+    assert set(IMPORTERS) <= {*import_app()}

@@ -1,0 +1,151 @@
+"""Targets that options describe, for a new cell and for the pictures that show them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.cell.files import cell_from_dict, read_cell
+from basecal.cli import main
+from basecal.errors import InputError
+from basecal.exchange.importing.described_target import Shape, target_fields
+from basecal.registry import TargetKindName
+
+SHAPES = {
+    "charuco": Shape(squares="5x7", square="40mm", marker="30mm"),
+    "chessboard": Shape(corners="8x6", square="2.5cm"),
+    "circles": Shape(circles="7x5", square="30mm", set=("asymmetric=true",)),
+    "apriltag": Shape(tag=3, square="80mm"),
+    "aprilgrid": Shape(tags="6x6", square="30mm", set=("spacing=0.25",)),
+    "led": Shape(),
+}
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_each_kind_is_described_by_its_own_counts(kind: str) -> None:
+    """The fields are read as a cell's, lengths in metres."""
+    fields = target_fields(kind, SHAPES[kind])
+    data = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}, "cameras": {"c": {"on": "arm"}}}
+    target = cell_from_dict({**data, "targets": {"t": {"on": "world", **fields}}}, "c").targets["t"].target
+    assert target is not None
+    assert target.kind == kind
+    assert len(target.points) == {"charuco": 24, "chessboard": 48, "circles": 35, "apriltag": 4}.get(
+        kind, 144 if kind == "aprilgrid" else 1
+    )
+
+
+def test_all_kinds_are_tried() -> None:
+    """But rigid points, which no size describes."""
+    assert {*SHAPES, "points"} == {*get_args(TargetKindName)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "shape", "said"),
+    [
+        ("charuco", Shape(), "needs --squares COLUMNSxROWS and --square SIZE"),
+        ("charuco", Shape(squares="5x7"), "needs --square SIZE"),
+        ("charuco", Shape(squares="5x7", square="40"), "--square '40': expected a length above zero with its unit"),
+        ("chessboard", Shape(squares="8x6", square="3cm"), "needs --corners"),
+        ("chessboard", Shape(corners="8x6", squares="9x7", square="3cm"), "counted by --corners, not by --squares"),
+        ("apriltag", Shape(), "needs --square SIZE"),
+        ("apriltag", Shape(tags="2x2", square="3cm"), "is not counted, not by --tags"),
+        ("points", Shape(square="3cm"), "needs more than sizes"),
+        ("charuco", Shape(squares="5x7", square="4cm", set=("legacy",)), "--set takes FIELD=VALUE"),
+    ],
+)
+def test_what_is_missing_is_named(kind: str, shape: Shape, said: str) -> None:
+    """Nothing that must be measured is guessed."""
+    with pytest.raises(InputError, match=said):
+        target_fields(kind, shape)
+
+
+def photos(folder: Path) -> str:
+    folder.mkdir()
+    cv2.imwrite(str(folder / "1.png"), np.zeros((48, 64), np.uint8))
+    return str(folder)
+
+
+BOARD = ["--target", "charuco", "--squares", "5x7", "--square", "40mm"]
+
+
+def test_a_new_cell_has_the_names_and_the_target_that_were_given(tmp_path: Path) -> None:
+    """It is what `new` writes, with nothing left to fill in."""
+    assert main(["new", str(tmp_path / "c"), "--names", "left", "right", *BOARD]) == 0
+    cell = read_cell(tmp_path / "c")
+    assert (cell.reference, [*cell.robots], cell.targets["target"].on) == ("left", ["left", "right"], "right")
+    target = cell.targets["target"].target
+    assert target is not None
+    assert target.options["square_m"] == 0.04
+    assert target.options["marker_m"] == 0.03
+
+
+@pytest.mark.parametrize(
+    "words", [["--names", "a", "b", "--robots", "3"], ["--target", "pose", "--square", "3cm"], ["--names", "a", "a"]]
+)
+def test_what_contradicts_itself_makes_no_cell(tmp_path: Path, words: list[str]) -> None:
+    """Counts and names that differ, sizes of what has none, a name twice."""
+    assert main(["new", str(tmp_path / "c"), *words]) in (2, 3)
+    assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(
+    ("robots", "on", "words", "carrier"),
+    [
+        (["left"], "left", [], "world"),
+        (["left"], "world", [], "left"),
+        (["left", "right"], "left", [], "right"),
+        (["left", "right"], "world", ["--target-on", "left"], "left"),
+        (["left"], "left", ["--target-on", "right"], "right"),
+    ],
+)
+def test_pictures_bring_their_target(
+    tmp_path: Path, robots: list[str], on: str, words: list[str], carrier: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is on the one robot without the camera, or on the world, if nothing else is said; and it is told where."""
+    cell = str(tmp_path / "c")
+    poses = tmp_path / "t.csv"
+    poses.write_text("x,y,z,rx,ry,rz\n0.4,0.1,0.3,0,0,0\n")
+    for robot in robots:
+        assert main(["import", "poses", cell, "--robot", robot, str(poses), "--format", "ur"]) == 0
+    images = ["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", "--on", on]
+    assert main([*images, *BOARD, "--target-name", "plate", *words]) == 0
+    assert f"target 'plate', charuco on '{carrier}'" in capsys.readouterr().out
+    assert read_cell(cell).targets["plate"].on == carrier
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ([*BOARD], 3, "say what carries the target 'board': --target-on ROBOT or --target-on world"),
+        (["--squares", "5x7"], 2, "a target is described, but not its kind: add --target"),
+        (["--target-on", "arm"], 2, "a target is described, but not its kind: add --target"),
+    ],
+)
+def test_a_target_half_described_leaves_nothing(
+    tmp_path: Path, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the robots are not known nobody guesses what carries it."""
+    cell = str(tmp_path / "c")
+    images = ["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", "--on", "arm"]
+    assert main([*images, *words]) == code
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
+
+
+def test_boards_that_no_picture_tells_apart_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second one of the same dictionary: it may be the same board, or its dictionary is to be said."""
+    cell = str(tmp_path / "c")
+    places = ["--on", "arm", "--target-on", "world", *BOARD]
+    assert main(["import", "images", cell, photos(tmp_path / "p"), "--camera", "cam", *places]) == 0
+    second = ["import", "images", cell, photos(tmp_path / "q"), "--camera", "other", *places]
+    assert main([*second, "--target-name", "plate"]) == 3
+    said = capsys.readouterr().err
+    assert "no picture tells 'plate' from 'board'" in said
+    assert "else state its own dictionary" in said
+    assert [*read_cell(cell).targets] == ["board"]
+    assert main([*second, "--target-name", "plate", "--dictionary", "DICT_5X5_50"]) == 0
+    assert [*read_cell(cell).targets] == ["board", "plate"]
