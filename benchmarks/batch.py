@@ -20,7 +20,8 @@ import numpy as np
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.least_squares.bundle_adjustment import batch_of
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import solve_from
 from basecal.estimation.solve_batch import solve_batch
 from basecal.estimation.view.pixels import PixelMeasurement

@@ -17,6 +17,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from tests.ends import with_eye, with_hand
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.normal_equations import linearise
@@ -26,7 +27,8 @@ from basecal.estimation.outliers.noise_and_outliers import solve_with_noise, wit
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turned
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
 from basecal.estimation.view.measurement import Measurement
@@ -96,7 +98,7 @@ def _bumps(problem: Problem, truth: State, rng: Rng, rows: IntArray, sigmas: tup
 
 
 def _flanges(group: ViewGroup, robot: str) -> SE3:
-    return group.eye_base_from_eye_flange if robot == "eye" else group.hand_base_from_hand_flange
+    return group.eye.base_from_flange if robot == "eye" else group.hand.base_from_flange
 
 
 def _moved(group: ViewGroup, robot: str, row: int, tangent: Array) -> ViewGroup:
@@ -105,8 +107,8 @@ def _moved(group: ViewGroup, robot: str, row: int, tangent: Array) -> ViewGroup:
     shift[row] = tangent
     after = before @ SE3.exp(shift)
     if robot == "eye":
-        return replace(group, eye_base_from_eye_flange=after)
-    return replace(group, hand_base_from_hand_flange=after)
+        return with_eye(group, base_from_flange=after)
+    return with_hand(group, base_from_flange=after)
 
 
 def _size_for(

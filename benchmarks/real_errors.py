@@ -20,7 +20,8 @@ from basecal.cell import Cell, Observation, PixelObservation, PoseObservation, R
 from basecal.estimation.least_squares.jacobians import by_stop_errors
 from basecal.estimation.outliers.noise_and_outliers import solve_with_noise, with_noise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.problem import Problem, State, chain
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.view.measurement import Measurement
@@ -136,7 +137,8 @@ def _information(solution: Solution) -> Array:
 def _stops_seen(problem: Problem) -> BoolArray:
     seen = np.zeros(len(problem.stops) + 1, dtype=bool)
     for group in problem.groups:
-        seen[group.eye_stop] = seen[group.hand_stop] = True
+        for end in group.ends:
+            seen[end.stop] = True
     return seen[:-1]
 
 

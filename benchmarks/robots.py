@@ -66,8 +66,7 @@ def settled(problem: Problem, start: State) -> tuple[State, Array]:
 
 def bases_of(problem: Problem) -> list[str]:
     """Names of the bases that are estimated."""
-    named = {base for g in problem.groups for base in (g.eye_base, g.hand_base) if base is not None}
-    return sorted(named)
+    return sorted({end.base for g in problem.groups for end in g.ends if end.base is not None})
 
 
 def measured(robots: int, samples: int) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from scipy.stats import t as student
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.systematic_errors.score_tests import score_of, sums
-from basecal.accuracy.systematic_errors.situation import Situation, frames_of
+from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.acquisition.running.check import Doubt, RunningCheck
 from basecal.cell import Cell, PixelObservation, Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
@@ -152,7 +152,7 @@ class Fault:
         shift = (self.world.transform(name, False).inverse() @ self.world.transform(name, True)).log()
         moves = (
             ((of.rank(g) >= self.since)[:, None, None] * (of.by_frame(k, name) @ shift[:, None]))[:, None]
-            if name in frames_of(g)
+            if name in g.frames
             else None
             for k, g in enumerate(of.problem.groups)
         )

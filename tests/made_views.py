@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.situation import Situation, frames_of
+from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
 from basecal.simulation import simulate
+from tests.ends import end, views
 
 
 def truth(made, problem):
@@ -31,12 +32,11 @@ def moved_by_pose(of, robot, pose):
     return (of.by_flange(0, robot) @ change[..., None])[..., 0]
 
 
-FRAMES = {"eye_base": None, "hand_base": "base", "camera_mount": "camera", "target_mount": "target"}
-
-
-class _Group(SimpleNamespace):
-    def __len__(self):
-        return len(self.sample)
+def _group(sample, camera="wrist", target="board", eye=None, hand="hand", base="base", mount="target"):
+    """Views of a target on an arm."""
+    at = SE3.identity((len(sample),))
+    ends = end(eye, at, mount="camera"), end(hand, at, mount=mount, base=base)
+    return replace(views(*ends, camera=camera, target=target), sample=sample)
 
 
 class Made:
@@ -45,8 +45,7 @@ class Made:
     def __init__(self, count, *groups, **changed):
         """Of groups by what differs from a hand's views of a target."""
         rng = np.random.default_rng(0)
-        usual = {"camera": "wrist", "target": "board", "eye": None, "hand": "hand", "sample": np.arange(count)} | FRAMES
-        self.groups = [_Group(**usual | group) for group in groups or ({},)]
+        self.groups = [_group(**{"sample": np.arange(count)} | group) for group in groups or ({},)]
         self.estimated, self.chains, self.targets = {}, {}, ()
         self.samples, self.times, self.timed = 10 * np.arange(count), np.arange(count, dtype=float), True
         self.robots, self.frames, self.speeds = ("hand",), ("base",), {"hand": rng.standard_normal((count, 6))}
@@ -59,7 +58,7 @@ class Made:
 
     def depends(self, k, name):
         """Whether a group has a frame."""
-        return name in frames_of(self.groups[k])
+        return name in self.groups[k].frames
 
     def target_from_camera(self, k):
         """At k + 1 metres."""

@@ -12,9 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Unknown
-from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
+from tests.ends import with_eye, with_hand
 
 MOUNT, TARGET = "eye_flange_from_camera", "eye_base_from_target"
 
@@ -36,9 +38,8 @@ def pose_problem(
     views = PoseMeasurement(at @ SE3.exp(errors), stated, np.where(stated > 0, stated, 1.0))
     rows, none = np.arange(n), np.full(n, -1)
     stop = none if stop_sigma is None else rows
-    group = ViewGroup(
-        "camera", "target", "eye", None, MOUNT, TARGET, None, None, rows, at, at, stop, none, rows, none, views
-    )
+    ends = End("eye", MOUNT, None, at, stop, rows), End(None, TARGET, None, at, none, none)
+    group = ViewGroup("camera", "target", ends, rows, views)
     stops = Stops(np.zeros((0, 6))) if stop_sigma is None else Stops(np.tile(stop_sigma, (n, 1)), ("eye",) * n)
     unknowns = {MOUNT: prior or Unknown(), TARGET: Unknown("fixed", fixed)}
     problem = Problem("eye", (group,), unknowns, frozenset(), {}, stops, {MOUNT: slice(0, 6)})
@@ -58,7 +59,7 @@ def two_arm_problem(errors: Array, eye_stop: Sequence[int], hand_stop: Sequence[
     eye, hand = np.array(eye_stop), np.array(hand_stop)
     count = eye.max() + 1
     robots = ("eye",) * count + ("hand",) * max(hand.max() + 1 - count, 0)
-    group = replace(group, hand="hand", eye_stop=eye, hand_stop=hand, eye_stand=_stands(eye), hand_stand=_stands(hand))
+    group = with_hand(with_eye(group, stop=eye, stand=_stands(eye)), robot="hand", stop=hand, stand=_stands(hand))
     stops = Stops(np.ones((len(robots), 6)), robots)
     return replace(problem, groups=(group,), stops=stops), replace(state, stop_errors=np.zeros((len(stops), 6)))
 

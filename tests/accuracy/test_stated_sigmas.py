@@ -259,7 +259,7 @@ def opened(monkeypatch, found, robot_noise):
     monkeypatch.setattr(stated_sigmas, "integrated", lambda solution: replace(solution, cost=7.0))
     robust = RobustSolution(solution, (), problem.with_groups([group]), 3, 0)
     after = without_contradicted(robust, found, Settings(robot_noise=robot_noise))
-    for stops in (after.left_out.groups[0].eye_stop, after.left_out.groups[0].hand_stop):
+    for stops in (after.left_out.groups[0].eye.stop, after.left_out.groups[0].hand.stop):
         np.testing.assert_array_equal(stops, -1)
         assert len(stops) == 3
     assert after.solution.cost == (7.0 if robot_noise != "stated" else 1.0)

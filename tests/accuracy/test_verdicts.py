@@ -5,22 +5,16 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from tests.ends import end
+from tests.ends import views as group_of
 
 from basecal.accuracy.verdicts import transform_verdicts, verdict_of
 from basecal.cell import Finding
 
 
 def views(camera, target, eye, hand, base):
-    return SimpleNamespace(
-        camera=camera,
-        target=target,
-        eye=eye,
-        hand=hand,
-        camera_mount=f"{eye}_flange_from_{camera}",
-        target_mount=f"{hand}_flange_from_{target}",
-        eye_base=None,
-        hand_base=base,
-    )
+    at_eye = end(eye, mount=f"{eye}_flange_from_{camera}")
+    return group_of(at_eye, end(hand, mount=f"{hand}_flange_from_{target}", base=base), camera=camera, target=target)
 
 
 APART = SimpleNamespace(

@@ -161,7 +161,7 @@ def test_joints_yield_to_their_torques():
     problem = views.problem
     alike, each = (c.moves[0][:, 0] for c in of.candidates(views) if c.about == ("hand",))
     kinematics = Kinematics(problem.chains["hand"], {"deflection": 1e-8 * np.arange(1.0, 7.0)})
-    moved = kinematics.forward(problem.groups[0].hand_joints)
+    moved = kinematics.forward(problem.groups[0].hand.joints)
     np.testing.assert_allclose(1e-8 * each @ np.arange(1.0, 7.0), moved_by_pose(views, "hand", moved), atol=1e-10)
     np.testing.assert_allclose(alike[..., 0], each.sum(-1))
 

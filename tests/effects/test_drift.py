@@ -12,7 +12,7 @@ from made_views import Made, views_of
 
 def test_steps_and_drifts_are_of_the_views_that_depend_on_them():
     """Others have none; a step moves a view from its sample on, a drift by its share of the time."""
-    of = Made(6, {}, {"hand_base": None, "sample": np.arange(3)}, times=np.array([0.0, 1.0, 2.0, 3.0, 4.0, 8.0]))
+    of = Made(6, {}, {"base": None, "sample": np.arange(3)}, times=np.array([0.0, 1.0, 2.0, 3.0, 4.0, 8.0]))
     (step,), (drift,) = steps(of), drifts(of)
     assert (step.moves[1], drift.moves[1]) == (None, None)
     moved = of.by_frame(0, "base")

@@ -35,7 +35,7 @@ def test_a_unit_turns_a_joint_by_its_angle():
     views = views_of(Scenario(samples=6, joints=True))
     (each,) = [c for c in of.candidates(views) if c.about[0] == "hand" and c.code == "gear-ratio"]
     shares = 1e-7 * np.arange(1.0, 7.0)
-    moved = Kinematics(views.chains["hand"], {of.NAME: shares}).forward(views.groups[0].hand_joints)
+    moved = Kinematics(views.chains["hand"], {of.NAME: shares}).forward(views.groups[0].hand.joints)
     np.testing.assert_allclose(
         each.moves[0][..., 0].swapaxes(1, 2) @ shares, moved_by_pose(views, "hand", moved), atol=1e-11
     )
@@ -82,7 +82,7 @@ def test_words(joint, what):
 def test_a_joint_that_hardly_turns_is_no_candidate():
     """Its ratio would be another offset: the others move views as before."""
     views = views_of(SCENARIO)
-    joints = np.array(views.groups[0].hand_joints)
+    joints = np.array(views.groups[0].hand.joints)
     joints[:, 0] = 0.5 + 1e-3 * np.arange(len(joints))
     kept = of._of_joints_that_turn(None, joints)
     np.testing.assert_array_equal(kept[:, 0], 0.0)

@@ -122,7 +122,7 @@ def test_joint_offsets():
         np.testing.assert_array_equal(together.moves[0][:, 0], np.moveaxis(alone.moves[0][..., 0], 1, 2))
     assert found.keys() == {"eye", "hand"}
     (group,) = problem.groups
-    for robot, joints in (("eye", group.eye_joints), ("hand", group.hand_joints)):
+    for robot, joints in (("eye", group.eye.joints), ("hand", group.hand.joints)):
         assert found[robot].joint == tuple(range(6))
         for joint in range(6):
             moved = problem.chains[robot].forward(joints + 1e-6 * np.eye(6)[joint])

@@ -27,7 +27,7 @@ def test_an_led_has_no_size():
 @pytest.mark.parametrize("targets", [("board", "light"), ("board",), ()])
 def test_targets_have_sizes(targets):
     """Each moves its own views, by its distance."""
-    of = Made(4, {"eye": "eye"}, {"target": "light", "target_mount": "bulb"}, targets=targets)
+    of = Made(4, {"eye": "eye"}, {"target": "light", "mount": "bulb"}, targets=targets)
     found = {each.about[0]: each.moves for each in candidates(of)}
     assert tuple(found) == targets
     for k, name in enumerate(("board", "light")):

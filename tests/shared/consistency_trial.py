@@ -174,13 +174,10 @@ def _true_errors(made: SimulatedCell, problem: Problem) -> Array:
     row = {sample.sample: k for k, sample in enumerate(made.recording.samples)}
     for group in problem.groups:
         rows = [row[int(number)] for number in group.sample]
-        for robot, stop, recorded in (
-            (group.eye, group.eye_stop, group.eye_base_from_eye_flange),
-            (group.hand, group.hand_stop, group.hand_base_from_hand_flange),
-        ):
-            if robot is not None and len(stop) and stop[0] >= 0:
-                off = (recorded.inverse() @ made.true_base_from_flange[robot][rows]).log()
-                errors[stop] = off / problem.stops.sigma[stop]
+        for end in group.ends:
+            if end.robot is not None and end.has_noise:
+                off = (end.flange_from_base @ made.true_base_from_flange[end.robot][rows]).log()
+                errors[end.stop] = off / problem.stops.sigma[end.stop]
     return errors
 
 

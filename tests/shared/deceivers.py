@@ -8,7 +8,8 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.certificate.certificate import certify, proven_loops
-from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.start.closed_form import Loop
 from basecal.estimation.view.poses import PoseMeasurement
@@ -79,8 +80,8 @@ def _problem(a: SE3, b: SE3, c: SE3, weight: Array, dual: bool) -> Problem:
     rows, none = np.arange(len(a)), np.full(len(a), -1)
     views = PoseMeasurement(b, weight, weight)
     hand, base = ("hand", NAMES["y"]) if dual else (None, None)
-    mounts = NAMES["x"], NAMES["z"]
-    group = ViewGroup("camera", "target", "eye", hand, *mounts, None, base, rows, a, c, none, none, rows, rows, views)
+    ends = End("eye", NAMES["x"], None, a, none, rows), End(hand, NAMES["z"], base, c, none, rows)
+    group = ViewGroup("camera", "target", ends, rows, views)
     names = [NAMES[name] for name in ("xyz" if dual else "xz")]
     columns = {name: slice(6 * i, 6 * i + 6) for i, name in enumerate(names)}
     return Problem("eye", (group,), {n: Unknown() for n in names}, frozenset(), {}, Stops(np.zeros((0, 6))), columns)

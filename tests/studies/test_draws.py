@@ -38,7 +38,7 @@ def test_common_noise_is_common() -> None:
 def test_robots_errors_move_what_is_seen() -> None:
     """Recorded poses stay and pixels move, by about focal length times angle; one error serves all points of a view."""
     draws, _ = drawn("pixel_px: 0.0, robot_sigma_r_rad: 1e-3")
-    assert draws.problem.groups[0].eye_base_from_eye_flange.shape == (8,)
+    assert draws.problem.groups[0].eye.base_from_flange.shape == (8,)
     assert 0.5 < draws.measurement().pixels.std(0).mean() < 10
 
 

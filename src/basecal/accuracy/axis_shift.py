@@ -54,7 +54,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
         found.append(Finding("axis-shift-station", "info", (), what, ("State noise.pixel_px in cell.yaml.",)))
     found += _of_neglected_depth(random, systematic)
     covariance = random + np.outer(systematic, systematic)
-    inverted = problem.groups[0].hand == cell.reference
+    inverted = problem.groups[0].hand.robot == cell.reference
     estimate = PoseEstimate(base, covariance)
     return Calibration(
         verdict="doubtful" if any(f.severity == "warning" for f in found) else "good",

@@ -81,7 +81,7 @@ def closed_form_beside(cell: Cell, recording: Recording, calibration: Calibratio
     if other is None:
         return None
     _, weights = chosen(stations, settings)
-    inverted = problem.groups[0].hand == cell.reference
+    inverted = problem.groups[0].hand.robot == cell.reference
     said = []
     for station, weight in zip(stations, weights, strict=True):
         base = station.base()

@@ -17,7 +17,7 @@ from scipy.special import fdtrc
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.accuracy.widening import step_between
-from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.view.pixels import PixelMeasurement

@@ -17,7 +17,6 @@ from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.estimation.least_squares.studentized import LeaveOneOut, leave_one_out
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
-from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrated, solve_from
 from basecal.estimation.view.common_error import without_motion
@@ -157,13 +156,8 @@ def without_contradicted(
         opened = replace(problem, unstated=problem.unstated | robots)
         estimated = integrated(with_noise(replace(solution, problem=opened), settings))
     # Views that were left out stood in stops of other numbers, whose errors the others do not tell.
-    left_out = robust.left_out.with_groups(map(_without_stops, robust.left_out.groups))
+    left_out = robust.left_out.with_groups(group.without_stops() for group in robust.left_out.groups)
     return replace(robust, solution=replace(estimated, disputed=solution.disputed), left_out=left_out)
-
-
-def _without_stops(group: ViewGroup) -> ViewGroup:
-    nowhere = np.full(len(group), -1, dtype=np.int64)
-    return replace(group, eye_stop=nowhere, hand_stop=nowhere)
 
 
 def _without_sigmas(measurement: Measurement) -> Measurement:

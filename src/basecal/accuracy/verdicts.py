@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from basecal.cell import Finding
 from basecal.cell.calibration import Verdict
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import ViewGroup
 
 _OF_ITSELF = {"weak-direction", "unobservable-direction", "prior-dominated"}
 """Codes of findings about how well a transform is known, which says nothing against others."""
@@ -62,6 +63,4 @@ def _parts(problem: Problem) -> list[set[str]]:
 
 
 def _names(group: ViewGroup) -> set[str]:
-    devices = (group.camera, group.target, group.eye, group.hand)
-    transforms = (group.camera_mount, group.target_mount, group.eye_base, group.hand_base)
-    return {name for name in (*devices, *transforms) if name}
+    return {group.camera, group.target, *group.robots, *group.frames}

@@ -34,7 +34,7 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
         return views.by_flange(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
-        arms = [[r for r in {g.eye, g.hand} & paths.keys() if r] if g.camera == camera else [] for g in groups]
+        arms = [[r for r in paths if g.end_of(r)] if g.camera == camera else [] for g in groups]
         if any(arms):
             late = ([by_time(views, k, r) for r in both] for k, both in enumerate(arms))
             yield camera, tuple(np.sum(each, axis=0) if each else None for each in late)

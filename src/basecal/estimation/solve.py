@@ -223,11 +223,8 @@ def shifted_state(problem: Problem, cell: Cell) -> State:
     eye_base_from_hand_base = fused([s.base() for s in stations], [1.0] * len(stations))
     transforms = {name: unknown.mean or SE3.identity() for name, unknown in problem.unknowns.items()}
     group = next(g for g in problem.groups if (g.camera, g.target) == (stations[0].camera, stations[0].target))
-    if group.hand_base is not None:
-        transforms[group.hand_base] = eye_base_from_hand_base
-    elif group.eye_base is not None:
-        transforms[group.eye_base] = eye_base_from_hand_base.inverse()
-    return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+    placed = group.placed_base(eye_base_from_hand_base, transforms, transforms)
+    return State(transforms | placed, cameras, np.zeros((len(problem.stops), 6)))
 
 
 def _plausible(problem: Problem, cost: float) -> bool:

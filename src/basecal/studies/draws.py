@@ -9,9 +9,10 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import SE3, Array, IntArray
+from basecal.geometry import SE3, Array
 from basecal.simulation import SimulatedCell
 from basecal.studies.cells import Settings, simulated
 
@@ -133,14 +134,7 @@ def _redrawn(
 
 def _exact_pixels(made: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
     """What the camera sees without noise, (n, p, 2), or (count, n, p, 2) where the robots have errors [px]."""
-    world_from_camera = _placed(made, group.eye_base, group.eye_base_from_eye_flange) @ _error(
-        errors, group.eye, group.eye_stand
-    )
-    world_from_target = _placed(made, group.hand_base, group.hand_base_from_hand_flange) @ _error(
-        errors, group.hand, group.hand_stand
-    )
-    world_from_camera = world_from_camera @ made.truth[group.camera_mount]
-    world_from_target = world_from_target @ made.truth[group.target_mount]
+    world_from_camera, world_from_target = (_placed(made, end, errors) for end in group.ends)
     camera_from_target = world_from_camera.inverse() @ world_from_target
     true_points = settings["board_scale"] * pixels_of(group).points_in_target
     lens = made.cameras[group.camera]
@@ -148,11 +142,9 @@ def _exact_pixels(made: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE
     return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
 
 
-def _placed(made: SimulatedCell, base: str | None, base_from_flange: SE3) -> SE3:
-    """`world_from_flange` as recorded, (n,)."""
-    return base_from_flange if base is None else made.truth[base] @ base_from_flange
-
-
-def _error(errors: Mapping[str, SE3], robot: str | None, stand: IntArray) -> SE3:
-    """Error of a robot at each view's stand, (count, n); none where it has none."""
-    return errors[robot][:, stand] if robot is not None and robot in errors else SE3.identity()
+def _placed(made: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
+    """Pose in the world of what an end carries, (n,), or (count, n) if its robot has errors at its stands."""
+    world_from_flange = end.base_from_flange if end.base is None else made.truth[end.base] @ end.base_from_flange
+    errors_of_robot = errors.get(end.robot or "")
+    error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stand]
+    return world_from_flange @ error @ made.truth[end.mount]

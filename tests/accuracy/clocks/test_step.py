@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 
 from basecal.accuracy.clocks import step
 from basecal.accuracy.clocks.step import ClockStep, clock_step
@@ -153,15 +154,11 @@ def test_views_move_with_the_clocks_of_camera_and_robots(monkeypatch: pytest.Mon
     row = rng.normal(size=(3, 6, 6))
     velocity = {name: rng.normal(size=(9, 6)) for name in by}
     robots = {name: {k: SimpleNamespace(velocity=v) for k, v in enumerate(of)} for name, of in velocity.items()}
-
-    class Views(SimpleNamespace):
-        def __len__(self) -> int:
-            return 3
-
     monkeypatch.setattr(step, "_mean_row", lambda situation, k: row)
     numbers = np.array([7, 2, 5])
     for eye, hand in (("eye", "hand"), (None, "hand"), ("eye", None)):
-        group = Views(eye=eye, hand=hand, camera="wrist", sample=numbers)
+        at = SE3.identity((3,))
+        group = replace(views(end(eye, at), end(hand, at), camera="wrist"), sample=numbers)
         situation = SimpleNamespace(problem=SimpleNamespace(groups=[None, group]), by_flange=lambda k, robot: by[robot])
         clocks = ("hand", "wrist", "wrist line", "eye", "other")
         found = step._moves(situation, 1, clocks, SimpleNamespace(robots=robots))

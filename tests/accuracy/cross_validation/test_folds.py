@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views, with_hand
 
 from basecal.accuracy.cross_validation.folds import _joined, _places, _split, instant_split, splits
 from basecal.cell import Recording
@@ -33,7 +33,7 @@ def test_every_sample_is_held_out_once(arms):
 def test_stations_stay_together():
     """Where the eye stands at five places, each place is a fold, though hand poses are all different."""
     problem = packed(Scenario(arms="stations", stations=5))
-    eye = problem.groups[0].eye_base_from_eye_flange.translation
+    eye = problem.groups[0].eye.base_from_flange.translation
     for fold in next(splits(problem)).folds:
         assert np.ptp(eye[sorted(fold)], axis=0).max() == 0.0
 
@@ -115,13 +115,9 @@ def test_parts_have_no_place_in_common():
 def test_ways_to_split_go_from_all_robots_to_none():
     """What stands in one place of any robot, of the robot with fewest places, of the other, and in one of all."""
     eye, hand = [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3], [0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 4]
-    group = SimpleNamespace(
-        sample=np.arange(12), eye="eye", eye_stand=np.array(eye), hand="hand", hand_stand=np.array(hand)
-    )
-    still = SimpleNamespace(
-        sample=np.arange(12), eye="still", eye_stand=np.zeros(12, int), hand=None, hand_stand=np.full(12, -1)
-    )
-    found = list(splits(SimpleNamespace(groups=[group, still])))
+    group = views(end("eye", stand=eye), end("hand", stand=hand))
+    still = views(end("still", stand=np.zeros(12)), end(stand=np.full(12, -1)))
+    found = list(splits(problem_of(group, still)))
     by_eye = [frozenset(range(3 * k, 3 * k + 3)) for k in range(4)]
     by_hand = [frozenset(np.flatnonzero(np.equal(hand, k)).tolist()) for k in range(6)]
     instants = [*(frozenset({k}) for k in range(10)), frozenset({10, 11})]
@@ -130,12 +126,9 @@ def test_ways_to_split_go_from_all_robots_to_none():
 
 def test_places_are_of_robots_that_move():
     """Between two places and more, in views of one group or of several; each sample's is its stop."""
-    one = SimpleNamespace(sample=np.array([4, 5]), eye="eye", eye_stand=np.array([0, 1]), hand="hand")
-    one.hand_stand = np.array([7, 7])
-    two = SimpleNamespace(sample=np.array([6]), eye="eye", eye_stand=np.array([0]), hand="other")
-    two.hand_stand = np.array([3])
-    world = SimpleNamespace(sample=np.array([7]), eye=None, eye_stand=np.array([-1]), hand="hand")
-    world.hand_stand = np.array([7])
-    assert _places(SimpleNamespace(groups=[one, two, world])) == {"eye": {4: 0, 5: 1, 6: 0}}
-    world.hand_stand = np.array([8])
-    assert _places(SimpleNamespace(groups=[one, two, world]))["hand"] == {4: 7, 5: 7, 7: 8}
+    one = replace(views(end("eye", stand=[0, 1]), end("hand", stand=[7, 7])), sample=np.array([4, 5]))
+    two = replace(views(end("eye", stand=[0]), end("other", stand=[3])), sample=np.array([6]))
+    world = replace(views(end(stand=[-1]), end("hand", stand=[7])), sample=np.array([7]))
+    assert _places(problem_of(one, two, world)) == {"eye": {4: 0, 5: 1, 6: 0}}
+    world = with_hand(world, stand=np.array([8]))
+    assert _places(problem_of(one, two, world))["hand"] == {4: 7, 5: 7, 7: 8}

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.cross_validation.folds import splits
@@ -93,9 +94,8 @@ def test_a_refit_is_the_mean_of_the_views_it_uses(weighed):
 
 def test_stops_are_known_where_a_used_view_stands():
     """Those of either arm; views without a stop know none, not even the last."""
-    stops = [SimpleNamespace(eye_stop=np.array([0, -1]), hand_stop=np.array([3, -1]))]
-    stops.append(SimpleNamespace(eye_stop=np.array([1]), hand_stop=np.array([-1])))
-    found = _known_stops(SimpleNamespace(stops=range(6), groups=stops))
+    groups = views(end(stop=[0, -1]), end(stop=[3, -1])), views(end(stop=[1]), end(stop=[-1]))
+    found = _known_stops(SimpleNamespace(stops=range(6), groups=groups))
     assert found.tolist() == [True, True, False, True, False, False]
     state = State({}, {}, np.arange(1.0, 37.0).reshape(6, 6))
     np.testing.assert_array_equal(with_known_stops(state, found).stop_errors, state.stop_errors * found[:, None])

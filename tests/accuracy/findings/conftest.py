@@ -22,7 +22,9 @@ def stand_in(**changed):
             findings=(),
             noise=SimpleNamespace(estimated=(), robots={}, common={}),
             observability=SimpleNamespace(unobservable=frozenset(), length_m=1.0),
-            problem=SimpleNamespace(columns={"base": slice(0, 6)}, groups=(), stops=SimpleNamespace(robot=())),
+            problem=SimpleNamespace(
+                columns={"base": slice(0, 6)}, groups=(), robots=(), stops=SimpleNamespace(robot=())
+            ),
             covariance_of=lambda names: 1e-6 * np.eye(6),
         ),
         "residuals": SimpleNamespace(rms_px=0.3),

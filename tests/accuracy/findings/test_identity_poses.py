@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views
 
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.identity_poses import identity_poses
@@ -30,10 +31,8 @@ def test_a_driver_that_gives_nothing_is_named(mount, severity):
 def test_only_a_robot_that_gave_poses_is_named():
     """Not what stands in the world, nor an arm given by its joints, whose flange may be anywhere."""
     still = SE3.identity((3,))
-    world = {"eye": None, "eye_joints": None, "eye_base_from_eye_flange": still, "camera_mount": "camera"}
-    arm = {"hand": "arm", "hand_base_from_hand_flange": still, "target_mount": "target"}
     unknowns = {name: SimpleNamespace(status="free") for name in ("camera", "target")}
     for joints, about in ((None, [("arm",)]), (np.zeros((3, 6)), [])):
-        groups = (SimpleNamespace(**world, **arm, hand_joints=joints),)
-        problem = SimpleNamespace(groups=groups, unknowns=unknowns)
+        arm = end("arm", still, mount="target", joints=joints)
+        problem = problem_of(views(end(None, still, mount="camera"), arm), unknowns=unknowns)
         assert [f.about for f in identity_poses(Input(problem, ()))] == about

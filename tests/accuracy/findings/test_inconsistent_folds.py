@@ -22,7 +22,7 @@ def test_beyond_chance(evidence, chance, found):
 def test_robots_without_noise_are_named(evidence):
     """Noise that is not stated is the first to look at; where all is stated, it may be larger."""
     made = evidence(cross_validation=spread(0.0))
-    made.solution.problem.groups = (SimpleNamespace(eye="eye", hand="hand"), SimpleNamespace(eye=None, hand="hand"))
+    made.solution.problem.robots = ("eye", "hand")
     assert "State the noise of eye and hand." in inconsistent_folds(made)[0].message
     made.solution.problem.stops.robot = ("hand", "hand")
     assert "State the noise of eye." in inconsistent_folds(made)[0].message

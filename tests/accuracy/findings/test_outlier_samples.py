@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 from tests.shared.real_recordings import data_folder
 
 from basecal.accuracy.calibrate import calibrate
@@ -110,8 +111,8 @@ def test_a_recording_that_mostly_had_to_go_is_doubtful():
 def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100):
     """A robust solution that left out these samples, with errors of stops, each that of its own kept sample."""
     numbers = np.array(kept, dtype=np.int64)
-    none, stops = np.full(len(numbers), -1), np.arange(len(numbers))
-    group = SimpleNamespace(sample=numbers, eye_stop=none, hand_stop=stops)
+    stops = np.arange(len(numbers))
+    group = replace(views(end(), end("hand", stop=stops)), sample=numbers)
     of_stops = np.zeros((len(numbers), 6))
     of_stops[: len(errors), 2] = errors
     solution = SimpleNamespace(problem=SimpleNamespace(groups=(group,)), state=SimpleNamespace(stop_errors=of_stops))

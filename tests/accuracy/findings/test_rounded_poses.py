@@ -5,11 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views
 
 from basecal.accuracy.findings.rounded_poses import _Rounding, _step, rounded_poses
 from basecal.cell import Recording, RobotState
 from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Stops
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -171,9 +173,8 @@ def test_the_largest_step_of_which_all_are_multiples(values, step):
 def test_steps_of_angles_are_those_of_displays(step_deg, told):
     """A degree, its tenths and hundredths, of joints that all differ."""
     joints = np.radians(step_deg * np.arange(1, 37).reshape(6, 6))
-    group = SimpleNamespace(eye=None, eye_joints=None, hand="hand", hand_joints=joints)
-    stops = SimpleNamespace(sigma=np.array([[1, 1, 1, 2, 9, 9], [9, 9, 9, 9, 9, 9.0]]), robot=("hand", "hand"))
-    problem = SimpleNamespace(groups=(group,), stops=stops)
+    stops = Stops(np.array([[1, 1, 1, 2, 9, 9], [9, 9, 9, 9, 9, 9.0]]), ("hand", "hand"))
+    problem = problem_of(views(end(), end("hand", joints=joints)), stops=stops)
     (found,) = rounded_poses(SimpleNamespace(solution=SimpleNamespace(problem=problem)))
     assert f"Joints of hand are all multiples of {told}. Rounding" in found.message
     assert "to 2e+03 mrad of noise" in found.message

@@ -1,10 +1,10 @@
 """`same-stop`."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views
 
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.same_stop import same_stop
@@ -34,11 +34,9 @@ def test_jitter_within_stops_is_told(jitter_m):
 def stops_of(*moves, stands):
     """Poses of a robot that carries a target, off by these tangents, at such stops, after one group of the camera's."""
     recorded = SE3.exp(np.array(moves, dtype=float))
-    groups = (
-        SimpleNamespace(eye="arm", eye_stand=np.array(stands[:1]), eye_base_from_eye_flange=recorded[:1], hand=None),
-        SimpleNamespace(eye=None, hand="arm", hand_stand=np.array(stands[1:]), hand_base_from_hand_flange=recorded[1:]),
-    )
-    return same_stop(Input(SimpleNamespace(groups=groups), ()))
+    first = views(end("arm", recorded[:1], stand=stands[:1]), end())
+    others = views(end(), end("arm", recorded[1:], stand=stands[1:]))
+    return same_stop(Input(problem_of(first, others), ()))
 
 
 PLACE = [0.5, 0.2, 0.1, 0.0, 0.0, 0.0]

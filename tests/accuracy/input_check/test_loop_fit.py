@@ -82,10 +82,10 @@ def ready(scenario, seed=1, rows=None):
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
-    base = group.hand_base or group.eye_base
+    base = group.hand.base or group.eye.base
     y = SE3.identity() if base is None else made.truth[base]
-    y = y.inverse() if group.hand_base is None else y
-    triple = made.truth[group.camera_mount], y, made.truth[group.target_mount]
+    y = y.inverse() if group.hand.base is None else y
+    triple = made.truth[group.eye.mount], y, made.truth[group.hand.mount]
     return sight_for(group, made.cameras.get(group.camera), VIEWS), problem, triple
 
 
@@ -181,7 +181,7 @@ def test_what_is_no_state():
     assert state_of(problem, {key: LoopFit(truth, np.zeros(10), of_light=True)}, {}) is None
     assert state_of(problem, {}, {}) is None
     assert state_of(problem.with_groups([group, group]), {key: LoopFit(truth, np.zeros(10))}, {}) is None
-    more = replace(problem, unknowns={**problem.unknowns, "other": problem.unknowns[group.camera_mount]})
+    more = replace(problem, unknowns={**problem.unknowns, "other": problem.unknowns[group.eye.mount]})
     assert state_of(more, {key: LoopFit(truth, np.zeros(10))}, {}) is None
 
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 from tests.simulated_problem import simulated_problem
 
 from basecal.accuracy.input_check import target_sizes
@@ -251,10 +252,7 @@ def test_loops_give_the_factor_by_their_translations(fixed):
     a, c, (x, y, z) = (SE3.exp(np.random.default_rng(k).normal(size=(n, 6))) for k, n in ((0, 9), (1, 9), (2, 3)))
     b = (a @ x).inverse() @ y @ c @ z
     candidates = SE3(np.stack([b.rotation] * 2, 1), np.stack([b.translation / 1.5, b.translation * 3.0], 1))
-    group = SimpleNamespace(
-        eye_base_from_eye_flange=a, hand_base_from_hand_flange=c,
-        camera_mount="x", target_mount="z", eye_base="eye" if "eye" in fixed else None, hand_base="y",
-    )  # fmt: skip
+    group = views(end("r", a, mount="x", base="eye" if "eye" in fixed else None), end("h", c, mount="z", base="y"))
     unknowns = {
         name: Unknown("fixed", SE3.identity()) if name in fixed else Unknown() for name in ("x", "y", "z", "eye")
     }

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check import unexplained_motion as module
@@ -115,14 +116,15 @@ def test_residuals_of_fifty_pixels_are_hopeless(off_px, lost):
 def looks(off, moved, in_pixels=True, stands=None):
     """A group of views, each of a stop of its own unless told."""
     rows = range(len(off)) if stands is None else stands
-    return Group(np.array(rows), np.array(rows) % 2, np.array(off), np.array(moved), in_pixels)
+    ends = [end(stand=stand) for stand in (np.array(rows), np.array(rows) % 2)]
+    return Group(ends, np.array(off), np.array(moved), in_pixels)
 
 
 class Group:
     """Views of stops, which are off and move by so much."""
 
-    def __init__(self, eye_stand, hand_stand, off, moved, in_pixels):
-        self.eye_stand, self.hand_stand = eye_stand, hand_stand
+    def __init__(self, ends, off, moved, in_pixels):
+        self.ends = ends
         self.off, self.moved, self.in_pixels = off, moved, in_pixels
         self.measurement = object.__new__(PixelMeasurement if in_pixels else PoseMeasurement)
         object.__setattr__(self.measurement, "moved", moved)
@@ -131,7 +133,8 @@ class Group:
         return len(self.off)
 
     def take(self, rows):
-        return Group(*(of[rows] for of in (self.eye_stand, self.hand_stand, self.off, self.moved)), self.in_pixels)
+        ends = [replace(of, stand=of.stand[rows]) for of in self.ends]
+        return Group(ends, self.off[rows], self.moved[rows], self.in_pixels)
 
 
 @pytest.fixture

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check.rewriting import inverted, with_robots
@@ -16,6 +15,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 BOARD = charuco_target((4, 4), 0.04, 0.03, "DICT_4X4_50")
@@ -79,8 +79,8 @@ def test_a_mix_up_in_a_ring_is_named():
 def test_four_robots_are_looked_at_together(count, many):
     """Those that carry a camera or a target that is seen; the world is none."""
     robots = [f"r{k}" for k in range(count)]
-    groups = [SimpleNamespace(eye=eye, hand=hand) for eye, hand in zip(robots, [None, *robots[:-1]], strict=True)]
-    assert has_many_robots(SimpleNamespace(groups=groups)) == many
+    groups = [views(end(eye), end(hand)) for eye, hand in zip(robots, [None, *robots[:-1]], strict=True)]
+    assert has_many_robots(problem_of(*groups)) == many
 
 
 def test_a_pair_has_what_is_its_own(pairs):
@@ -107,21 +107,20 @@ def test_only_pairs_of_the_same_robot_tell_what_one_leaves_open(pairs):
     assert agreed([first, apart, first], [[one], [other], []]) == (other,)
 
 
-def of_pair(eye, hand, camera, target, views=1):
+def of_pair(eye, hand, camera, target, count=1):
     """A group of so many views."""
-    return type("Views", (SimpleNamespace,), {"__len__": lambda self: views})(
-        eye=eye, hand=hand, camera=camera, target=target
-    )
+    at = SE3.identity((count,))
+    return views(end(eye, at), end(hand, at), camera=camera, target=target)
 
 
 def test_pairs_with_most_that_no_other_has_come_first():
     """Then those with most views; a pair that has nothing new is left out, and so are the world's."""
     groups = [
         of_pair("a", None, "ca", "world board"),
-        of_pair("a", "b", "ca", "tb", views=3),
-        of_pair("a", "b", "ca2", "tb", views=5),
-        of_pair("c", "d", "cc", "td", views=4),
-        of_pair("c", "b", "cc", "tb", views=50),
+        of_pair("a", "b", "ca", "tb", count=3),
+        of_pair("a", "b", "ca2", "tb", count=5),
+        of_pair("c", "d", "cc", "td", count=4),
+        of_pair("c", "b", "cc", "tb", count=50),
     ]
     found = [groups.index(group) for group in _covering(groups)]
     assert found == [4, 0, 3, 2]

@@ -91,7 +91,7 @@ def test_views_are_known_by_all_of_their_transforms(lacking, lens, target, is_kn
     """And those in pixels by their lens."""
     made = simulate(Scenario(samples=2, target=target), 1)
     (group,) = build_problem(made.cell, made.recording)[0].groups
-    known = {"camera_mount": group.camera_mount, "target_mount": group.target_mount, "hand_base": group.hand_base}
+    known = {"camera_mount": group.eye.mount, "target_mount": group.hand.mount, "hand_base": group.hand.base}
     transforms = {name: made.truth[name] for what, name in known.items() if what != lacking}
     assert module._is_known(group, transforms, made.cameras if lens else {}) == is_known
 

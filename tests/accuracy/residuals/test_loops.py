@@ -7,12 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end
+from tests.ends import views as group_of
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import loops as module
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.residuals.loops import _closed, _Relation, loops
 from basecal.cell import Recording, RobotState, SampleResidual, Unknown
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -141,19 +144,12 @@ def test_a_loop_of_two_from_its_other_end():
     assert (ring.views, ring.rms_m < 1e-8) == (16, True)
 
 
-class Views(SimpleNamespace):
-    """A group of views by its names."""
-
-    def __len__(self):
-        return self.count
-
-
 def views(camera="c", target="t", eye="a", hand="b", eye_base=None, hand_base="a_from_b", count=4):
     """Of a camera on robot a that sees a target on robot b; a is the reference."""
-    mounts = {"camera_mount": f"{eye}_from_{camera}", "target_mount": f"{hand}_from_{target}"}
-    return Views(
-        camera=camera, target=target, eye=eye, hand=hand, eye_base=eye_base, hand_base=hand_base, count=count, **mounts
-    )
+    at = SE3.identity((count,))
+    ends = ((eye, camera, eye_base), (hand, target, hand_base))
+    both = (end(robot, at, mount=f"{robot}_from_{of}", base=base) for robot, of, base in ends)
+    return group_of(*both, camera=camera, target=target)
 
 
 def solution_of(*groups, columns=()):
@@ -179,10 +175,11 @@ def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
     def fit(solution, group, base, mounts):
         """What is told of it."""
         tried.append((group.camera, base, list(mounts)))
-        return alone(mounts)
+        told = alone(mounts)
+        return None if told is None else SimpleNamespace(transforms=told)
 
     monkeypatch.setattr(module, "_alone", fit)
-    monkeypatch.setattr(module, "relation", lambda state, group: (state, group.camera))
+    monkeypatch.setattr(ViewGroup, "eye_base_from_hand_base", lambda group, told: (told, group.camera))
     found = module._relations(solution_of(*groups, columns=columns))
     return [(r.path, r.start_from_end, r.views) for r in found], tried
 
@@ -228,11 +225,11 @@ def test_a_pair_alone_is_fitted_by_its_base_and_mounts(monkeypatch, converged, o
     seen = SimpleNamespace(unobservable=open_names)
     monkeypatch.setattr(module, "observability_of", lambda problem, state, hessian, factor: seen)
     (group,) = solution.problem.groups
-    base, mounts = group.hand_base, [group.target_mount]
+    base, mounts = group.hand.base, [group.hand.mount]
     end = module._alone(solution, group, base, mounts)
     assert (end is not None) == found
     ((problem, dof),) = given
-    assert dict(problem.columns) == {group.target_mount: slice(0, 6), base: slice(6, 12)}
+    assert dict(problem.columns) == {group.hand.mount: slice(0, 6), base: slice(6, 12)}
     assert (solution.problem.unknowns[base].status, problem.unknowns[base].status) == ("prior", "free")
     assert dof == 2 * group.measurement.seen.sum() - 12
 

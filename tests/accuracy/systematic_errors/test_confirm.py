@@ -1,9 +1,11 @@
 """Held-out blocks: what is in all of them is confirmed, what chance put into one is not."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors import confirm
@@ -59,15 +61,17 @@ def test_blocks_in_configuration_go_along_the_widest_spread(robots):
     along = rng.permutation(10)
     places = 1e-3 * rng.standard_normal((10, 3)) + (along[:, None] - 4.5) * np.array([0.1, -0.3, 0.2]) + 5.0
     order = rng.permutation(10)
-    groups = [SimpleNamespace(eye=None, hand="hand", at=order[:6]), SimpleNamespace(eye="eye", hand=None, at=order[6:])]
-    groups.append(SimpleNamespace(eye=None, hand="hand", at=order[6:]))
+    of_hand, of_eye = views(end(), end("hand")), views(end("eye"), end())
+    groups = [replace(of_hand, sample=order[:6]), replace(of_eye, sample=order[6:]), replace(of_hand, sample=order[6:])]
 
     def pose(k, robot):
         """The hand along a line, the eye in one place."""
-        return SimpleNamespace(translation=places[groups[k].at] if robot == "hand" else np.full((4, 3), 0.0))
+        return SimpleNamespace(translation=places[groups[k].sample] if robot == "hand" else np.full((4, 3), 0.0))
 
     problem = SimpleNamespace(groups=groups)
-    of = SimpleNamespace(samples=np.arange(10), robots=robots, problem=problem, rank=lambda g: g.at, recorded_pose=pose)
+    of = SimpleNamespace(
+        samples=np.arange(10), robots=robots, problem=problem, rank=lambda g: g.sample, recorded_pose=pose
+    )
     found = _in_configuration(of)
     wanted = along // 2
     assert found.tolist() in (wanted.tolist(), (4 - wanted).tolist())

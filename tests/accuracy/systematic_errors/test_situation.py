@@ -1,14 +1,15 @@
 """What systematic errors know of a solved problem."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views, with_eye, with_hand
 
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.estimation.least_squares.jacobians import by_unknowns
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Chain, Link
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -39,8 +40,8 @@ def test_flanges_move_views_as_their_poses_do(robot):
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
     tangent = np.array([1e-6, -2e-6, 3e-6, 2e-6, 1e-6, -1e-6])
-    field = "eye_base_from_eye_flange" if robot == "eye" else "hand_base_from_hand_flange"
-    moved = replace(group, **{field: getattr(group, field) @ SE3.exp(tangent)})
+    poses = group.end_of(robot).base_from_flange @ SE3.exp(tangent)
+    moved = (with_eye if robot == "eye" else with_hand)(group, base_from_flange=poses)
     before, after = (of.state.camera_from_target(g, of.problem.stops) for g in (group, moved))
     np.testing.assert_allclose((before.inverse() @ after).log(), of.by_flange(0, robot) @ tangent, atol=1e-10)
 
@@ -65,17 +66,15 @@ def test_no_velocity_off_a_path():
     assert situation(Scenario(samples=20)).velocity("hand") is None
 
 
-def seen(samples, arm=None, stands=None, **others):
+def seen(samples, arm=None, stands=None, eye=None):
     """Views of these samples, with a target on an arm whose flange was at these poses."""
-    world = SE3.identity((len(samples),))
-    of_arm = {"hand": "arm", "hand_base_from_hand_flange": arm, "hand_stand": np.array(stands or samples)}
-    usual = {"eye": None, "eye_base_from_eye_flange": world, "eye_stand": np.full(len(samples), -1)}
-    of_world = {"hand": None, "hand_base_from_hand_flange": world, "hand_stand": np.full(len(samples), -1)}
-    return SimpleNamespace(sample=np.array(samples), **usual | (of_world if arm is None else of_arm) | others)
+    world = end(None, SE3.identity((len(samples),)))
+    hand = world if arm is None else end("arm", arm, stand=samples if stands is None else stands)
+    return replace(views(eye or world, hand), sample=np.array(samples))
 
 
 def recorded(*groups, stamps=()):
-    problem = SimpleNamespace(groups=groups)
+    problem = problem_of(*groups)
     return Situation(problem, None, problem, dict(stamps))
 
 
@@ -96,9 +95,9 @@ def test_samples_in_their_order_in_time():
 def test_robots_that_stood_in_two_places_whichever_views_tell():
     """In views of one group or of two; an arm that never moved, and the world, are none."""
     pose = SE3.identity((2,))
-    eye = {"eye": "still", "eye_stand": np.array([4, 4])}
-    assert recorded(seen([0, 1], pose, [2, 2], **eye)).robots == ()
-    assert recorded(seen([0, 1], pose, [2, 3], **eye)).robots == ("arm",)
+    eye = end("still", stand=[4, 4])
+    assert recorded(seen([0, 1], pose, [2, 2], eye)).robots == ()
+    assert recorded(seen([0, 1], pose, [2, 3], eye)).robots == ("arm",)
     assert recorded(seen([0, 1], pose, [2, 2]), seen([2, 3], pose, [5, 5])).robots == ("arm",)
 
 
@@ -171,16 +170,14 @@ def test_every_pose_but_the_ends_tells_whether_a_path_is_smooth(where):
 def test_views_move_with_each_frame_as_it_stands_in_the_chain():
     """Against those on the camera's side, with those on the target's; what carries nothing is at the identity."""
     rng = np.random.default_rng(4)
-    names = "target_from_camera", "target_from_eye_base", "target_from_hand_base"
-    links = SimpleNamespace(**{name: SE3.exp(rng.standard_normal((2, 6))) for name in names})
-    frames = {"camera_mount": "a", "eye_base": "b", "hand_base": "c", "target_mount": "d"}
-    group = type("Views", (SimpleNamespace,), {"__len__": lambda self: 2})(**vars(seen([0, 1])) | frames)
-    of = recorded(group)
-    vars(of)["links"] = (links,)
-    assert of.frames == ("b", "c", "a", "d")
-    np.testing.assert_array_equal(of.by_frame(0, "a"), -links.target_from_camera.adjoint())
-    np.testing.assert_array_equal(of.by_frame(0, "b"), -links.target_from_eye_base.adjoint())
-    np.testing.assert_array_equal(of.by_frame(0, "c"), links.target_from_hand_base.adjoint())
+    camera, eye, hand = (SE3.exp(rng.standard_normal((2, 6))) for _ in range(3))
+    at = SE3.identity((2,))
+    of = recorded(views(end(None, at, mount="a", base="b"), end(None, at, mount="d", base="c")))
+    vars(of)["links"] = (Chain((Link(-1.0, eye, at, camera), Link(1.0, hand, at, None)), camera),)
+    assert of.frames == ("a", "b", "d", "c")
+    np.testing.assert_array_equal(of.by_frame(0, "a"), -camera.adjoint())
+    np.testing.assert_array_equal(of.by_frame(0, "b"), -eye.adjoint())
+    np.testing.assert_array_equal(of.by_frame(0, "c"), hand.adjoint())
     np.testing.assert_array_equal(of.by_frame(0, "d"), np.tile(np.eye(6), (2, 1, 1)))
     np.testing.assert_array_equal(of.by_frame(0, "e"), np.zeros((2, 6, 6)))
     np.testing.assert_array_equal(of.recorded_pose(0, "arm").matrix, np.tile(np.eye(4), (2, 1, 1)))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views
 
 from basecal.accuracy.task.arms_at_points import (
     in_base_axes,
@@ -80,12 +79,11 @@ def test_an_arm_is_sent_to_points_turned_as_in_the_nearest_pose(arms):
 def test_joints_of_all_views_in_which_a_robot_has_a_part():
     """On either side; none where it was recorded by poses."""
     q = np.arange(18.0).reshape(3, 6)
-    groups = [
-        SimpleNamespace(eye="a", eye_joints=q, hand="b", hand_joints=None),
-        SimpleNamespace(eye="b", eye_joints=None, hand="a", hand_joints=q + 1),
-        SimpleNamespace(eye="c", eye_joints=q + 2, hand=None, hand_joints=None),
-    ]
-    problem = SimpleNamespace(groups=groups)
+    problem = problem_of(
+        views(end("a", joints=q), end("b")),
+        views(end("b"), end("a", joints=q + 1)),
+        views(end("c", joints=q + 2), end()),
+    )
     np.testing.assert_array_equal(recorded_joints(problem, "a"), np.concatenate([q, q + 1]))
     np.testing.assert_array_equal(recorded_joints(problem, "c"), q + 2)
     assert recorded_joints(problem, "b") is None

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.task.error_map import STEPS, _box, error_map, seen_at
@@ -71,7 +72,7 @@ def test_a_flat_box_has_one_layer():
     solution = solve(made.cell, made.recording)
     (group,) = solution.problem.groups
     few = replace(solution, problem=solution.problem.with_groups([group.take(np.array([2]))]))
-    at = (group.eye_base_from_eye_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
+    at = (group.eye.base_from_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
     assert len(error_map(made.cell, calibration, few, at + np.array([0.1, 0, 0])).points_m) == STEPS
 
 
@@ -99,15 +100,11 @@ def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, base
     rng = np.random.default_rng(1)
     base, mount, other = (SE3.exp(rng.standard_normal(6)) for _ in range(3))
     arm, world = SE3.exp(rng.standard_normal((3, 6))), SE3.identity((3,))
-    names = {"hand_base": "base", "eye_base": None} if on_arm else {"hand_base": None, "eye_base": "base"}
-    group = SimpleNamespace(
-        hand="hand" if on_arm else None,
-        target_mount="mount" if on_arm else "other",
-        camera_mount="other" if on_arm else "mount",
-        hand_base_from_hand_flange=arm if on_arm else world,
-        eye_base_from_eye_flange=world if on_arm else arm,
-        **names if based else dict.fromkeys(names),
+    moving = end("arm", arm, mount="mount", base="base" if based else None)
+    still = end(None, world, mount="other")
+    found = seen_at(
+        views(still, moving) if on_arm else views(moving, still),
+        SimpleNamespace(transforms={"base": base, "mount": mount, "other": other}),
     )
-    found = seen_at(group, SimpleNamespace(transforms={"base": base, "mount": mount, "other": other}))
     wanted = (base @ arm @ mount if based else arm @ mount).translation
     np.testing.assert_allclose(found, wanted, atol=1e-12)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.stats import chi, ncx2, norm
+from tests.ends import with_eye, with_hand
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details
@@ -209,16 +210,16 @@ def test_transforms_are_used_where_the_arms_worked():
     made = simulate(Scenario(samples=4), 0)
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
-    group = replace(group, eye_base="eye_base", hand_base="hand_base")
+    group = with_hand(with_eye(group, base="eye_base"), base="hand_base")
     fitted = SimpleNamespace(
         problem=problem.with_groups([group, group]),
-        state=SimpleNamespace(camera_from_target=lambda group, stops: group.hand_base_from_hand_flange),
+        state=SimpleNamespace(camera_from_target=lambda group, stops: group.hand.base_from_flange),
     )
     expected = {
-        "eye_base": group.eye_base_from_eye_flange.translation,
-        "hand_base": group.hand_base_from_hand_flange.translation,
-        group.camera_mount: group.hand_base_from_hand_flange.translation,
-        group.target_mount: made.cell.targets["board"].target.points,
+        "eye_base": group.eye.base_from_flange.translation,
+        "hand_base": group.hand.base_from_flange.translation,
+        group.eye.mount: group.hand.base_from_flange.translation,
+        group.hand.mount: made.cell.targets["board"].target.points,
     }
     for name, places in expected.items():
         found = list(_places(name, made.cell, fitted))

@@ -14,7 +14,7 @@ def test_a_unit_of_a_value_turns_its_joint():
     views = views_of(Scenario(samples=6, joints=True))
     ((_, chain), *_) = open_chains(views, "made_up")
     (moves,) = moves_by_joint(views, "eye", chain, lambda _, joints: 3 * joints)
-    joints = views.groups[0].eye_joints
+    joints = views.groups[0].eye.joints
     moved = chain.forward(joints + 1e-7 * 3 * joints * np.eye(6)[2])
     np.testing.assert_allclose(1e-7 * moves[..., 2], moved_by_pose(views, "eye", moved), atol=1e-11)
     assert moves_by_joint(views, "nobody", chain, lambda _, joints: joints) == (None,)

@@ -32,7 +32,7 @@ def moved(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
     (group,) = problem.groups
     change = np.zeros((2, len(group), 6))
     change[0, view], change[1, view] = camera, light
-    eye, hand = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
+    eye, hand = group.eye.base_from_flange, group.hand.base_from_flange
     poses = {
         "eye_base_from_eye_flange": eye @ SE3.exp(change[0]),
         "hand_base_from_hand_flange": hand @ SE3.exp(change[1]),
@@ -86,7 +86,7 @@ def test_mounts_must_be_known():
     """Of camera and light, exactly or roughly."""
     problem, cameras = recorded()
     (group,) = problem.groups
-    for name in (group.camera_mount, group.target_mount):
+    for name in (group.eye.mount, group.hand.mount):
         unknown = replace(problem, unknowns={**problem.unknowns, name: Unknown("free", SE3.identity())})
         with pytest.raises(NotObservable, match=f"needs {name}: state it as fixed or prior"):
             find_stations(unknown, cameras)

@@ -7,11 +7,13 @@ from functools import reduce
 
 import numpy as np
 import pytest
+from tests.ends import with_eye, with_hand
 
 from basecal.cell import Unknown
-from basecal.estimation.certificate.rotation_cost import factors_of, loop_form, present, relation, rotations_of
+from basecal.estimation.certificate.rotation_cost import factors_of, loop_form, present, rotations_of
 from basecal.estimation.certificate.view_rotation import ViewCosts
-from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_log
@@ -31,8 +33,8 @@ def loop_of(rng, fixed=(), eye="eye", hand="hand", n=9, stops=None, eye_stop=Non
     rows, none = np.arange(n), np.full(n, -1)
     views = PoseMeasurement(b, np.ones((n, 6)), np.ones((n, 6)))
     stop = none if eye_stop is None else np.array(eye_stop)
-    names = ("camera", "target", eye, hand, X, Z, None, Y)
-    group = ViewGroup(*names, rows, a, c, stop, none, rows, rows, views)
+    ends = End(eye, X, None, a, stop, rows), End(hand, Z, Y, c, none, rows)
+    group = ViewGroup("camera", "target", ends, rows, views)
     unknowns = {name: Unknown("fixed" if name in fixed else "free") for name in (X, Y, Z)}
     stops = Stops(np.zeros((0, 6))) if stops is None else stops
     problem = Problem("eye", (group,), unknowns, frozenset(), {}, stops, {})
@@ -42,8 +44,8 @@ def loop_of(rng, fixed=(), eye="eye", hand="hand", n=9, stops=None, eye_stop=Non
 
 def half_sines(group, costs, x, y, z):
     """sin^2 of half of each loop's angle, (n,)."""
-    seen = group.eye_base_from_eye_flange.rotation @ x @ costs.camera_from_target.rotation
-    off = np.swapaxes(y @ group.hand_base_from_hand_flange.rotation @ z, -1, -2) @ seen
+    seen = group.eye.base_from_flange.rotation @ x @ costs.camera_from_target.rotation
+    off = np.swapaxes(y @ group.hand.base_from_flange.rotation @ z, -1, -2) @ seen
     return np.sin(np.linalg.norm(rotation_log(off), axis=-1) / 2) ** 2
 
 
@@ -101,7 +103,7 @@ def test_stops_share_the_angle(rng):
     weights = loop_form(problem, state, group, blind).loop.weight
     assert weights[0] == 0.0
     assert weights[3] == pytest.approx(0.4)
-    both = replace(group, eye_stop=np.array([0, 0, -1, -1]), hand_stop=np.array([1, 1, 1, -1]))
+    both = with_hand(with_eye(group, stop=np.array([0, 0, -1, -1])), stop=np.array([1, 1, 1, -1]))
     problem = replace(problem.with_groups([both]), stops=Stops(stops.sigma[:, [0, 1, 2, 4, 3, 5]], ("eye", "hand")))
     slack = np.array([2 * 0.09 + 3 * 0.25, 2 * 0.09 + 3 * 0.25, 3 * 0.25, 0.0]) / 4
     np.testing.assert_allclose(loop_form(problem, state, both, costs).loop.weight, 1 / (1 / costs.weight + slack))
@@ -115,11 +117,3 @@ def test_views_beyond_one_chunk(rng):
     x, y = (state.transforms[name].rotation for name in (X, Y))
     (q,) = factors_of(found.loop, x, y, z)
     assert q @ found.form @ q == pytest.approx(np.average(half_sines(group, costs, x, y, z), weights=costs.weight))
-
-
-def test_relation_of_two_bases(rng):
-    """Bases without a name are the reference's."""
-    _, state, group, _ = loop_of(rng)
-    np.testing.assert_allclose(relation(state, group).matrix, state.transforms[Y].matrix)
-    turned = replace(group, eye_base=Y, hand_base=None)
-    np.testing.assert_allclose(relation(state, turned).matrix, state.transforms[Y].inverse().matrix, atol=1e-14)

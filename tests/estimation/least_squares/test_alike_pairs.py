@@ -87,14 +87,13 @@ def test_weights_of_views_go_with_those_of_each_pair(monkeypatch) -> None:
 def test_other_unknowns_are_another_batch() -> None:
     """A pair whose target's mount is known has columns less; a light's mount has a place alone."""
     ring = problem(Scenario(layout="ring", robots=5, samples=50))
-    mount = ring.groups[4].target_mount
+    mount = ring.groups[4].hand.mount
     known = replace(ring, columns={name: where for name, where in ring.columns.items() if name != mount})
     apart = {of.groups: of.columns.shape[1] for of in alike_pairs(known)}
     assert len(apart) > len(alike_pairs(ring))
     for groups, width in apart.items():
         for number in groups:
-            names = (getattr(ring.groups[number], f) for f in ("camera_mount", "eye_base", "hand_base", "target_mount"))
-            assert width == 6 * sum(name in known.columns for name in names)
+            assert width == 6 * sum(name in known.columns for name in ring.groups[number].frames)
     assert [of.problem.point_mounts for of in alike_pairs(ring)] == [frozenset()] * len(alike_pairs(ring))
     (light,) = alike_pairs(problem(Scenario(samples=4, target="led")))
-    assert light.problem.point_mounts == {"target_mount"}
+    assert light.problem.point_mounts == {"hand_mount"}

@@ -13,8 +13,9 @@ from tests.pose_problem import pose_problem
 from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.robot_parameters import RobotModel, after_step, robot_model
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, IntArray
 from basecal.simulation import Scenario, simulate
 from quick import quick
@@ -92,8 +93,8 @@ def test_views_move_with_the_kinematics_of_their_robots_as_the_derivative_says(n
     links = {"link_parameters": link_parameters.Stated(status="prior", sigma_m=0.01, sigma_rad=0.01)}
     chains = {name: made.cell.robots[name].chain for name in ("eye", "hand")}
     models = {
-        "eye": robot_model("eye", chains["eye"], offsets, group.eye_joints),
-        "hand": robot_model("hand", chains["hand"], offsets | links, group.hand_joints),
+        "eye": robot_model("eye", chains["eye"], offsets, group.eye.joints),
+        "hand": robot_model("hand", chains["hand"], offsets | links, group.hand.joints),
     }
     problem = problem.with_models(models)
     errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))

@@ -120,7 +120,7 @@ def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
     size = np.abs(gradient[:p] / scale).max()
     np.testing.assert_allclose(normal.gradient / scale / size, reduced[:, -1] / scale / size, atol=1e-9)
     assert normal.stop_log_det == pytest.approx(np.linalg.slogdet(hessian[p:, p:])[1], abs=1e-8)
-    used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye_stop, g.hand_stop)]))
+    used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye.stop, g.hand.stop)]))
     promised = (gradient[p:] * solved[:, -1]).reshape(-1, 6)[used].sum()
     assert normal.eliminated == pytest.approx(promised, rel=1e-9)
 
@@ -134,7 +134,7 @@ def test_after_a_step_the_errors_of_stops_are_the_best_there(name):
     step = 1e-3 * np.random.default_rng(2).standard_normal(p)
     after = retract(problem, state, linearise(problem, state), step)
     best = -np.linalg.solve(hessian[p:, p:], gradient[p:] + hessian[p:, :p] @ step)
-    used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye_stop, g.hand_stop)]))
+    used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye.stop, g.hand.stop)]))
     np.testing.assert_allclose(
         (after.stop_errors - state.stop_errors)[used], best.reshape(-1, 6)[used], rtol=1e-7, atol=1e-7
     )
@@ -166,7 +166,7 @@ def test_views_of_no_weight_are_not_there(name):
     problem, state = near_truth(*CELLS[name])
     rows = np.arange(2, len(problem.groups[0]))
     fewer = problem.with_groups(g.take(rows) for g in problem.groups)
-    used = np.unique(np.concatenate([s for g in fewer.groups for s in (g.eye_stop, g.hand_stop)]))
+    used = np.unique(np.concatenate([s for g in fewer.groups for s in (g.eye.stop, g.hand.stop)]))
     errors = state.stop_errors.copy()
     if len(errors) and not np.any(problem.shared_stops >= 0):
         errors[np.setdiff1d(np.arange(len(errors)), used)] = 0.0
@@ -284,8 +284,8 @@ def test_joints_known_beforehand_are_in_sigmas_and_free_ones_have_no_prior():
     free = {"joint_offsets": joint_offsets.Stated(status="free")}
     chain_of = {name: made.cell.robots[name].chain for name in ("eye", "hand")}
     models = {
-        "eye": robot_model("eye", chain_of["eye"], prior, group.eye_joints),
-        "hand": robot_model("hand", chain_of["hand"], free, group.hand_joints),
+        "eye": robot_model("eye", chain_of["eye"], prior, group.eye.joints),
+        "hand": robot_model("hand", chain_of["hand"], free, group.hand.joints),
     }
     problem = problem.with_models(models)
     values = np.array([0.01, -0.02, 0.0, 0.005, 0.0, 0.03])

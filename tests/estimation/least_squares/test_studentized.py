@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye
 from tests.pose_problem import pose_problem
 
 from basecal.cell import Intrinsics, Unknown
@@ -290,7 +291,7 @@ def lights(points, free_lens=False):
     seen = np.ones(pixels.shape[:2], dtype=bool)
     views = PixelMeasurement(points, np.nan_to_num(pixels), seen, seen / 2.0, seen / 2.0)
     flanges = SE3(np.tile(np.eye(3), (4, 1, 1)), -at)
-    problem = problem.with_groups([replace(group, measurement=views, eye_base_from_eye_flange=flanges)])
+    problem = problem.with_groups([with_eye(replace(group, measurement=views), base_from_flange=flanges)])
     if free_lens:
         problem = replace(problem, columns={**problem.columns, "camera": slice(6, 10)})
         problem = replace(problem, lenses={"camera": Intrinsics("fixed", lens)})
@@ -334,7 +335,7 @@ def test_a_shared_stop_is_judged_where_views_tell_a_billionth_of_it(learnt, free
     (group,) = problem.groups
     group.measurement.weight[:] = 0.0
     group.measurement.weight[:2, 0] = 1e3 * np.sqrt(learnt / (1 - learnt) / 2)
-    problem = problem.with_groups([replace(group, eye_stop=np.array([1, 1, 0]))])
+    problem = problem.with_groups([with_eye(group, stop=np.array([1, 1, 0]))])
     error = np.array([0.0, 2e-5, 0.0])[:, None] * np.ones(6)
     found = studentized_stops(leave_one_out(problem, replace(state, stop_errors=error), [np.ones(3)]))
     assert found.freedoms.tolist() == [0, freedoms, 0]

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye
 from tests.made_up_model import OPEN, made_up
 from tests.pose_problem import pose_problem
 
@@ -289,7 +290,7 @@ def test_reach_is_of_places_where_something_was_seen():
     """The root of the mean square of the distance of flange and base."""
     problem, _ = pose_problem(np.zeros((3, 6)), None)
     poses = SE3.from_rotvec(np.zeros((3, 3)), [[3.0, 0, 4.0], [0, 1.0, 0], [0, 0, 2.0]])
-    moved = replace(problem.groups[0], eye_base_from_eye_flange=poses, eye_stand=np.array([4, 0, 2]))
+    moved = with_eye(problem.groups[0], base_from_flange=poses, stand=np.array([4, 0, 2]))
     assert joint_estimate._reach(problem.with_groups([moved]), "eye") == pytest.approx(np.sqrt(30.0 / 3))
 
 

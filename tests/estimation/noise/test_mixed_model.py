@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye, with_hand
 from tests.estimation.noise.test_reml import NOISY, ROBOTS, at_truth
 from tests.pose_problem import MOUNT, pose_problem, two_arm_problem
 
@@ -131,10 +132,8 @@ def derivative(problem, layout, view, motion, common):
     (group,) = problem.groups
     columns, errors = np.zeros((6, layout.width)), np.zeros((6, layout.rows))
     columns[:, : problem.width] = -np.eye(6, problem.width)
-    for sign, stop, stand, robot in (
-        (-1, group.eye_stop[view], group.eye_stand[view], "eye"),
-        (1, group.hand_stop[view], group.hand_stand[view], "hand"),
-    ):
+    for sign, end in zip((-1, 1), group.ends, strict=True):
+        stop, stand, robot = end.stop[view], end.stand[view], end.robot
         if stop < 0:
             continue
         in_columns = layout.block[stop] < 0
@@ -182,7 +181,7 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
         errors_errors = np.zeros((*errors.shape, layout.rows))
         for view in range(views):
             x, z = derivative(problem, layout, view, motion, common)
-            of_stops = [s[view] for s in (group.eye_stop, group.hand_stop) if s[view] >= 0]
+            of_stops = [end.stop[view] for end in group.ends if end.stop[view] >= 0]
             block = max([jitter[view], *layout.block[of_stops].tolist()])
             fixed += x.T @ (own * residual[view])
             fixed_fixed += x.T @ (own[:, None] * x)
@@ -214,7 +213,7 @@ def test_sigmas_scale_what_they_are_of():
     assert of_both.column_robot.tolist() == [-1] * 6 + [2] * 3 + [3] * 3 + [2, 3, 3]
     assert of_both.error_robot.tolist() == [[*shift_and_turn, *none, 4]] * 5 + [[*shift_and_turn, 2, 2, 2, 3, 3, 3, 4]]
     (group,) = problem.groups
-    second = replace(group, camera="another", eye_stop=np.full(6, -1), hand_stop=np.full(6, -1))
+    second = with_hand(with_eye(replace(group, camera="another"), stop=np.full(6, -1)), stop=np.full(6, -1))
     of_two = replace(problem.with_groups([group, second]), open_jitter=frozenset({"another", "camera"}))
     found = mixed_model(of_two, state, ROBOTS)
     assert found.shaken == ("another", "camera")

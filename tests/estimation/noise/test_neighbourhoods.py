@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye, with_hand
 from tests.pose_problem import pose_problem, two_arm_problem
 
 from basecal.estimation.noise import neighbourhoods as module
@@ -61,7 +62,7 @@ def test_each_robot_has_its_own_views(problem):
     assert sorted(name for part in parts for name in part.cameras) == sorted(MADE.cell.cameras)
     assert sorted(name for part in parts for name in part.targets) == sorted(MADE.cell.targets)
     for part in parts:
-        assert all(part.robot in (group.eye, group.hand) for group in part.problem.groups)
+        assert all(part.robot in (group.eye.robot, group.hand.robot) for group in part.problem.groups)
         assert f"r1_base_from_{part.robot}_base" not in part.problem.columns
         used = np.concatenate([np.arange(s.start, s.stop) for s in part.problem.columns.values()])
         assert sorted(used) == list(range(part.problem.width))
@@ -71,7 +72,7 @@ def test_each_robot_has_its_own_views(problem):
 def _needed(part):
     """Transforms that a robot's views depend on, but for its base."""
     held = None if part.robot == "r1" else f"r1_base_from_{part.robot}_base"
-    named = {n for g in part.problem.groups for n in (g.camera_mount, g.target_mount, g.eye_base, g.hand_base)}
+    named = {n for g in part.problem.groups for n in (g.eye.mount, g.hand.mount, g.eye.base, g.hand.base)}
     return named - {held, None}
 
 
@@ -159,20 +160,19 @@ def test_what_stands_on_the_world_is_told_with_the_robot_that_shares_its_views(r
     """A camera with the target's arm, a target with the camera's; whose base is no column."""
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
     (group,) = problem.groups
-    still = {"eye": None} if role == "hand" else {"hand": None}
-    base = {f"{role}_base": "base"}
-    columns = {"base": slice(0, 6), "unused": slice(6, 12), group.camera_mount: slice(12, 18)}
-    alone = replace(problem.with_groups([replace(group, **still, **base)]), columns=columns)
+    moving, still = (with_eye, with_hand) if role == "eye" else (with_hand, with_eye)
+    columns = {"base": slice(0, 6), "unused": slice(6, 12), group.eye.mount: slice(12, 18)}
+    alone = replace(problem.with_groups([still(moving(group, base="base"), robot=None)]), columns=columns)
     (part,) = neighbourhoods(alone, state)
     assert (part.robot, part.cameras, part.targets) == (role, {"camera"}, {"target"})
-    assert part.problem.columns == {group.camera_mount: slice(0, 6)}
+    assert part.problem.columns == {group.eye.mount: slice(0, 6)}
 
 
 def test_columns_close_up_in_their_order():
     """Each as wide as it was."""
     problem, _ = two_arm_problem(np.zeros((3, 6)), [0, 1, 2], [3, 4, 5])
     (group,) = problem.groups
-    mount, target = group.camera_mount, group.target_mount
+    mount, target = group.eye.mount, group.hand.mount
     columns = {"other": slice(0, 4), target: slice(4, 7), "camera": slice(7, 16), mount: slice(16, 22)}
     found = module._columns(replace(problem, columns=columns), None)
     assert found == {target: slice(0, 3), "camera": slice(3, 12), mount: slice(12, 18)}

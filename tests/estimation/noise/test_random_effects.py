@@ -24,8 +24,8 @@ def test_the_chain_stands_where_the_stops_are():
     np.testing.assert_allclose(at.chain.forward(at.recorded).matrix, poses.matrix, atol=1e-12)
     (group,) = problem.groups
     some = problem.with_groups([group.take(np.arange(1, len(group)))])
-    unseen = posture_at_stops(some, "hand").recorded[group.hand_stand[0]]
-    np.testing.assert_allclose(unseen, np.delete(at.recorded, group.hand_stand[0], axis=0).mean(0))
+    unseen = posture_at_stops(some, "hand").recorded[group.hand.stand[0]]
+    np.testing.assert_allclose(unseen, np.delete(at.recorded, group.hand.stand[0], axis=0).mean(0))
 
 
 def test_arms_that_record_poses_and_few_stops_have_none():

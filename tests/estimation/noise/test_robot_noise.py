@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye, with_hand
 from tests.pose_problem import pose_problem, two_arm_problem
 
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
@@ -38,9 +39,9 @@ def test_others_keep_their_noise():
     changed = with_robot_noise(problem, {"eye": 2 * SIGMA})
     (before,), (after,) = problem.groups, changed.groups
     assert sorted(changed.stops.robot) == sorted(problem.stops.robot)
-    np.testing.assert_array_equal(changed.stops.sigma[after.hand_stop], problem.stops.sigma[before.hand_stop])
-    np.testing.assert_array_equal(changed.stops.sigma[after.eye_stop], 2 * problem.stops.sigma[before.eye_stop])
-    assert {changed.stops.robot[k] for k in after.eye_stop} == {"eye"}
+    np.testing.assert_array_equal(changed.stops.sigma[after.hand.stop], problem.stops.sigma[before.hand.stop])
+    np.testing.assert_array_equal(changed.stops.sigma[after.eye.stop], 2 * problem.stops.sigma[before.eye.stop])
+    assert {changed.stops.robot[k] for k in after.eye.stop} == {"eye"}
 
 
 def test_stops_are_counted_with_or_without_noise():
@@ -66,8 +67,8 @@ def test_numbers_of_stops_are_those_of_the_recording():
     few = with_robot_noise(problem.with_groups(g.take(np.arange(4)) for g in problem.groups), noise)
     (all_views,), (left,) = with_robot_noise(problem, noise).groups, few.groups
     assert len(few.stops) == 12
-    np.testing.assert_array_equal(left.eye_stop, all_views.eye_stop[:4])
-    np.testing.assert_array_equal(left.hand_stop, all_views.hand_stop[:4])
+    np.testing.assert_array_equal(left.eye.stop, all_views.eye.stop[:4])
+    np.testing.assert_array_equal(left.hand.stop, all_views.hand.stop[:4])
 
 
 def test_a_robot_that_is_nowhere_made_no_stop():
@@ -87,8 +88,8 @@ def test_poses_of_stops_are_those_recorded_there(made, count):
     problem, _ = two_arm_problem(np.zeros((2, 6)), [0, 1], [2, 3])
     (group,) = problem.groups
     poses = SE3.exp(0.1 * np.arange(24.0).reshape(4, 6))
-    first = replace(group, hand_base_from_hand_flange=poses[:2], hand_stand=np.array([3, 1]))
-    second = replace(group, eye="hand", hand=None, eye_base_from_eye_flange=poses[2:3], eye_stand=np.array([0]))
+    first = with_hand(group, base_from_flange=poses[:2], stand=np.array([3, 1]))
+    second = with_hand(with_eye(group, robot="hand", base_from_flange=poses[2:3], stand=np.array([0])), robot=None)
     two = replace(problem.with_groups([first, second.take(np.array([0]))]), stands={"hand": made, "eye": 9})
     found, seen = stands(two, "hand")
     assert seen.tolist() == [True, True, False, True, False][:count]
@@ -102,15 +103,15 @@ def test_one_stop_is_one_whoever_stands_there():
     """Of eye and hand alike; the rows of views without noise stay -1."""
     problem, _ = two_arm_problem(np.zeros((2, 6)), [-1, -1], [0, 1])
     (group,) = problem.groups
-    still = replace(group, eye_stand=np.zeros(2, dtype=int), hand_stand=np.zeros(2, dtype=int))
+    still = with_hand(with_eye(group, stand=np.zeros(2, dtype=int)), stand=np.zeros(2, dtype=int))
     of_eye = with_robot_noise(problem.with_groups([still]), {"eye": SIGMA})
     assert of_eye.stops.robot == ("hand", "hand", "eye")
-    assert (of_eye.groups[0].eye_stop.tolist(), of_eye.groups[0].hand_stop.tolist()) == ([2, 2], [0, 1])
+    assert (of_eye.groups[0].eye.stop.tolist(), of_eye.groups[0].hand.stop.tolist()) == ([2, 2], [0, 1])
     of_hand = with_robot_noise(problem.with_groups([still]), {"hand": 2 * SIGMA})
     assert of_hand.stops.robot == ("hand",)
-    assert (of_hand.groups[0].eye_stop.tolist(), of_hand.groups[0].hand_stop.tolist()) == ([-1, -1], [0, 0])
+    assert (of_hand.groups[0].eye.stop.tolist(), of_hand.groups[0].hand.stop.tolist()) == ([-1, -1], [0, 0])
     np.testing.assert_array_equal(of_hand.stops.sigma, [2 * SIGMA])
     alone, _ = pose_problem(np.zeros((1, 6)), None)
     given = with_robot_noise(alone, {"eye": SIGMA})
     assert given.stops.robot == ("eye",)
-    assert given.groups[0].hand_stop.tolist() == [-1]
+    assert given.groups[0].hand.stop.tolist() == [-1]

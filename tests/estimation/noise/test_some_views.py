@@ -29,11 +29,11 @@ def test_stops_are_those_of_the_views_kept(arms):
     few, state = some_views(problem, State(made.truth, {}, errors), 20)
     (before,), (after,) = problem.groups, few.groups
     assert after.sample.tolist() == before.sample[::3].tolist()
-    for was, now in ((before.eye_stop[::3], after.eye_stop), (before.hand_stop[::3], after.hand_stop)):
+    for was, now in ((before.eye.stop[::3], after.eye.stop), (before.hand.stop[::3], after.hand.stop)):
         np.testing.assert_array_equal(state.stop_errors[now], errors[was])
         np.testing.assert_array_equal(few.stops.sigma[now], problem.stops.sigma[was])
         assert [few.stops.robot[k] for k in now] == [problem.stops.robot[k] for k in was]
-    assert set(after.eye_stop) | set(after.hand_stop) == set(range(len(few.stops)))
+    assert set(after.eye.stop) | set(after.hand.stop) == set(range(len(few.stops)))
 
 
 def test_views_without_a_stop_have_none():
@@ -44,7 +44,7 @@ def test_views_without_a_stop_have_none():
     few, at = some_views(problem, state, 3)
     (group,) = few.groups
     assert group.sample.tolist() == [0, 3, 6]
-    assert (group.eye_stop.tolist(), group.hand_stop.tolist()) == ([0, 1, 2], [-1] * 3)
+    assert (group.eye.stop.tolist(), group.hand.stop.tolist()) == ([0, 1, 2], [-1] * 3)
     np.testing.assert_array_equal(at.stop_errors, state.stop_errors[[0, 3, 6]])
     assert [len(some_views(problem, state, most)[0].groups[0]) for most in (1, 6, 7, 8)] == [1, 4, 7, 7]
 
@@ -58,8 +58,8 @@ def test_recorded_alone_places_have_their_views(arms):
     (before,), (after,) = problem.groups, few.groups
     assert len(state.stop_errors) == len(few.stops)
     for robot, was, now in (
-        ("eye", before.eye_stand[::3], after.eye_stand),
-        ("hand", before.hand_stand[::3], after.hand_stand),
+        ("eye", before.eye.stand[::3], after.eye.stand),
+        ("hand", before.hand.stand[::3], after.hand.stand),
     ):
         assert set(now) == set(range(few.stands[robot]))
         assert len(set(zip(was.tolist(), now.tolist(), strict=True))) == few.stands[robot]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.ends import with_eye, with_hand
 from tests.motion_cells import (
     AXIS,
     GENERAL,
@@ -130,7 +131,7 @@ def test_every_pose_carries_a_twist_to_one_of_the_flange(kind):
     problem, _ = packed(MOVES[kind])
     (group,) = problem.groups
     for twist in motions(problem)["hand"].twists_in_base:
-        carried = group.hand_base_from_hand_flange.inverse().adjoint() @ twist
+        carried = group.hand.base_from_flange.inverse().adjoint() @ twist
         np.testing.assert_allclose(carried, np.tile(carried[0], (len(carried), 1)), atol=1e-6)
 
 
@@ -139,13 +140,13 @@ def test_each_robot_has_its_own_samples_and_poses():
     made = simulate(Scenario(samples=20, layout="two_cameras"), 1)
     problem, _ = build_problem(made.cell, made.recording)
     found = motions(problem)
-    robots = {group.eye for group in problem.groups}
+    robots = {group.eye.robot for group in problem.groups}
     assert set(found) == robots
     assert len(robots) == 2
     first, second = problem.groups
     fewer = problem.with_groups([first.take(np.arange(7)), second])
     for group, count in zip(fewer.groups, (7, len(second)), strict=True):
-        motion, poses = motions(fewer)[group.eye], group.eye_base_from_eye_flange
+        motion, poses = motions(fewer)[group.eye.robot], group.eye.base_from_flange
         assert motion.samples == count
         away = np.linalg.norm(poses.translation - poses[0].translation, axis=-1)
         assert motion.travel_m == pytest.approx(away.max())
@@ -162,10 +163,10 @@ def test_a_hundredth_of_a_radian_and_a_millimetre_are_motion(turn_rad, travel_m,
     problem, _ = packed(still)
     (group,) = problem.groups
     away = np.where((np.arange(len(group)) == 4)[:, None], [travel_m, 0, 0, 0, 0, turn_rad], 0.0)
-    at = group.hand_base_from_hand_flange[0]
+    at = group.hand.base_from_flange[0]
     poses = SE3.from_rotvec(away[:, 3:], np.zeros((len(group), 3)))
     moved = SE3(poses.rotation @ at.rotation, at.translation + away[:, :3])
-    hand = motions(problem.with_groups([replace(group, hand_base_from_hand_flange=moved)]))["hand"]
+    hand = motions(problem.with_groups([with_hand(group, base_from_flange=moved)]))["hand"]
     assert (hand.is_still, hand.only_shifts) == (kind == "still", kind != "turns")
     assert hand.orientations == (2 if kind == "turns" else 1)
 
@@ -175,9 +176,7 @@ def moving(rotvecs, translations, hand_poses=None):
     poses = SE3.from_rotvec(np.array(rotvecs, dtype=float), np.array(translations, dtype=float))
     problem, _ = two_arm_problem(np.zeros((len(poses), 6)), np.arange(len(poses)), len(poses) + np.arange(len(poses)))
     (group,) = problem.groups
-    moved = replace(
-        group, eye_base_from_eye_flange=poses, hand_base_from_hand_flange=hand_poses or SE3.identity(poses.shape)
-    )
+    moved = with_hand(with_eye(group, base_from_flange=poses), base_from_flange=hand_poses or SE3.identity(poses.shape))
     return replace(problem.with_groups([moved]), stops=Stops(np.zeros((0, 6))))
 
 
@@ -198,7 +197,8 @@ def test_turns_are_about_axes_of_the_base():
     )
     (group,) = problem.groups
     twice = replace(group, sample=np.array([4, 4, 5, 6]))
-    found = motions(problem.with_groups([twice, replace(twice.take(np.array([0])), sample=np.array([9]), hand=None)]))
+    alone = with_hand(replace(twice.take(np.array([0])), sample=np.array([9])), robot=None)
+    found = motions(problem.with_groups([twice, alone]))
     assert list(found) == ["eye", "hand"]
     eye, hand = found["eye"], found["hand"]
     np.testing.assert_allclose(eye.turn_rad, [0.3, 0.1, 0.02], atol=1e-9)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.sparse import csc_array
+from tests.ends import with_eye
 from tests.pose_problem import MOUNT, TARGET, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
@@ -32,7 +33,7 @@ def seen_with(sigmas, factor=1.0, lens=()):
     state = replace(state, transforms={**state.transforms, MOUNT: mount}, cameras={"camera": LENS})
     # The four poses of the arm are turned about three axes: they leave nothing open by themselves.
     turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
-    group = replace(problem.groups[0], eye_base_from_eye_flange=turned)
+    group = with_eye(problem.groups[0], base_from_flange=turned)
     problem = problem.with_groups([group])
     if len(lens):
         columns = {**problem.columns, "camera": slice(6, 14)}
@@ -155,7 +156,7 @@ def test_how_far_targets_are_is_the_median_of_some_views(count, taken):
     problem, state = pose_problem(np.zeros((count, 6)), np.ones(6))
     distances = 1.0 + np.arange(count) ** 2
     at = SE3.from_rotvec(np.zeros((count, 3)), np.outer(distances, [0.0, 0.6, 0.8]))
-    away = problem.with_groups([replace(problem.groups[0], eye_base_from_eye_flange=at)])
+    away = problem.with_groups([with_eye(problem.groups[0], base_from_flange=at)])
     assert module._length(away, state) == pytest.approx(np.median(distances[::taken]))
     assert module._length(problem, state) == 1e-3
     assert module._length(problem.with_groups([problem.groups[0].take(np.zeros(0, dtype=int))]), state) == 1.0
@@ -188,7 +189,7 @@ def test_sparse_information_is_seen_below_three_tenths(sigma, factor, seen):
     """Of the worst direction, at a hundredth of its sigma where noise is less; the condition is that of sigmas."""
     problem, state = pose_problem(np.zeros((4, 6)), np.ones(6))
     turned = SE3.from_rotvec(np.concatenate([np.zeros((1, 3)), np.eye(3)]), np.zeros((4, 3)))
-    problem = problem.with_groups([replace(problem.groups[0], eye_base_from_eye_flange=turned)])
+    problem = problem.with_groups([with_eye(problem.groups[0], base_from_flange=turned)])
     state = replace(state, transforms={**state.transforms, MOUNT: SE3.from_rotvec([0, 0, 0], [0, 0, -2.0])})
     sigmas = np.array([2e-2, 2e-2, 2e-2, 1e-2, 1e-2, sigma])
     hessian = np.diag(sigmas**-2.0)
@@ -203,7 +204,7 @@ def test_what_motions_leave_open_is_not_seen_however_sure_it_looks(moves):
     """A still arm does not tell its camera's mount from its target: what seems to is noise, and is taken off."""
     problem, state = pose_problem(np.zeros((4, 6)), np.full(6, 1e-3))
     axes = np.concatenate([np.zeros((1, 3)), np.eye(3)]) * moves
-    group = replace(problem.groups[0], eye_base_from_eye_flange=SE3.from_rotvec(axes, axes))
+    group = with_eye(problem.groups[0], base_from_flange=SE3.from_rotvec(axes, axes))
     unknowns = {MOUNT: Unknown(), TARGET: Unknown()}
     columns = {MOUNT: slice(0, 6), TARGET: slice(6, 12)}
     problem = replace(problem.with_groups([group]), unknowns=unknowns, columns=columns)

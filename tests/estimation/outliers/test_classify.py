@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tests.ends import with_eye, with_hand
 from tests.pose_problem import pose_problem
 
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, leave_one_out
@@ -43,9 +44,7 @@ def bumped(problem, views, by=(0.05, 0, 0, 0, 0, 0)):
     (group,) = problem.groups
     off = np.zeros((len(group), 6))
     off[views] = by
-    return problem.with_groups(
-        [replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(off))]
-    )
+    return problem.with_groups([with_hand(group, base_from_flange=group.hand.base_from_flange @ SE3.exp(off))])
 
 
 def kept_of(problem, state, kept=None):
@@ -155,12 +154,12 @@ def test_a_shared_stop_that_is_off_takes_its_views_along():
     problem, state = at_truth(scenario)
     (group,) = problem.groups
     errors = state.stop_errors.copy()
-    stop = int(np.bincount(group.eye_stop).argmax())
+    stop = int(np.bincount(group.eye.stop).argmax())
     errors[stop, 0] = 40.0
-    there = group.eye_stop == stop
+    there = group.eye.stop == stop
     shift = np.where(there[:, None], -errors[stop] * problem.stops.sigma[stop], 0.0)
-    poses = group.eye_base_from_eye_flange @ SE3.exp(shift)
-    moved = problem.with_groups([replace(group, eye_base_from_eye_flange=poses)])
+    poses = group.eye.base_from_flange @ SE3.exp(shift)
+    moved = problem.with_groups([with_eye(group, base_from_flange=poses)])
     views, _, found = kept_of(moved, replace(state, stop_errors=errors))
     assert np.flatnonzero(~views).tolist() == np.flatnonzero(there).tolist()
     assert found.stops.value[stop] > 30**2 / 6
@@ -205,7 +204,7 @@ def test_views_of_bad_stops_are_those_that_stand_there():
     """With either arm; views without a stop stand in none, the last stop is no stop of theirs."""
     problem, _ = pose_problem(np.zeros((4, 6)), None)
     (group,) = problem.groups
-    group = replace(group, eye_stop=np.array([0, 1, -1, -1]), hand_stop=np.array([2, -1, 0, -1]))
+    group = with_hand(with_eye(group, stop=np.array([0, 1, -1, -1])), stop=np.array([2, -1, 0, -1]))
     assert classify._in_stops(group, np.array([True, False, False])).tolist() == [True, False, True, False]
     assert classify._in_stops(group, np.array([False, False, True])).tolist() == [True, False, False, False]
     assert classify._in_stops(group, np.zeros(0, dtype=bool)).tolist() == [False] * 4

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye, with_hand
 
 from basecal.estimation.outliers import left_out
 from basecal.estimation.outliers.classify import classify_inliers
@@ -28,9 +29,7 @@ def bumped(problem, view, by):
     (group,) = problem.groups
     off = np.zeros((len(group), 6))
     off[view] = by
-    return problem.with_groups(
-        [replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(off))]
-    )
+    return problem.with_groups([with_hand(group, base_from_flange=group.hand.base_from_flange @ SE3.exp(off))])
 
 
 def measured(cell, problem, state, views=(), points=(), recorded=None):
@@ -75,8 +74,8 @@ def test_a_light_is_off_in_pixels():
     assert (one.sample, one.off_m, one.off_rad) == (3, None, None)
     assert one.off_px == pytest.approx(50.0, abs=1.5)
     mount, turned = state.transforms["eye_flange_from_wrist"], SE3.from_rotvec([0, np.pi, 0], [0, 0, 0])
-    eye = [p @ mount @ turned @ mount.inverse() if k == 3 else p for k, p in enumerate(group.eye_base_from_eye_flange)]
-    away = problem.with_groups([replace(group, eye_base_from_eye_flange=SE3.stack(eye))])
+    eye = [p @ mount @ turned @ mount.inverse() if k == 3 else p for k, p in enumerate(group.eye.base_from_flange)]
+    away = problem.with_groups([with_eye(group, base_from_flange=SE3.stack(eye))])
     (one,) = measured(cell, away, state, [3])
     assert not np.isfinite(one.off_px)
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import with_hand
 from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
@@ -34,7 +35,7 @@ def bumped(scenario, seed):
     for group in problem.groups:
         late = group.sample >= 2 * len(made.recording.samples) // 3
         shift = SE3.exp(np.where(late[:, None], (0.05, 0.0, 0.0, 0.0, 0.02, 0.0), 0.0))
-        groups.append(replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ shift))
+        groups.append(with_hand(group, base_from_flange=group.hand.base_from_flange @ shift))
     return problem.with_groups(groups), made.cell, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
 
 

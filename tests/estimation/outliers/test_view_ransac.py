@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_hand
 
 from basecal.estimation.outliers import view_ransac as ransac
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
@@ -57,7 +58,7 @@ def test_samples_that_close_the_loop_are_told_apart():
     group = problem.groups[0]
     shift = np.zeros((20, 6))
     shift[10:, :3] = 0.05
-    moved = replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(shift))
+    moved = with_hand(group, base_from_flange=group.hand.base_from_flange @ SE3.exp(shift))
     assert agreeing_samples(problem.with_groups([moved]), [state]) == tuple(range(10))
     assert agreeing_samples(problem, [state]) == ()
 

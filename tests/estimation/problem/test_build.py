@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, problem_of, views
 
 from basecal.cell import (
     CandidateObservation,
@@ -48,9 +49,7 @@ def test_joints_stand_for_the_poses_they_give():
     )
     cell = replace(s.cell, robots={**s.cell.robots, "hand": Robot("hand", chain=chain)})
     (first,), (second,) = (build_problem(cell, recording)[0].groups for recording in (by_joints, by_poses))
-    np.testing.assert_allclose(
-        first.hand_base_from_hand_flange.matrix, second.hand_base_from_hand_flange.matrix, atol=1e-12
-    )
+    np.testing.assert_allclose(first.hand.base_from_flange.matrix, second.hand.base_from_flange.matrix, atol=1e-12)
 
 
 def _with_hand(sample: Sample, state: RobotState) -> Sample:
@@ -74,9 +73,9 @@ def _at_poses(order: list[int], jitter_m: float = 0.0) -> Problem:
 def test_a_stop_is_a_place(jitter_m, stops):
     """Poses that agree within what reading back makes of them are one stop in a row, equal ones wherever they are."""
     (group,) = _at_poses([0, 0, 1, 1, 0, 2], jitter_m).groups
-    assert (group.eye_stop - group.eye_stop[0]).tolist() == stops
-    assert len(set(group.hand_stop.tolist())) == 1
-    assert set(group.eye_stop.tolist()).isdisjoint(group.hand_stop.tolist())
+    assert (group.eye.stop - group.eye.stop[0]).tolist() == stops
+    assert len(set(group.hand.stop.tolist())) == 1
+    assert set(group.eye.stop.tolist()).isdisjoint(group.hand.stop.tolist())
 
 
 def test_copied_rows_count_once():
@@ -120,7 +119,7 @@ def test_one_camera_may_see_pixels_and_points_of_one_target():
     mixed = replace(s.recording.samples[0], observations=(in_camera,))
     problem, _ = build_problem(s.cell, Recording((mixed, *s.recording.samples[1:])))
     assert [len(g) for g in problem.groups] == [3, 1]
-    assert {g.camera_mount for g in problem.groups} == {"eye_flange_from_wrist"}
+    assert {g.eye.mount for g in problem.groups} == {"eye_flange_from_wrist"}
 
 
 def _by_joints_where(made, has_joints, noise=None):
@@ -145,13 +144,13 @@ def test_some_samples_may_have_joints_and_others_poses():
     assert findings == []
     for k, sample in enumerate(made.recording.samples):
         expected = forward[k] if has_joints[k] else sample.robots["hand"].base_from_flange
-        np.testing.assert_allclose(group.hand_base_from_hand_flange[k].matrix, expected.matrix, atol=1e-12)
-    assert (group.eye_joints, group.hand_joints) == (None, None)
+        np.testing.assert_allclose(group.hand.base_from_flange[k].matrix, expected.matrix, atol=1e-12)
+    assert (group.eye.joints, group.hand.joints) == (None, None)
     assert not recorded_by_joints(problem, "hand")
     whole, _ = build_problem(*_by_joints_where(made, [True] * 5)[:2])
     assert recorded_by_joints(whole, "hand")
     assert not recorded_by_joints(whole, "eye")
-    assert whole.groups[0].hand_joints.shape == (5, 6)
+    assert whole.groups[0].hand.joints.shape == (5, 6)
 
 
 def test_a_pose_that_is_recorded_beside_joints_counts():
@@ -164,8 +163,8 @@ def test_a_pose_that_is_recorded_beside_joints_counts():
         for sample, pose in zip(recording.samples, poses, strict=True)
     ]
     (group,) = build_problem(cell, Recording(tuple(both)))[0].groups
-    np.testing.assert_array_equal(group.hand_base_from_hand_flange.matrix, SE3.stack(poses).matrix)
-    assert group.hand_joints.shape == (4, 6)
+    np.testing.assert_array_equal(group.hand.base_from_flange.matrix, SE3.stack(poses).matrix)
+    assert group.hand.joints.shape == (4, 6)
 
 
 def test_joints_without_kinematics_are_refused():
@@ -244,12 +243,12 @@ def test_only_robots_with_noise_have_stops():
         robots = {"eye": first, "hand": replace(second, noise=hand_noise)}
         problem, _ = build_problem(replace(made.cell, robots=robots), made.recording)
         (group,) = problem.groups
-        assert (sorted(group.eye_stop), sorted(group.hand_stop)) == stops
+        assert (sorted(group.eye.stop), sorted(group.hand.stop)) == stops
         expected = [robots[name].noise for name in problem.stops.robot]
         np.testing.assert_array_equal(problem.stops.sigma, np.reshape(expected, (-1, 6)))
         assert problem.unstated == ({"hand"} if hand_noise is None else set())
         assert problem.stands == {"eye": 3, "hand": 3}
-        assert sorted(group.eye_stand) == sorted(group.hand_stand) == [0, 1, 2]
+        assert sorted(group.eye.stand) == sorted(group.hand.stand) == [0, 1, 2]
 
 
 def test_columns_follow_one_another():
@@ -269,22 +268,20 @@ def test_what_no_robot_carries_stays_where_it_is():
     """A board on the world: its flange is the world, which has neither stops nor joints nor a base."""
     made = simulate(Scenario(samples=4, layout="eye_in_hand", robot_noise=(1e-3, 1e-3)), seed=0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
-    assert (group.eye, group.hand, group.eye_base, group.hand_base, group.hand_joints) == ("arm", *[None] * 4)
-    np.testing.assert_array_equal(group.hand_base_from_hand_flange.matrix, np.broadcast_to(np.eye(4), (4, 4, 4)))
-    assert group.hand_stop.tolist() == group.hand_stand.tolist() == [-1] * 4
-    assert sorted(group.eye_stop) == sorted(group.eye_stand) == [0, 1, 2, 3]
+    assert (group.eye.robot, group.hand.robot, group.eye.base, group.hand.base, group.hand.joints) == (
+        "arm",
+        *[None] * 4,
+    )
+    np.testing.assert_array_equal(group.hand.base_from_flange.matrix, np.broadcast_to(np.eye(4), (4, 4, 4)))
+    assert group.hand.stop.tolist() == group.hand.stand.tolist() == [-1] * 4
+    assert sorted(group.eye.stop) == sorted(group.eye.stand) == [0, 1, 2, 3]
 
 
 def test_joints_at_which_a_robot_was_seen_are_each_there_once():
     """Of all groups in which it carries something; those of another robot are not its own."""
     first, second = np.array([[0.1, 0.2], [0.1, 0.2], [0.3, 0.2]]), np.array([[0.3, 0.2], [0.0, 1.0]])
-    groups = [
-        SimpleNamespace(eye="a", eye_joints=first, hand="b", hand_joints=first + 9),
-        SimpleNamespace(eye="c", eye_joints=None, hand="a", hand_joints=second),
-    ]
-    np.testing.assert_array_equal(
-        recorded_joints(SimpleNamespace(groups=groups), "a"), [[0.0, 1.0], [0.1, 0.2], [0.3, 0.2]]
-    )
+    groups = views(end("a", joints=first), end("b", joints=first + 9)), views(end("c"), end("a", joints=second))
+    np.testing.assert_array_equal(recorded_joints(problem_of(*groups), "a"), [[0.0, 1.0], [0.1, 0.2], [0.3, 0.2]])
 
 
 @pytest.mark.parametrize(("held", "robot", "ends"), [
@@ -297,13 +294,13 @@ def test_joints_at_which_a_robot_was_seen_are_each_there_once():
 def test_what_hangs_on_one_robot_does_not_hold_another(held, robot, ends):
     """Robots b and c before the camera of a, the reference, and b before one on the world, of which some are known."""
     groups = [
-        SimpleNamespace(eye=eye, hand=hand, eye_base=None, hand_base=base, camera_mount=camera, target_mount=target)
+        views(end(eye, mount=camera), end(hand, mount=target, base=base))
         for eye, hand, base, camera, target in (
             ("a", "b", "B", "xa", "zb"), ("a", "c", "C", "xa", "zc"), (None, "b", "B", "xw", "zb"),
         )
     ]  # fmt: skip
     unknowns = {k: SimpleNamespace(status="prior" if k in held else "free") for k in ("B", "C", "xa", "xw", "zb", "zc")}
-    assert free_ends(SimpleNamespace(groups=groups, unknowns=unknowns), robot) == ends
+    assert free_ends(problem_of(*groups, unknowns=unknowns), robot) == ends
 
 
 def test_a_robot_that_was_never_recorded_made_no_stop():

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from tests.ends import end, with_eye, with_hand
 
 from basecal.effects import joint_offsets, link_parameters
 from basecal.errors import InputError
@@ -13,11 +14,8 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import (
     State,
     Stops,
-    carrier,
     chain,
     check_carriers,
-    has_noise,
-    noisy_stops,
     stop_tangents,
 )
 from basecal.estimation.problem.robot_parameters import Kinematics, robot_model
@@ -50,10 +48,11 @@ def per_view(group):
     found = {}
     for f in fields(group):
         value = getattr(group, f.name)
-        if isinstance(value, SE3) and f.name != "half_turn":
-            found[f.name] = value.matrix
-        elif isinstance(value, np.ndarray):
+        if isinstance(value, np.ndarray):
             found[f.name] = value
+    for k, of in enumerate(group.ends):
+        found |= {f"{k} poses": of.base_from_flange.matrix, f"{k} stop": of.stop, f"{k} stand": of.stand}
+        found[f"{k} joints"] = of.joints
     found |= {f"reading {k}": r.pixels for k, r in enumerate(group.readings)}
     return found | {"pixels": group.measurement.pixels, "weight": group.measurement.weight}
 
@@ -63,13 +62,13 @@ def test_views_are_taken_with_all_that_is_theirs(problem):
     (group,) = problem.groups
     taken = group.take(np.array([3, 0]))
     before, after = per_view(group), per_view(taken)
-    assert before.keys() == after.keys() >= {"eye_joints", "hand_joints", "reading 0", "reading 1", "eye_stop"}
+    assert before.keys() == after.keys() >= {"0 joints", "1 joints", "reading 0", "reading 1"}
     for name, value in before.items():
         np.testing.assert_array_equal(after[name], value[[3, 0]])
     assert (len(group), len(taken)) == (5, 2)
-    assert (taken.camera, taken.eye_base, taken.half_turn) == (group.camera, group.eye_base, group.half_turn)
-    poses_only = replace(group, eye_joints=None, hand_joints=None).take(np.array([1]))
-    assert (poses_only.eye_joints, poses_only.hand_joints) == (None, None)
+    assert (taken.camera, taken.eye.base, taken.half_turn) == (group.camera, group.eye.base, group.half_turn)
+    poses_only = with_hand(with_eye(group, joints=None), joints=None).take(np.array([1]))
+    assert (poses_only.eye.joints, poses_only.hand.joints) == (None, None)
 
 
 def test_rows_of_a_batch_are_what_each_saw(problem):
@@ -131,17 +130,17 @@ def product(group, state, stops):
     """The one equation, view by view, errors of stops and all."""
     found = []
     for k in range(len(group)):
-        eye, hand = group.eye_base_from_eye_flange[k], group.hand_base_from_hand_flange[k]
-        if group.eye_stop[k] >= 0:
-            eye = eye @ SE3.exp(state.stop_errors[group.eye_stop[k]] * stops.sigma[group.eye_stop[k]])
-        if group.hand_stop[k] >= 0:
-            hand = hand @ SE3.exp(state.stop_errors[group.hand_stop[k]] * stops.sigma[group.hand_stop[k]])
+        eye, hand = group.eye.base_from_flange[k], group.hand.base_from_flange[k]
+        if group.eye.stop[k] >= 0:
+            eye = eye @ SE3.exp(state.stop_errors[group.eye.stop[k]] * stops.sigma[group.eye.stop[k]])
+        if group.hand.stop[k] >= 0:
+            hand = hand @ SE3.exp(state.stop_errors[group.hand.stop[k]] * stops.sigma[group.hand.stop[k]])
         one = SE3.identity()
-        relation = (state.transforms[group.eye_base] if group.eye_base else one).inverse() @ (
-            state.transforms[group.hand_base] if group.hand_base else one
+        relation = (state.transforms[group.eye.base] if group.eye.base else one).inverse() @ (
+            state.transforms[group.hand.base] if group.hand.base else one
         )
-        camera = (eye @ state.transforms[group.camera_mount]).inverse()
-        found.append(camera @ relation @ hand @ state.transforms[group.target_mount])
+        camera = (eye @ state.transforms[group.eye.mount]).inverse()
+        found.append(camera @ relation @ hand @ state.transforms[group.hand.mount])
     return SE3.stack(found)
 
 
@@ -164,10 +163,10 @@ def test_chain_is_the_one_equation(scenario):
         links, wanted = chain(group, state, problem.stops), product(group, state, problem.stops)
         np.testing.assert_allclose(links.camera_from_target.matrix, wanted.matrix, atol=1e-12)
         np.testing.assert_allclose(state.camera_from_target(group, problem.stops).matrix, wanted.matrix, atol=1e-12)
-        flange = links.target_from_camera @ state.transforms[group.camera_mount].inverse()
-        np.testing.assert_allclose(links.target_from_eye_flange.matrix, flange.matrix, atol=1e-12)
-        mount = state.transforms[group.target_mount].inverse()
-        np.testing.assert_allclose(links.target_from_hand_flange.matrix, mount.matrix, atol=1e-12)
+        flange = links.target_from_camera @ state.transforms[group.eye.mount].inverse()
+        np.testing.assert_allclose(links.ends[0].target_from_flange.matrix, flange.matrix, atol=1e-12)
+        mount = state.transforms[group.hand.mount].inverse()
+        np.testing.assert_allclose(links.ends[1].target_from_flange.matrix, mount.matrix, atol=1e-12)
 
 
 @pytest.mark.parametrize("noise", [True, False])
@@ -178,10 +177,9 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
     off = np.array([0, 0.1, 0, 0, 0, 0])
     moved = replace(state, robots={robot: Kinematics(stated, {"joint_offsets": off})})
     (group,) = problem.groups
-    group = group if noise else replace(group, eye_stop=np.full(5, -1), hand_stop=np.full(5, -1))
-    joints = getattr(group, f"{robot}_joints")
-    name = "eye_base_from_eye_flange" if robot == "eye" else "hand_base_from_hand_flange"
-    wanted = replace(group, **{name: stated.forward(joints + off)})
+    group = group if noise else with_hand(with_eye(group, stop=np.full(5, -1)), stop=np.full(5, -1))
+    poses = stated.forward(group.end_of(robot).joints + off)
+    wanted = (with_eye if robot == "eye" else with_hand)(group, base_from_flange=poses)
     np.testing.assert_allclose(
         moved.camera_from_target(group, problem.stops).matrix,
         state.camera_from_target(wanted, problem.stops).matrix,
@@ -221,16 +219,11 @@ def test_a_state_spread_out_has_the_kinematics_that_are_estimated(problem, state
 
 def test_noise_is_where_stops_are_numbered():
     """A number of a stop, -1 for a robot without noise, nothing without views."""
-    assert has_noise(np.array([0, 0, 1]))
-    assert has_noise(np.array([0]))
-    assert not has_noise(np.array([-1, -1]))
-    assert not has_noise(np.zeros(0, dtype=np.int64))
+    assert [end(stop=stops).has_noise for stops in ([0, 0, 1], [0], [-1, -1], [])] == [True, True, False, False]
 
 
 def test_what_carries_camera_and_target(made):
-    """A robot by its name, nothing on world; on one body a robot moves neither against the other."""
-    assert carrier(made.cell, "eye") == "eye"
-    assert carrier(made.cell, "world") is None
+    """On one body a robot moves neither against the other."""
     check_carriers(made.cell, "wrist", "board")
     together = replace(made.cell, cameras={"wrist": replace(made.cell.cameras["wrist"], on="hand")})
     with pytest.raises(InputError, match="both on 'hand'"):
@@ -241,7 +234,7 @@ def test_shared_stops_are_numbered_in_their_order(problem):
     """Those of several views, of either robot and of all groups; -1 for the others; none without noise."""
     (group,) = problem.groups
     again = problem.with_groups([group.take(np.array([0, 1, 1, 2, 3, 3, 4]))])
-    several = np.unique(np.concatenate([group.eye_stop[[1, 3]], group.hand_stop[[1, 3]]]))
+    several = np.unique(np.concatenate([group.eye.stop[[1, 3]], group.hand.stop[[1, 3]]]))
     assert again.shared_stops[several].tolist() == [0, 1, 2, 3]
     assert set(np.delete(again.shared_stops, several).tolist()) == {-1}
     twice = problem.with_groups([group.take(np.array([0])), group.take(np.array([0]))])
@@ -254,10 +247,10 @@ def test_errors_of_stops_stand_side_by_side(problem, state):
     (group,) = problem.groups
     physical = state.stop_errors * problem.stops.sigma
     both = stop_tangents(group, state, problem.stops)
-    np.testing.assert_array_equal(both, physical[np.concatenate([group.eye_stop, group.hand_stop])])
-    still = replace(group, eye_stop=np.full(5, -1))
-    np.testing.assert_array_equal(stop_tangents(still, state, problem.stops), physical[group.hand_stop])
-    assert noisy_stops(replace(still, hand_stop=np.full(5, -1))) == ()
+    np.testing.assert_array_equal(both, physical[np.concatenate([group.eye.stop, group.hand.stop])])
+    still = with_eye(group, stop=np.full(5, -1))
+    np.testing.assert_array_equal(stop_tangents(still, state, problem.stops), physical[group.hand.stop])
+    assert not any(of.has_noise for of in with_hand(still, stop=np.full(5, -1)).ends)
 
 
 @pytest.mark.parametrize(("idle", "hint"), [((), ""), (("third",), r" \(on: third\?\)"), (("third", "fourth"), "")])
@@ -278,11 +271,11 @@ def test_stops_of_several_views_are_numbered(problem):
     """Of either robot, over all groups; those of one view, or of none, have no number."""
     (group,) = problem.groups
     eye, hand = np.array([0, 0, 1, 2, 3]), np.array([4, 5, 5, 6, 7])
-    one = replace(group, eye_stop=eye, hand_stop=hand)
+    one = with_hand(with_eye(group, stop=eye), stop=hand)
     assert problem.with_groups([one]).shared_stops.tolist() == [0, -1, -1, -1, -1, 1, -1, -1, -1, -1]
     two = [one.take(np.array([0, 1, 2])), one.take(np.array([3, 4, 4]))]
     assert problem.with_groups(two).shared_stops.tolist() == [0, -1, -1, 1, -1, 2, -1, 3, -1, -1]
-    still = replace(group, eye_stop=np.full(5, -1), hand_stop=hand)
+    still = with_hand(with_eye(group, stop=np.full(5, -1)), stop=hand)
     assert problem.with_groups([still]).shared_stops.tolist() == [-1] * 5 + [0] + [-1] * 4
 
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end, views, with_eye
 
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.start import all_pairs
 from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.first_state import first_state
@@ -86,9 +86,9 @@ def test_bases_that_no_right_pair_reaches_are_left(made, rng) -> None:
     def spoilt(sight):
         """The pair, its camera's robot anywhere."""
         poses = SE3.exp(rng.uniform(-1, 1, (len(sight.group), 6)))
-        return replace(sight, group=replace(sight.group, eye_base_from_eye_flange=poses))
+        return replace(sight, group=with_eye(sight.group, base_from_flange=poses))
 
-    seen = [spoilt(s) if "r5" in (s.group.eye, s.group.hand) else s for s in sights(made, problem)]
+    seen = [spoilt(s) if "r5" in (s.group.eye.robot, s.group.hand.robot) else s for s in sights(made, problem)]
     assert placed_by_pairs(problem, seen, made.truth, ()) == {}
 
 
@@ -102,11 +102,9 @@ def pair(rng, bases, k, eye, hand, turned_rad=(0.0,) * 5):
     x, z = SE3.exp(rng.standard_normal(6)), SE3.exp(rng.standard_normal(6))
     y = at[eye].inverse() @ at[hand]
     b = (a @ x).inverse() @ y @ c @ z @ SE3.from_rotvec(np.outer(turned_rad, [0.6, 0.0, 0.8]), np.zeros((n, 3)))
-    stop, weight = np.full(n, -1), np.ones((n, 6))
-    group = ViewGroup(
-        f"c{k}", f"t{k}", eye, hand, f"x{k}", f"z{k}", eye, hand, np.arange(n), a, c, stop, stop, stop, stop,
-        PoseMeasurement(b, weight, weight),
-    )  # fmt: skip
+    weight = np.ones((n, 6))
+    ends = end(eye, a, mount=f"x{k}", base=eye), end(hand, c, mount=f"z{k}", base=hand)
+    group = views(*ends, PoseMeasurement(b, weight, weight), camera=f"c{k}", target=f"t{k}")
     both = SE3(np.stack([b.rotation] * 2, 1), np.stack([b.translation] * 2, 1))
     return PairViews(group, both, np.ones(n), n), (x, y, z)
 

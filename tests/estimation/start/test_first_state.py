@@ -8,6 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.ends import end
+from tests.ends import views as group_of
 from tests.shared.kinds import KINDS
 from tests.shared.start_trial import trial
 
@@ -16,7 +18,6 @@ from basecal.errors import InputError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.start import first_state as module
 from basecal.estimation.start.first_state import (
     _closed,
@@ -25,7 +26,6 @@ from basecal.estimation.start.first_state import (
     _light,
     _loop,
     _mount_of_points,
-    _names,
     _search,
     _unknown,
     first_state,
@@ -98,7 +98,7 @@ def _points_seen(samples: int, each: int):
     seen[np.arange(samples)[:, None], 1 + turn % others] = seen[:, [0]] = True
     some = replace(measurement, seen=seen, weight=seen * measurement.weight, stated=seen * measurement.stated)
     group = replace(group, measurement=some)
-    triple = [made.truth[name] for name in (group.camera_mount, group.hand_base, group.target_mount)]
+    triple = [made.truth[name] for name in (group.eye.mount, group.hand.base, group.hand.mount)]
     return made, problem.with_groups([group]), pair_views(group, made.cameras["wrist"], 1000, 1000), triple
 
 
@@ -116,7 +116,7 @@ def test_a_point_of_parallel_rays_stays_as_far_as_was_known():
     _, _, sight, (x, y, z) = _points_seen(1, 36)
     chords = sight.group.measurement
     flange_from_camera = (
-        sight.group.hand_base_from_hand_flange[0].inverse() @ y.inverse() @ sight.group.eye_base_from_eye_flange[0] @ x
+        sight.group.hand.base_from_flange[0].inverse() @ y.inverse() @ sight.group.eye.base_from_flange[0] @ x
     )
     rays = (flange_from_camera.rotation @ chords.bearings_in_camera[0].T).T
     for known in (z.translation, z.translation + 0.1 * rays[0]):
@@ -175,7 +175,7 @@ def test_bases_are_placed_from_wherever_a_chain_begins(order):
     problem, _ = build_problem(made.cell, made.recording)
     groups = [problem.groups[k] for k in order]
     start = first_state(problem.with_groups(groups), made.cell, thorough=False)
-    placed = {name for g in groups for name in (g.eye_base, g.hand_base) if name is not None}
+    placed = {name for g in groups for name in (g.eye.base, g.hand.base) if name is not None}
     assert len(placed) == 3
     for name in placed:
         assert np.abs((start.transforms[name].inverse() @ made.truth[name]).log()).max() < 1e-3
@@ -239,13 +239,13 @@ def test_a_thorough_start_takes_more_views_whose_poses_are_refined(monkeypatch):
 
 def hand_made(rng, swapped=()):
     """Twenty views of a pair, each with its true pose and one off by half a radian, first and second; X, Y and Z."""
-    n, none = 20, np.full(20, -1)
+    n = 20
     a, c = SE3.exp(rng.standard_normal((n, 6))), SE3.exp(rng.standard_normal((n, 6)))
     x, y, z = (SE3.exp(rng.standard_normal(6)) for _ in "xyz")
     true = (a @ x).inverse() @ y @ c @ z
     off = true @ SE3.exp([0.0, 0.0, 0.0, 0.3, 0.0, -0.4])
     views = PoseMeasurement(true, np.ones((n, 6)), np.ones((n, 6)))
-    group = ViewGroup("c", "t", "e", "h", "x", "z", None, "y", np.arange(n), a, c, none, none, none, none, views)
+    group = group_of(end("e", a, mount="x"), end("h", c, mount="z", base="y"), views)
     is_swapped = np.isin(np.arange(n), swapped)
     first, second = where(is_swapped, off, true), where(is_swapped, true, off)
     rotation, translation = (
@@ -303,10 +303,10 @@ def test_a_light_is_refined_from_more_starts_the_more_rotations_are_unknown(monk
     wish = next(search)
     assert wish.is_point
     assert asked == [{2: 40, 1: 12, 0: 1}[2 - len(set(known) & {"x", "y"})]]
-    with pytest.raises(StopIteration) as end:
+    with pytest.raises(StopIteration) as ended:
         search.send((x, y, SE3(np.eye(3), np.array([1.0, 2.0, 3.0]))))
-    mount = end.value.value[2]
-    assert end.value.value[:2] == (x, y)
+    mount = ended.value.value[2]
+    assert ended.value.value[:2] == (x, y)
     if is_point:
         np.testing.assert_allclose(mount.translation, [0.9, 1.8, 2.7])
         np.testing.assert_array_equal(mount.rotation, np.eye(3))
@@ -330,34 +330,28 @@ def test_lenses_that_are_not_stated_are_those_of_their_own_views(monkeypatch):
     ]
 
 
-class Pair(SimpleNamespace):
-    """A group of one view, and its sight."""
-
-    def __len__(self):
-        return 1
-
-
 @pytest.mark.parametrize("is_clear", [True, False])
 def test_pairs_with_poses_and_many_views_go_first(monkeypatch, is_clear):
     """Of as few unknowns; each is tried once before one is forced, and again only where more is known."""
-    ends = {"camera_mount": "x", "target_mount": "z", "eye_base": None, "hand_base": None, "camera": "c"}
-    given = (("light", None, 50), ("few", "poses", 5), ("many", "poses", 9))
-    pairs = [Pair(name=name, candidates=candidates, total=total, **ends) for name, candidates, total in given]
+    given = {"light": (None, 50), "few": ("poses", 5), "many": ("poses", 9)}
+    ends = end("arm", SE3.identity((1,)), mount="x"), end(mount="z")
+    pairs = [group_of(*ends, target=name) for name in given]
     tried = []
 
     def start(sight, known, problem, thorough, forced):
-        tried.append((sight.name, forced))
+        tried.append((sight.group.target, forced))
         return is_clear or forced
         yield
 
     monkeypatch.setattr(module, "_start", start)
     monkeypatch.setattr(module, "lenses", lambda problem, cell: {})
     monkeypatch.setattr(module, "placed_by_pairs", lambda *_: {})
-    monkeypatch.setattr(module, "pair_views", lambda group, *_: Pair(group=group, **vars(group)))
+    monkeypatch.setattr(
+        module, "pair_views", lambda group, *_: PairViews(group, given[group.target][0], None, given[group.target][1])
+    )
     problem = SimpleNamespace(groups=pairs, unknowns={"x": Unknown()}, stops=[])
-    with pytest.raises(StopIteration) as end:
+    with pytest.raises(StopIteration) as ended:
         next(_search(problem, None, False))
-    np.testing.assert_array_equal(end.value.value.transforms["x"].matrix, np.eye(4))
+    np.testing.assert_array_equal(ended.value.value.transforms["x"].matrix, np.eye(4))
     order = ["many", "few", "light"]
     assert tried == [(name, False) for name in order] + [(name, True) for name in order] * (not is_clear)
-    assert _names(SimpleNamespace(group=pairs[0])) == ["x", "z"]

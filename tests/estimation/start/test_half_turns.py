@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from tests.ends import end, views, with_hand
 
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.problem import ViewGroup
 from basecal.estimation.start.half_turns import _descended, turned_views
-from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import Scenario, simulate
@@ -26,7 +23,7 @@ def test_views_read_from_the_other_end_are_found_however_far_the_arm_turned(coun
     rng = np.random.default_rng(0)
     # The target turned as far as its arm, about axes of its own.
     wide = rotation_exp(rng.uniform(-1.7, 1.7, (count, 3)))
-    turned_group = replace(group, hand_base_from_hand_flange=_turned(group, wide))
+    turned_group = with_hand(group, base_from_flange=_turned(group, wide))
     mount = rotation_exp(np.array([0.3, -0.2, 2.0]))
     read = np.swapaxes(mount, -1, -2) @ wide @ mount @ rotation_exp(5e-3 * rng.standard_normal((count, 3)))
     flipped = rng.random(count) < 0.5
@@ -36,18 +33,14 @@ def test_views_read_from_the_other_end_are_found_however_far_the_arm_turned(coun
 
 
 def _turned(group, rotation):
-    return type(group.hand_base_from_hand_flange)(rotation, group.hand_base_from_hand_flange.translation)
+    return type(group.hand.base_from_flange)(rotation, group.hand.base_from_flange.translation)
 
 
 def group_of(eye_stand, hand_stand, eye, hand):
     """Views of two arms by the stops that each stood in, their flanges turned so."""
-    n, weight = len(eye_stand), np.ones((len(eye_stand), 6))
-    poses, none = SE3.identity((n,)), np.full(n, -1)
+    n = len(eye_stand)
     a, c = (SE3(np.broadcast_to(turn, (n, 3, 3)), np.zeros((n, 3))) for turn in (eye, hand))
-    return ViewGroup(
-        "c", "t", "eye", "hand", "x", "z", None, "y", np.arange(n), a, c, none, none,
-        np.array(eye_stand), np.array(hand_stand), PoseMeasurement(poses, weight, weight),
-    )  # fmt: skip
+    return views(end("eye", a, stand=eye_stand), end("hand", c, stand=hand_stand))
 
 
 def about(angle_rad, axis=(0.6, 0.0, 0.8)):

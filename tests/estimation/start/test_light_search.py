@@ -22,7 +22,7 @@ def partial_views():
     weight = np.where(seen, group.measurement.weight, 0.0)
     group = replace(group, measurement=replace(group.measurement, seen=seen, weight=weight))
     pair = pair_views(group, made.cameras["wrist"], 100, 1000)
-    truth = [made.truth[name] for name in (group.camera_mount, group.hand_base, group.target_mount)]
+    truth = [made.truth[name] for name in (group.eye.mount, group.hand.base, group.hand.mount)]
     return pair, pair.loop(truth[0], None, truth[2], np.zeros(len(pair.group), dtype=int)), truth
 
 

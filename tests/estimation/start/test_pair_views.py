@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import end, views
 
 from basecal.cell.targets.points import points_target
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turned
-from basecal.estimation.problem.problem import State, ViewGroup
+from basecal.estimation.problem.problem import State
 from basecal.estimation.start import pair_views as module
 from basecal.estimation.start.pair_views import as_light, pair_views, umeyama
 from basecal.estimation.view.bearings import BearingMeasurement
@@ -144,8 +145,8 @@ def test_loops_take_the_chosen_candidate():
     found, _, group = prepared(Scenario(samples=5))
     x = SE3.exp(np.full(6, 0.1))
     loop = found.loop(x, None, None, np.array([0, 1, 0, 1, 0]))
-    np.testing.assert_array_equal(loop.a.matrix, group.eye_base_from_eye_flange.matrix)
-    np.testing.assert_array_equal(loop.c.matrix, group.hand_base_from_hand_flange.matrix)
+    np.testing.assert_array_equal(loop.a.matrix, group.eye.base_from_flange.matrix)
+    np.testing.assert_array_equal(loop.c.matrix, group.hand.base_from_flange.matrix)
     np.testing.assert_array_equal(loop.b.matrix[1], found.candidates[1, 1].matrix)
     np.testing.assert_array_equal(loop.b.matrix[2], found.candidates[2, 0].matrix)
     assert loop.unknown == "yz"
@@ -204,11 +205,8 @@ LENS = Camera("pinhole", [500.0, 700.0, 320.0, 240.0])
 
 def group_of(measurement, count):
     """Views of an arm's camera, whose flanges stand anywhere."""
-    flanges, none = SE3.exp(np.random.default_rng(0).standard_normal((count, 6))), np.full(count, -1)
-    return ViewGroup(
-        "c", "t", "r", None, "x", "z", None, None, np.arange(count), flanges, SE3.identity((count,)),
-        none, none, none, none, measurement,
-    )  # fmt: skip
+    flanges = SE3.exp(np.random.default_rng(0).standard_normal((count, 6)))
+    return views(end("r", flanges, mount="x"), end(mount="z", base_from_flange=SE3.identity((count,))), measurement)
 
 
 def pixels_of(seen, stated=None):
@@ -355,7 +353,7 @@ def test_the_nearer_of_two_poses_is_the_one_turned_less(rng):
     turns = np.array([[0.1, 0.2], [0.4, 0.3], [2.0, -1.0]])
     sight = module.PairViews(group, SE3.identity((3, 2)), np.ones(3), 3)
     predicted = sight.predicted(triple)
-    expected = (group.eye_base_from_eye_flange @ triple[0]).inverse() @ triple[1] @ triple[2]
+    expected = (group.eye.base_from_flange @ triple[0]).inverse() @ triple[1] @ triple[2]
     np.testing.assert_allclose(predicted.matrix, expected.matrix, atol=1e-12)
     off = SE3.from_rotvec(turns[..., None] * [0.0, 0.6, 0.8], rng.standard_normal((3, 2, 3)))
     assert replace(sight, candidates=predicted[:, None] @ off).nearer(triple).tolist() == [0, 1, 1]

@@ -19,7 +19,7 @@ def wish(seed, views=100, starts=(0.3, 0.05), searched=False, known="", scenario
     made = simulate(scenario or Scenario(samples=10), seed)
     (group,) = build_problem(made.cell, made.recording)[0].groups
     pair = pair_views(group, made.cameras["wrist"], views, 12)
-    names = dict(zip("xyz", (group.camera_mount, group.hand_base, group.target_mount), strict=True))
+    names = dict(zip("xyz", (group.eye.mount, group.hand.base, group.hand.mount), strict=True))
     truth = tuple(made.truth[names[k]] for k in "xyz")
     rng = np.random.default_rng(seed)
     at = dict(zip("xyz", truth, strict=True))
@@ -81,8 +81,8 @@ def test_a_pair_alone_has_three_unknowns(known, is_point, columns):
     problem = pair_problem(asked.views, asked.loop, is_point)
     assert problem.columns == columns
     (group,) = problem.groups
-    assert (group.camera_mount, group.eye_base, group.hand_base, group.target_mount) == ("x", None, "y", "z")
-    assert set(group.eye_stop.tolist()) | set(group.hand_stop.tolist()) == {-1}
+    assert (group.eye.mount, group.eye.base, group.hand.base, group.hand.mount) == ("x", None, "y", "z")
+    assert set(group.eye.stop.tolist()) | set(group.hand.stop.tolist()) == {-1}
     assert len(problem.stops) == 0
 
 

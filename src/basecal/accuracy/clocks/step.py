@@ -82,9 +82,7 @@ def _moves(situation: Situation, k: int, clocks: tuple[str, ...], synchronised: 
     """How views of a group go with the offsets of clocks, (n, 1, 6, q)."""
     group = situation.problem.groups[k]
     moves = np.zeros((len(group), 1, 6, len(clocks)))
-    for robot in (group.eye, group.hand):
-        if robot is None:
-            continue
+    for robot in group.robots:
         velocity = np.stack([synchronised.robots[robot][int(sample)].velocity for sample in group.sample])
         moved = (situation.by_flange(k, robot) @ velocity[..., None])[..., 0]
         for q, name in enumerate(clocks):

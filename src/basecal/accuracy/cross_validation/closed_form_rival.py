@@ -15,7 +15,8 @@ from scipy.special import stdtr
 from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
 from basecal.accuracy.residuals.fit import view_alone
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.geometry import SE3, Array, BoolArray
@@ -64,8 +65,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         views, (x, y, z) = group.take(rows), triple
         state = with_known_stops(refit.optimum.state, refit.known)
         ours.append(_off(alone[rows], state.camera_from_target(views, solution.problem.stops)))
-        closed = (views.eye_base_from_eye_flange @ x).inverse() @ y @ views.hand_base_from_hand_flange @ z
-        theirs.append(_off(alone[rows], closed))
+        theirs.append(_off(alone[rows], views.closed_by(x, y, z)))
     ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
     whole = _closed_form(solution.problem, group, *of_all)
     if ratio is None or whole is None:
@@ -78,10 +78,10 @@ def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, used: BoolArray
     rows = np.flatnonzero(used)
     if len(rows) < _FEWEST_FITTED:
         return None
-    bases = [SE3.identity() if n is None else _fixed(problem, n) for n in (group.eye_base, group.hand_base)]
+    bases = [SE3.identity() if end.base is None else _fixed(problem, end.base) for end in group.ends]
     y = None if bases[0] is None or bases[1] is None else bases[0].inverse() @ bases[1]
-    x, z = _fixed(problem, group.camera_mount), _fixed(problem, group.target_mount)
-    a, c = group.eye_base_from_eye_flange[rows], group.hand_base_from_hand_flange[rows]
+    x, z = (_fixed(problem, end.mount) for end in group.ends)
+    a, c = (end.base_from_flange[rows] for end in group.ends)
     loop = Loop(a, alone[rows], c, x, y, z, np.ones(len(rows)))
     if not loop.unknown:
         return None
@@ -122,11 +122,8 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
 def _moved(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:
     """The step from the answer to the closed form in the columns of transforms, (p,); 0 in all others."""
     x, y, z = triple
-    found = {group.camera_mount: x, group.target_mount: z}
-    if group.hand_base is not None and group.eye_base is None:
-        found[group.hand_base] = y
-    elif group.eye_base is not None and group.hand_base is None:
-        found[group.eye_base] = y.inverse()
+    placed = group.placed_base(y, state.transforms, problem.columns)
+    found = {group.eye.mount: x, group.hand.mount: z} | placed
     step = np.zeros(problem.width)
     for name, transform in found.items():
         if name in problem.columns:

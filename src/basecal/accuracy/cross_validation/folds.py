@@ -78,9 +78,9 @@ def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
     """By robot that moves: the stop where it stands at each sample."""
     places: dict[str, dict[int, Hashable]] = defaultdict(dict)
     for group in problem.groups:
-        for robot, stand in ((group.eye, group.eye_stand), (group.hand, group.hand_stand)):
-            if robot is not None:
-                places[robot].update(zip(map(int, group.sample), map(int, stand), strict=True))
+        for end in group.ends:
+            if end.robot is not None:
+                places[end.robot].update(zip(map(int, group.sample), map(int, end.stand), strict=True))
     return {robot: at for robot, at in places.items() if len(set(at.values())) > 1}
 
 

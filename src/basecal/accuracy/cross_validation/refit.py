@@ -100,7 +100,8 @@ def _known_stops(used: Problem) -> BoolArray:
     """Stops in which views of a problem stand, (k,)."""
     known = np.zeros(len(used.stops) + 1, dtype=bool)
     for group in used.groups:
-        known[group.eye_stop] = known[group.hand_stop] = True
+        for end in group.ends:
+            known[end.stop] = True
     return known[:-1]  # the last stands for views without a stop
 
 

@@ -89,8 +89,7 @@ def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> Robo
         solution: The cell solved with its robots as stated.
         settings: How to solve.
     """
-    robots = {robot for g in solution.problem.groups for robot in (g.eye, g.hand) if robot is not None}
-    recorded = [r for r in sorted(robots) if recorded_by_joints(solution.problem, r)]
+    recorded = [r for r in solution.problem.robots if recorded_by_joints(solution.problem, r)]
     chains = {r: solution.problem.chains[r] for r in recorded if r in solution.problem.chains}
     views = sum(map(len, solution.problem.groups))
     if solution.problem.models or not chains or views < _FEWEST_VIEWS or not solution.converged:

@@ -10,7 +10,8 @@ import numpy as np
 from basecal.accuracy.cross_validation.folds import Split
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.estimation.least_squares.jacobians import by_stop_errors
-from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.problem import Problem, State, chain
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import Array
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 

@@ -23,7 +23,8 @@ from basecal.cell import Validation
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_bundle
 from basecal.estimation.observability.observability import condition_where_seen, observability_of
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement

@@ -26,7 +26,7 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.correspondence import choose_correspondence
-from basecal.estimation.problem.problem import Stops, ViewGroup
+from basecal.estimation.problem.problem import Stops
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
@@ -70,8 +70,7 @@ class Innovations:
     @property
     def robots(self) -> tuple[str, ...]:
         """Names of the robots that carry what saw or was seen."""
-        groups = self.situation.problem.groups
-        return tuple(sorted({robot for g in groups for robot in (g.eye, g.hand) if robot is not None}))
+        return self.situation.problem.robots
 
     def by_frame(self, name: str) -> Array:
         """How views go with a right tangent of a transform, (n, 6, 6)."""
@@ -94,7 +93,8 @@ class Innovations:
         groups = self.situation.problem.groups
         if chain is None or not recorded_by_joints(self.situation.problem, robot):
             return None
-        joints = [g.eye_joints if g.eye == robot else g.hand_joints if g.hand == robot else None for g in groups]
+        ends = [group.end_of(robot) for group in groups]
+        joints = [None if end is None else end.joints for end in ends]
         each = [np.zeros((len(g), chain.n)) if q is None else q for g, q in zip(groups, joints, strict=True)]
         return Posture(chain, recorded := np.concatenate(each), chain.at(recorded))
 
@@ -102,7 +102,8 @@ class Innovations:
         """Recorded poses of a robot's flange in all views, (n,), and the numbers of its stops, -1 where it has none."""
         groups = self.situation.problem.groups
         poses = [self.situation.recorded_pose(k, robot) for k in range(len(groups))]
-        stops = [g.eye_stand if g.eye == robot else g.hand_stand if g.hand == robot else _none(g) for g in groups]
+        ends = [(group, group.end_of(robot)) for group in groups]
+        stops = [np.full(len(group), -1) if end is None else end.stand for group, end in ends]
         return concatenate(poses), np.concatenate(stops)
 
     def without(self, sample: int) -> Innovations:
@@ -165,16 +166,12 @@ def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation
     known = known_views(cell, recording, calibration)
     every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
     few = [group.take(np.arange(0, len(group), every)) for group in known.problem.groups]
-    exact = tuple(replace(group, eye_stop=_none(group), hand_stop=_none(group)) for group in few)
-    problem = replace(known.problem, groups=exact, stops=Stops(np.zeros((0, 6))))
+    problem = replace(
+        known.problem, groups=tuple(group.without_stops() for group in few), stops=Stops(np.zeros((0, 6)))
+    )
     state = without_errors(problem, known.state)
     problem, _ = choose_correspondence(problem, state)
     return Situation(problem, state, problem, {})
-
-
-def _none(group: ViewGroup) -> IntArray:
-    """No stop in any view of a group."""
-    return np.full(len(group), -1, dtype=np.int64)
 
 
 def _of_robots(innovations: Innovations, calibration: Calibration) -> Array:

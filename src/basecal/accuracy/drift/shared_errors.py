@@ -37,7 +37,7 @@ def with_shared_errors(innovations: Innovations, moved: Shift) -> Innovations:
     else:
         moves = innovations.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
     left = innovations.covariance_inverse @ (innovations.off - innovations.of(moves) @ moved.size)
-    cameras = sorted({group.camera_mount for group in innovations.situation.problem.groups})
+    cameras = sorted({group.eye.mount for group in innovations.situation.problem.groups})
     more = sum(
         (_of_camera(innovations, innovations.of(innovations.by_frame(name)), left) for name in cameras),
         np.zeros(innovations.predicted.shape),

@@ -100,7 +100,7 @@ def joint_shifts(innovations: Innovations) -> Iterator[Shift]:
 def size_shifts(innovations: Innovations) -> Iterator[Shift]:
     """The size of each target that is no single point, by a fraction: another board shows as larger or smaller."""
     problem = innovations.situation.problem
-    for target in sorted({g.target for g in problem.groups if g.target_mount not in problem.point_mounts}):
+    for target in sorted({g.target for g in problem.groups if g.hand.mount not in problem.point_mounts}):
         groups = enumerate(problem.groups)
         moves = [by_size(innovations.situation, k) * float(group.target == target) for k, group in groups]
         yield _shift(innovations, target, SIZE, None, np.concatenate(moves))

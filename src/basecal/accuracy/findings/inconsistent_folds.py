@@ -14,8 +14,8 @@ def inconsistent_folds(evidence: Evidence) -> list[Finding]:
     spread = None if evidence.cross_validation is None else evidence.cross_validation.spread
     if spread is None or spread.chance > SIGNIFICANCE:
         return []
-    robots = sorted({r for g in evidence.solution.problem.groups for r in (g.eye, g.hand) if r is not None})
-    lacking = [robot for robot in robots if robot not in evidence.solution.problem.stops.robot]
+    problem = evidence.solution.problem
+    lacking = [robot for robot in problem.robots if robot not in problem.stops.robot]
     noise = f"State the noise of {' and '.join(lacking)}." if lacking else "State a larger noise of the robots."
     ratio = f"{np.sqrt(spread.mean_square):.1f}"
     what = f"The answers of the folds spread {ratio} times as much as the sigmas predict."

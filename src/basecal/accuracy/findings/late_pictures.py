@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -47,8 +46,7 @@ def _late_of(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
         rows = np.flatnonzero(np.isin(group.sample, list(samples)))
         if group.camera != camera or group.motion is None or not len(rows):
             continue
-        nowhere = np.full(len(rows), -1, dtype=np.int64)
-        views = replace(group.take(rows), eye_stop=nowhere, hand_stop=nowhere)
+        views = group.take(rows).without_stops()
         state = evidence.solution.state
         predicted = state.camera_from_target(views, evidence.recorded.stops)
         view = views.measurement.linearise(predicted, state.cameras.get(camera), False)

@@ -71,8 +71,8 @@ def far_stops(evidence: Evidence) -> list[Finding]:
     solution = evidence.robust.solution
     errors = np.abs(solution.state.stop_errors).max(axis=1)
     far = np.flatnonzero(errors > _FAR_SIGMAS)
-    ends = [(group, stop) for group in solution.problem.groups for stop in (group.eye_stop, group.hand_stop)]
-    samples = sorted({int(number) for group, stop in ends for number in group.sample[np.isin(stop, far)]})
+    ends = [(group, end) for group in solution.problem.groups for end in group.ends]
+    samples = sorted({int(number) for group, end in ends for number in group.sample[np.isin(end.stop, far)]})
     if not samples or evidence.robust.agreeing or any(not o.ids for o in evidence.robust.outliers):
         return []
     what = f"A robot's pose was off by up to {errors.max():.0f} of its sigmas at {list_samples(samples)}."

@@ -6,7 +6,8 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
-from basecal.estimation.problem.problem import State, ViewGroup
+from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, BoolArray
 

@@ -48,9 +48,8 @@ class _Rounding:
 def rounded_poses(evidence: Evidence) -> list[Finding]:
     """A finding about each robot whose places or angles are all multiples of a step."""
     problem = evidence.solution.problem
-    robots = sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
     findings = []
-    for robot in robots:
+    for robot in problem.robots:
         found = list(_roundings(problem, robot))
         if not found:
             continue
@@ -70,8 +69,7 @@ def _shown(value: float, rounding: _Rounding) -> str:
 def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     sigma = problem.stops.sigma[np.array(problem.stops.robot, dtype=object) == robot]
     noise_m, noise_rad = (float(sigma[0, 0]), float(sigma[0, 3])) if len(sigma) else (0.0, 0.0)
-    joints = [g.eye_joints for g in problem.groups if g.eye == robot]
-    joints += [g.hand_joints for g in problem.groups if g.hand == robot]
+    joints = [end.joints for end in problem.ends_of(robot)]
     recorded = [each for each in joints if each is not None]
     if len(recorded) == len(joints) > 0:
         yield from _of_angles("joints", [np.concatenate(recorded)], noise_rad)

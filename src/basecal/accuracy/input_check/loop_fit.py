@@ -11,7 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
@@ -97,7 +98,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
         if fit is not None and sight.candidates is not None and trimmed(fit.off) < _HOPELESS_RAD:
-            predicted = _predicted(sight, fit.triple).rotation
+            predicted = sight.predicted(fit.triple).rotation
             chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
             if np.any(chosen):
                 again[k] = chosen
@@ -133,11 +134,9 @@ def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras:
     if fit is None or fit.of_light:
         return None
     x, y, z = fit.triple
-    transforms = {group.camera_mount: x, group.target_mount: z}
-    if group.hand_base is not None:
-        transforms[group.hand_base] = y
-    elif group.eye_base is not None:
-        transforms[group.eye_base] = y.inverse()
+    transforms = {group.eye.mount: x, group.hand.mount: z}
+    if group.eye.base is None or group.hand.base is None:
+        transforms |= group.placed_base(y, {}, group.frames)
     if transforms.keys() != problem.unknowns.keys():
         return None
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
@@ -145,7 +144,7 @@ def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras:
 
 def off_loops(sight: PairViews, triple: Triple) -> Array:
     """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
-    predicted = _predicted(sight, triple)
+    predicted = sight.predicted(triple)
     if sight.candidates is None:
         # Chords of the point that most views see, whose place `z` is; NaN where it is not seen.
         chords, point = as_light(sight.group.measurement)
@@ -160,12 +159,6 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
     return both
 
 
-def _predicted(sight: PairViews, triple: Triple) -> SE3:
-    x, y, z = triple
-    g = sight.group
-    return (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
-
-
 def _fixed(problem: Problem, name: str) -> SE3 | None:
     unknown = problem.unknowns[name]
     return unknown.mean if unknown.status == "fixed" else None
@@ -173,8 +166,8 @@ def _fixed(problem: Problem, name: str) -> SE3 | None:
 
 def _loop(sight: PairViews, problem: Problem, chosen: IntArray) -> Loop:
     g = sight.group
-    x, z = _fixed(problem, g.camera_mount), _fixed(problem, g.target_mount)
-    eye, hand = (SE3.identity() if n is None else _fixed(problem, n) for n in (g.eye_base, g.hand_base))
+    x, z = (_fixed(problem, end.mount) for end in g.ends)
+    eye, hand = (SE3.identity() if end.base is None else _fixed(problem, end.base) for end in g.ends)
     y = None if eye is None or hand is None else eye.inverse() @ hand
     return sight.loop(x, y, z, chosen)
 

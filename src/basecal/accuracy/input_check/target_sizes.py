@@ -136,14 +136,14 @@ def _spread(points: Array) -> float:
 def _by_translations(sight: PairViews, candidates: SE3, fit: LoopFit, problem: Problem) -> float:
     """The factor f of RA tX - tY - RY RC tZ + f RA RX tB == RY tC - tA, by least squares."""
     group = sight.group
-    a, c = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
+    a, c = (end.base_from_flange for end in group.ends)
     x, y, _ = fit.triple
     seen = (a.rotation @ x.rotation @ candidates[:, 0].translation[..., None])[..., 0]
     parts = (a.rotation, np.broadcast_to(-np.eye(3), a.rotation.shape), -(y.rotation @ c.rotation))
     fixed = (
-        _fixed(problem, group.camera_mount),
-        _fixed(problem, *(name for name in (group.eye_base, group.hand_base) if name is not None)),
-        _fixed(problem, group.target_mount),
+        _fixed(problem, group.eye.mount),
+        _fixed(problem, *(end.base for end in group.ends if end.base is not None)),
+        _fixed(problem, group.hand.mount),
     )
     right = (y.rotation @ c.translation.T).T - a.translation
     columns = [seen[..., None]]

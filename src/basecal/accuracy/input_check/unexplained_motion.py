@@ -7,7 +7,8 @@ import numpy as np
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, off_views
 from basecal.cell import Finding
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import IntArray
 
@@ -63,5 +64,5 @@ def _left_px(problem: Problem, state: State) -> float:
 
 def _one_a_stop(group: ViewGroup) -> IntArray:
     """The first view of each pair of stops: many of one would pass for a target that hardly moves."""
-    stops = np.column_stack([group.eye_stand, group.hand_stand])
+    stops = np.column_stack([end.stand for end in group.ends])
     return np.sort(np.unique(stops, axis=0, return_index=True)[1]).astype(np.int64)

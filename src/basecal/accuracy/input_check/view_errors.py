@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 from basecal.cell import Cell, Finding, Recording, Unknown
 from basecal.cell.cell import WORLD
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 
 TOGETHER = 4
 """So many robots are looked at together: two arms and what stands beside them."""
@@ -40,7 +41,7 @@ class PairAlone:
 
 def has_many_robots(problem: Problem) -> bool:
     """Whether a cell is looked at pair by pair."""
-    return len({robot for g in problem.groups for robot in (g.eye, g.hand)} - {None}) > TOGETHER
+    return len(problem.robots) > TOGETHER
 
 
 def pairs_alone(cell: Cell, recording: Recording, problem: Problem, state: State) -> list[PairAlone]:
@@ -81,7 +82,7 @@ def agreed(pairs: Sequence[PairAlone], found: Sequence[Sequence[Finding]]) -> tu
 
 def _covering(groups: Sequence[ViewGroup]) -> Iterator[ViewGroup]:
     """Groups until each robot, camera and target is in one; that with most that no other has comes next."""
-    names = [{n for n in (g.eye, g.hand, g.camera, g.target) if n is not None} for g in groups]
+    names = [{g.camera, g.target, *g.robots} for g in groups]
     left = set().union(*names)
     while left:
         most = max(range(len(groups)), key=lambda k: (len(names[k] & left), len(groups[k])))
@@ -90,14 +91,13 @@ def _covering(groups: Sequence[ViewGroup]) -> Iterator[ViewGroup]:
 
 
 def _alone(cell: Cell, recording: Recording, group: ViewGroup, seen: Sequence[int], state: State) -> PairAlone:
-    robots = {name for name in (group.eye, group.hand) if name is not None}
-    bases = {name: unknown for name, unknown in cell.bases.items() if name in robots}
-    if group.eye is not None and group.eye_base is not None and group.hand_base is not None:
+    bases = {name: unknown for name, unknown in cell.bases.items() if name in group.robots}
+    if group.eye.robot is not None and group.eye.base is not None and group.hand.base is not None:
         # How the two stand to each other is all that the pair tells.
-        bases[group.eye] = Unknown("fixed", state.transforms[group.eye_base])
+        bases[group.eye.robot] = Unknown("fixed", state.transforms[group.eye.base])
     alone = replace(
         cell,
-        robots={name: robot for name, robot in cell.robots.items() if name in {*robots, cell.reference}},
+        robots={name: robot for name, robot in cell.robots.items() if name in {*group.robots, cell.reference}},
         bases=bases,
         cameras={group.camera: cell.cameras[group.camera]},
         targets={group.target: cell.targets[group.target]},
@@ -105,7 +105,7 @@ def _alone(cell: Cell, recording: Recording, group: ViewGroup, seen: Sequence[in
     samples = (
         replace(
             sample,
-            robots={name: of for name, of in sample.robots.items() if name in robots},
+            robots={name: of for name, of in sample.robots.items() if name in group.robots},
             observations=tuple(o for o in sample.observations if (o.camera, o.target) == (group.camera, group.target)),
         )
         for sample in (recording.samples[k] for k in seen)
@@ -115,6 +115,6 @@ def _alone(cell: Cell, recording: Recording, group: ViewGroup, seen: Sequence[in
         transforms={name: state.transforms[name] for name in alone.transforms if name in state.transforms},
         cameras={name: lens for name, lens in state.cameras.items() if name == group.camera},
         stop_errors=state.stop_errors[:0],
-        robots={name: of for name, of in state.robots.items() if name in robots},
+        robots={name: of for name, of in state.robots.items() if name in group.robots},
     )
     return PairAlone(alone, replace(recording, samples=tuple(samples)), own)

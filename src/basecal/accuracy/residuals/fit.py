@@ -9,7 +9,8 @@ import numpy as np
 
 from basecal.accuracy.residuals.loops import loops
 from basecal.cell import Residuals, SampleResidual
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.estimation.start.pair_views import umeyama
 from basecal.estimation.view.pixels import PixelMeasurement

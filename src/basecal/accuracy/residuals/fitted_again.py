@@ -15,7 +15,8 @@ from basecal.estimation.noise.robot_noise import with_robot_noise, without_error
 from basecal.estimation.noise.shaped_targets import points_of, reshaped
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Camera
@@ -89,6 +90,5 @@ def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:
 
 def _is_known(group: ViewGroup, transforms: Mapping[str, SE3], cameras: Mapping[str, Camera]) -> bool:
     """Whether every transform of a group is known, and where its views are in pixels the lens too."""
-    named = (group.camera_mount, group.target_mount, group.eye_base, group.hand_base)
     has_lens = group.camera in cameras or not isinstance(group.measurement, PixelMeasurement)
-    return has_lens and all(name in transforms for name in named if name is not None)
+    return has_lens and all(name in transforms for name in group.frames)

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Loop, SampleResidual, Unknown
-from basecal.estimation.certificate.rotation_cost import relation
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.noise.some_views import some_views
 from basecal.estimation.observability.observability import observability_of
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3
 
@@ -64,7 +64,7 @@ def loops(solution: Solution, per_sample: Sequence[SampleResidual]) -> tuple[Loo
 
 def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
     """Whose base the camera's robot and the target's stand on; what is on `world` counts from the reference's."""
-    eye, hand = (robot or problem.reference for robot in (group.eye, group.hand))
+    eye, hand = (end.robot or problem.reference for end in group.ends)
     return f"{eye}_base", f"{hand}_base"
 
 
@@ -110,14 +110,14 @@ def _relations(solution: Solution) -> list[_Relation]:
     relations = []
     for group in solution.problem.groups:
         start, end = _bases(solution.problem, group)
-        base = group.hand_base or group.eye_base
+        base = group.hand.base or group.eye.base
         if start == end or base is None or not len(group):
             continue
-        mounts = [name for name in (group.camera_mount, group.target_mount) if name in solution.problem.columns]
+        mounts = [end.mount for end in group.ends if end.mount in solution.problem.columns]
         state = _alone(solution, group, base, mounts) or _alone(solution, group, base, [])
         if state is not None:
             path = (start, group.camera, group.target, end)
-            relations.append(_Relation(start, end, path, relation(state, group), len(group)))
+            relations.append(_Relation(start, end, path, group.eye_base_from_hand_base(state.transforms), len(group)))
     return relations
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.residuals.fitted_again import FittedAgain, fitted_again
 from basecal.cell import Calibration, Cell, Outlier, Recording
-from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, BoolArray, IntArray
 

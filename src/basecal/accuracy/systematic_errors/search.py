@@ -167,8 +167,9 @@ def _without(solution: Solution, situation: Situation, suspect: _Suspect) -> Sol
             groups.append(group)
             continue
         of_target = (moves[:, 0] @ suspect.size)[..., None]
-        tangent = (links.target_from_hand_flange.inverse().adjoint() @ of_target)[..., 0]
-        groups.append(replace(group, hand_base_from_hand_flange=group.hand_base_from_hand_flange @ SE3.exp(tangent)))
+        tangent = (links.ends[1].target_from_flange.inverse().adjoint() @ of_target)[..., 0]
+        hand = replace(group.hand, base_from_flange=group.hand.base_from_flange @ SE3.exp(tangent))
+        groups.append(replace(group, ends=(group.eye, hand)))
     return replace(solution, problem=solution.problem.with_groups(groups))
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised
 from basecal.effects.faces.views import Group
 from basecal.estimation.problem.build import recorded_by_joints
-from basecal.estimation.problem.problem import Chain, Problem, State, ViewGroup, chain
+from basecal.estimation.problem.problem import Chain, Problem, State, chain
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics import SerialChain
 
@@ -80,7 +81,7 @@ class Situation:
     @cached_property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets that have a size."""
-        return tuple(sorted({g.target for g in self.groups if g.target_mount not in self.problem.point_mounts}))
+        return tuple(sorted({g.target for g in self.groups if g.hand.mount not in self.problem.point_mounts}))
 
     @cached_property
     def chains(self) -> dict[str, SerialChain]:
@@ -102,7 +103,7 @@ class Situation:
 
     def depends(self, k: int, name: str) -> bool:
         """Whether views of a group depend on a transform."""
-        return name in frames_of(self.problem.groups[k])
+        return name in self.problem.groups[k].frames
 
     def target_from_camera(self, k: int) -> SE3:
         """Of the views of a group, (n,)."""
@@ -111,47 +112,37 @@ class Situation:
     @cached_property
     def robots(self) -> tuple[str, ...]:
         """Names of the robots that stood in more than one place."""
-        stands: dict[str, set[int]] = {}
-        for g in self.problem.groups:
-            for robot, stand in ((g.eye, g.eye_stand), (g.hand, g.hand_stand)):
-                if robot is not None:
-                    stands.setdefault(robot, set()).update(stand.tolist())
-        return tuple(sorted(robot for robot, seen in stands.items() if len(seen) > 1))
+        stands = {r: np.concatenate([end.stand for end in self.problem.ends_of(r)]) for r in self.problem.robots}
+        return tuple(robot for robot, seen in stands.items() if len(np.unique(seen)) > 1)
 
     @cached_property
     def frames(self) -> tuple[str, ...]:
         """Names of the transforms that views depend on: mounts and bases."""
-        return tuple(dict.fromkeys(name for group in self.problem.groups for name in frames_of(group)))
+        return tuple(dict.fromkeys(name for group in self.problem.groups for name in group.frames))
 
     def by_flange(self, k: int, robot: str) -> Array:
         """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
         group, links = self.problem.groups[k], self.links[k]
         out = np.zeros((len(group), 6, 6))
-        if group.eye == robot:
-            out -= links.target_from_eye_flange.adjoint()
-        if group.hand == robot:
-            out += links.target_from_hand_flange.adjoint()
+        for end, link in zip(group.ends, links.ends, strict=True):
+            if end.robot == robot:
+                link.target_from_flange.put_adjoint(out, link.sign)
         return out
 
     def by_frame(self, k: int, name: str) -> Array:
         """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
         group, links = self.problem.groups[k], self.links[k]
         out = np.zeros((len(group), 6, 6))
-        for mine, sign, link in (
-            (group.camera_mount, -1.0, links.target_from_camera),
-            (group.eye_base, -1.0, links.target_from_eye_base),
-            (group.hand_base, 1.0, links.target_from_hand_base),
-        ):
-            if mine == name:
-                out += sign * link.adjoint()
-        return out + np.eye(6) if group.target_mount == name else out
+        for own, sign, link in links.frames(group):
+            if own == name:
+                out += sign * (np.eye(6) if link is None else link.adjoint())
+        return out
 
     def recorded_pose(self, k: int, robot: str) -> SE3:
         """Poses of a robot's flange in a group's views, (n,); identity where it carries nothing there."""
         group = self.problem.groups[k]
-        if group.eye == robot:
-            return group.eye_base_from_eye_flange
-        return group.hand_base_from_hand_flange if group.hand == robot else SE3.identity((len(group),))
+        end = group.end_of(robot)
+        return SE3.identity((len(group),)) if end is None else end.base_from_flange
 
     def velocity(self, robot: str) -> Array | None:
         """Body velocity of a robot at each of `samples`, (n, 6) by unit of `times`; None off a path."""
@@ -175,17 +166,12 @@ class Situation:
         rotation, translation = np.zeros((len(self.samples), 3, 3)), np.zeros((len(self.samples), 3))
         seen = np.zeros(len(self.samples), dtype=bool)
         for g in self.recorded.groups:
-            for name, poses in ((g.eye, g.eye_base_from_eye_flange), (g.hand, g.hand_base_from_hand_flange)):
-                if name == robot:
-                    at = self.rank(g)
-                    rotation[at], translation[at], seen[at] = poses.rotation, poses.translation, True
+            end = g.end_of(robot)
+            if end is not None:
+                at, poses = self.rank(g), end.base_from_flange
+                rotation[at], translation[at], seen[at] = poses.rotation, poses.translation, True
         where = np.flatnonzero(seen).astype(np.int64)
         return where, SE3(rotation[where], translation[where])
-
-
-def frames_of(group: ViewGroup) -> list[str]:
-    """Names of the transforms that a group's views depend on: bases and mounts."""
-    return [n for n in (group.eye_base, group.hand_base, group.camera_mount, group.target_mount) if n]
 
 
 def _size(tangents: Array) -> float:

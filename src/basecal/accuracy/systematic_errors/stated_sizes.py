@@ -13,7 +13,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
 from basecal.effects.faces.found import FoundEffect
-from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 

@@ -78,10 +78,5 @@ def in_base_axes(by_columns: Array, base_from_flange: Array) -> Array:
 
 def recorded_joints(problem: Problem, robot: str) -> Array | None:
     """Joints of a robot in all views, (m, n) [rad]; None where they were not recorded."""
-    found = [
-        joints
-        for group in problem.groups
-        for name, joints in ((group.eye, group.eye_joints), (group.hand, group.hand_joints))
-        if name == robot and joints is not None
-    ]
+    found = [end.joints for end in problem.ends_of(robot) if end.joints is not None]
     return np.concatenate(found) if found else None

@@ -16,7 +16,8 @@ from basecal.accuracy.task.expected_error import length_quantiles
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.task import least_known, placing, task_at
 from basecal.cell import Calibration, Cell, ErrorMap
-from basecal.estimation.problem.problem import State, ViewGroup
+from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
 
@@ -57,11 +58,9 @@ def error_map(
 
 def seen_at(group: ViewGroup, state: State) -> Array:
     """Where targets were in the reference's base, (n, 3); the camera instead of one that stays where it is."""
-    on_arm = group.hand is not None
-    base, mount = (group.hand_base, group.target_mount) if on_arm else (group.eye_base, group.camera_mount)
-    poses = group.hand_base_from_hand_flange if on_arm else group.eye_base_from_eye_flange
-    world_from_base = SE3.identity() if base is None else state.transforms[base]
-    return (world_from_base @ poses @ state.transforms[mount]).translation
+    end = group.eye if group.hand.robot is None else group.hand
+    world_from_base = SE3.identity() if end.base is None else state.transforms[end.base]
+    return (world_from_base @ end.base_from_flange @ state.transforms[end.mount]).translation
 
 
 def _box(places: Array) -> Array:

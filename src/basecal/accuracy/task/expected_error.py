@@ -148,12 +148,11 @@ def at_points(covariance: Array, places: Array) -> Array:
 def _places(name: str, cell: Cell, fitted: FittedAgain) -> Iterator[Array]:
     """Where a transform `a_from_b` is used, in b, (n, 3) of each group of views."""
     for group in fitted.problem.groups:
-        if name == group.eye_base:
-            yield group.eye_base_from_eye_flange.translation
-        if name == group.hand_base:
-            yield group.hand_base_from_hand_flange.translation
-        if name == group.camera_mount:
+        for end in group.ends:
+            if name == end.base:
+                yield end.base_from_flange.translation
+        if name == group.eye.mount:
             yield fitted.state.camera_from_target(group, fitted.problem.stops).translation
-        if name == group.target_mount:
+        if name == group.hand.mount:
             shape = cell.targets[group.target].target
             yield np.zeros((1, 3)) if shape is None else shape.points  # the origin of one that is seen only as poses

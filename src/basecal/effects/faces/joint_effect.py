@@ -28,12 +28,12 @@ def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints)
     def moved(k: int) -> Array | None:
         """Moves of a group, (n, 6, joints); None if the robot carries nothing there."""
         group = views.groups[k]
-        if robot not in (group.eye, group.hand):
+        end = group.end_of(robot)
+        if end is None:
             return None
-        joints = group.eye_joints if group.eye == robot else group.hand_joints
-        if joints is None:
+        if end.joints is None:
             return np.zeros((len(group), 6, chain.n))
-        return views.by_flange(k, robot) @ (chain.jacobian(joints) * turn(chain, joints)[:, None, :])
+        return views.by_flange(k, robot) @ (chain.jacobian(end.joints) * turn(chain, end.joints)[:, None, :])
 
     return tuple(moved(k) for k in range(len(views.groups)))
 

@@ -14,6 +14,14 @@ Moves = tuple[Array | None, ...]
 """By group of views, (n, 6, q) right tangents of `camera_from_target` by unit sizes; None for a group that is still."""
 
 
+class End(Protocol):
+    """What a robot carries in n views: their camera or their target."""
+
+    @property
+    def joints(self) -> Array | None:
+        """(n, joints) of the robot as recorded [rad]."""
+
+
 class Group(Protocol):
     """Views of one target by one camera, n of them."""
 
@@ -26,28 +34,11 @@ class Group(Protocol):
         """Name of the target."""
 
     @property
-    def target_mount(self) -> str:
-        """Name of the target's transform."""
-
-    @property
     def sample(self) -> IntArray:
         """(n,) numbers of the samples."""
 
-    @property
-    def eye(self) -> str | None:
-        """Robot that carries the camera; None for the world."""
-
-    @property
-    def hand(self) -> str | None:
-        """Robot that carries the target; None for the world."""
-
-    @property
-    def eye_joints(self) -> Array | None:
-        """(n, joints) as recorded [rad]."""
-
-    @property
-    def hand_joints(self) -> Array | None:
-        """(n, joints) as recorded [rad]."""
+    def end_of(self, robot: str) -> End | None:
+        """The end that a robot carries; None if it carries neither camera nor target."""
 
     def __len__(self) -> int:
         """How many views there are."""
@@ -120,7 +111,7 @@ class Views(Protocol):
 
 def carried(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
     """Moves of the groups whose camera or target a robot carries."""
-    return tuple(move(views, k, robot) if robot in (g.eye, g.hand) else None for k, g in enumerate(views.groups))
+    return tuple(move(views, k, robot) if g.end_of(robot) else None for k, g in enumerate(views.groups))
 
 
 def elapsed_share(views: Views) -> Array:

@@ -13,7 +13,8 @@ import numpy as np
 
 from basecal.errors import NotObservable
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
@@ -88,14 +89,15 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
         if not isinstance(measurement, PixelMeasurement) or len(measurement.points_in_target) != 1:
             continue
         camera = cameras[group.camera]
-        eye_flange_from_camera = _known(problem, group.camera_mount)
-        hand_flange_from_light = _known(problem, group.target_mount)
+        eye_flange_from_camera = _known(problem, group.eye.mount)
+        hand_flange_from_light = _known(problem, group.hand.mount)
         bearings, valid = camera.undistort(measurement.pixels[:, 0])
         px = camera.focal * bearings[:, :2] / bearings[:, 2:]
         for run in _runs(group):
             views = run[valid[run]]
-            eye_base_from_camera = group.eye_base_from_eye_flange[views] @ eye_flange_from_camera
-            hand_base_from_light = group.hand_base_from_hand_flange[views] @ hand_flange_from_light
+            eye_base_from_eye_flange, hand_base_from_hand_flange = (end.base_from_flange[views] for end in group.ends)
+            eye_base_from_camera = eye_base_from_eye_flange @ eye_flange_from_camera
+            hand_base_from_light = hand_base_from_hand_flange @ hand_flange_from_light
             found.append(_station(group, views, px[views], eye_base_from_camera, hand_base_from_light, camera.focal))
     stations = [station for station in found if station is not None]
     if not stations:
@@ -134,7 +136,7 @@ def _known(problem: Problem, name: str) -> SE3:
 
 def _runs(group: ViewGroup) -> Iterator[IntArray]:
     """Views between which neither the camera moved nor the light was turned, in order."""
-    eye, hand = group.eye_base_from_eye_flange, group.hand_base_from_hand_flange
+    eye, hand = group.eye.base_from_flange, group.hand.base_from_flange
     start = 0
     for i in range(1, len(group)):
         shift = float(np.linalg.norm(eye[start].translation - eye[i].translation))

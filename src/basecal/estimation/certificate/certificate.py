@@ -166,14 +166,7 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
     loop, found = loops[0].form.loop, rotations_of(loops[0].form.loop, loops[0].bound.factors)
     x, y, z = solve_translations(loop, found)
     group, columns, transforms = solution.problem.groups[0], solution.problem.columns, dict(solution.state.transforms)
-    world_from_eye_base, world_from_hand_base = (
-        SE3.identity() if name is None else transforms[name] for name in (group.eye_base, group.hand_base)
-    )
-    placed = {group.camera_mount: x, group.target_mount: z}
-    if group.hand_base in columns:
-        placed[str(group.hand_base)] = world_from_eye_base @ y
-    elif group.eye_base in columns:
-        placed[str(group.eye_base)] = world_from_hand_base @ y.inverse()
+    placed = {group.eye.mount: x, group.hand.mount: z} | group.placed_base(y, transforms, columns)
     transforms |= {name: value for name, value in placed.items() if name in columns}
     return _better(solution, replace(solution.state, transforms=transforms))
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from basecal.estimation.certificate.relaxation import Factors
 from basecal.estimation.certificate.view_rotation import ViewCosts
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import quaternion_from_rotation, rotation_from_quaternion
@@ -68,7 +69,7 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     # + b) <= sin(a) + sin(b) and Cauchy's inequality; a stop's error counts for all of its views.
     with np.errstate(divide="ignore"):
         slack = 1 / views.weight
-    weight = 1 / (slack + _robot_slack(problem, group.eye_stop) + _robot_slack(problem, group.hand_stop))
+    weight = 1 / (slack + sum(_robot_slack(problem, end.stop) for end in group.ends))
     loop = loop._replace(weight=weight)
     total = float(weight.sum())
     size = 4 ** len(loop.unknown)
@@ -102,19 +103,11 @@ def rotations_of(loop: Loop, factors: Factors) -> Rotations:
 
 def present(problem: Problem, state: State, group: ViewGroup, merged: str) -> tuple[Array, Array, Array]:
     """Rotations of X, Y and Z of a state, merged as in a `LoopForm`."""
-    x, z = state.transforms[group.camera_mount].rotation, state.transforms[group.target_mount].rotation
-    y = relation(state, group).rotation
+    x, z = state.transforms[group.eye.mount].rotation, state.transforms[group.hand.mount].rotation
+    y = group.eye_base_from_hand_base(state.transforms).rotation
     if merged == "x":
         return y.T @ x, np.eye(3), z
     return (x, np.eye(3), y @ z) if merged == "z" else (x, y, z)
-
-
-def relation(state: State, group: ViewGroup) -> SE3:
-    """`eye_base_from_hand_base` of a state."""
-    world_from_eye_base, world_from_hand_base = (
-        SE3.identity() if name is None else state.transforms[name] for name in (group.eye_base, group.hand_base)
-    )
-    return world_from_eye_base.inverse() @ world_from_hand_base
 
 
 def _inverse(rotation: Array) -> Array:
@@ -123,25 +116,24 @@ def _inverse(rotation: Array) -> Array:
 
 def _loop(problem: Problem, state: State, group: ViewGroup, views: ViewCosts) -> tuple[Loop, str]:
     fixed = {n for n, unknown in problem.unknowns.items() if unknown.status == "fixed"}
-    x = state.transforms[group.camera_mount] if group.camera_mount in fixed else None
-    z = state.transforms[group.target_mount] if group.target_mount in fixed else None
-    y = relation(state, group) if all(n is None or n in fixed for n in (group.eye_base, group.hand_base)) else None
+    x, z = (state.transforms[end.mount] if end.mount in fixed else None for end in group.ends)
+    is_placed = all(end.base is None or end.base in fixed for end in group.ends)
+    y = group.eye_base_from_hand_base(state.transforms) if is_placed else None
     merged = ""
-    if y is None and group.eye is None:
+    if y is None and group.eye.robot is None:
         x, y, merged = None, SE3.identity(), "x"
-    elif y is None and group.hand is None:
+    elif y is None and group.hand.robot is None:
         z, y, merged = None, SE3.identity(), "z"
     b = views.camera_from_target
-    return Loop(group.eye_base_from_eye_flange, b, group.hand_base_from_hand_flange, x, y, z, views.weight), merged
+    return Loop(group.eye.base_from_flange, b, group.hand.base_from_flange, x, y, z, views.weight), merged
 
 
 def _robot_slack(problem: Problem, stop: IntArray) -> Array:
     if not len(problem.stops):
         return np.zeros(len(stop))
     sigma = problem.stops.sigma[:, 3:].max(1)
-    shared = sum(
-        np.bincount(s[s >= 0], minlength=len(sigma)) for g in problem.groups for s in (g.eye_stop, g.hand_stop)
-    )
+    stops = [end.stop for group in problem.groups for end in group.ends]
+    shared = sum(np.bincount(s[s >= 0], minlength=len(sigma)) for s in stops)
     slack: Array = np.where(stop >= 0, (shared * sigma**2)[stop] / 4, 0.0)
     return slack
 

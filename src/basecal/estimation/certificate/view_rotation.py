@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement

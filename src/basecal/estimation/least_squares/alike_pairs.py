@@ -14,7 +14,8 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise, retract
-from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup, has_noise
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.numerics.batch import stack
 
@@ -22,7 +23,7 @@ MOST_VIEWS = 2000
 """Of a batch: more gain nothing, and take memory that no cache holds."""
 
 _LENS = "camera"
-_ENDS = ("camera_mount", "eye_base", "hand_base", "target_mount")  # fields of a group that name transforms
+_NAMES = ("eye", "hand")  # of the ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,13 +100,22 @@ def _structure(problem: Problem, group: ViewGroup) -> Hashable:
     """What pairs of one batch have alike."""
     points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
     lens = problem.lenses.get(group.camera)
-    widths = tuple((f, _width(problem, getattr(group, f))) for f in _ENDS if getattr(group, f) is not None)
+    widths = tuple((of, _width(problem, name)) for of, name in _frames(group).items())
     # Each stop has a sigma of its own; those of a robot are alike.
-    sigmas = tuple(
-        problem.stops.sigma[s[0]].tobytes() if has_noise(s) else b"" for s in (group.eye_stop, group.hand_stop)
-    )
+    sigmas = tuple(problem.stops.sigma[end.stop[0]].tobytes() if end.has_noise else b"" for end in group.ends)
+    still = tuple(end.robot is None for end in group.ends)
     of_lens = (lens is not None, _width(problem, group.camera))
-    return type(group.measurement), points.tobytes(), group.eye is None, group.hand is None, widths, of_lens, sigmas
+    return type(group.measurement), points.tobytes(), still, widths, of_lens, sigmas
+
+
+def _frames(group: ViewGroup) -> dict[str, str]:
+    """The transforms of a group by their names in pairs."""
+    named = {}
+    for name, end in zip(_NAMES, group.ends, strict=True):
+        named[f"{name}_mount"] = end.mount
+        if end.base is not None:
+            named[f"{name}_base"] = end.base
+    return named
 
 
 def _width(problem: Problem, name: str) -> int:
@@ -115,34 +125,32 @@ def _width(problem: Problem, name: str) -> int:
 
 def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     groups = [problem.groups[number] for number in numbers]
-    fields = [f for f in _ENDS if getattr(groups[0], f) is not None]
+    frames = [_frames(group) for group in groups]
     most = max(map(len, groups))
     rows = np.stack([np.where(np.arange(most) < len(g), np.arange(most), 0) for g in groups])
     taken = [group.take(row) for group, row in zip(groups, rows, strict=True)]
     columns, at = {}, 0
     for name, width in [
-        *((f, _width(problem, getattr(groups[0], f))) for f in fields),
+        *((of, _width(problem, name)) for of, name in frames[0].items()),
         (_LENS, _width(problem, groups[0].camera)),
     ]:
         if width:
             columns[name] = slice(at, at + width)
             at += width
     where = [
-        np.concatenate([_range(problem, getattr(group, f) if f in fields else group.camera) for f in columns])
-        for group in groups
+        np.concatenate([_range(problem, named.get(of, group.camera)) for of in columns])
+        for group, named in zip(groups, frames, strict=True)
     ]
-    noisy = [stop for stop in ("eye_stop", "hand_stop") if has_noise(getattr(groups[0], stop))]
-    own = {stop: k * most + np.arange(most) for k, stop in enumerate(noisy)}
-    stops = np.stack(
-        [np.concatenate([getattr(g, s) for s in noisy]) if noisy else np.zeros(0, dtype=np.int64) for g in taken]
-    )
+    noisy = [k for k, end in enumerate(groups[0].ends) if end.has_noise]
+    none = np.zeros(0, dtype=np.int64)
+    stops = np.stack([np.concatenate([none, *(g.ends[k].stop for k in noisy)]) for g in taken])
     sigma = problem.stops.sigma[stops[0]]
-    unknowns = {f: Unknown("free") for f in fields}
-    points = frozenset(f for f in fields if columns.get(f) and columns[f].stop - columns[f].start == 3)
+    unknowns = {of: Unknown("free") for of in frames[0]}
+    points = frozenset(of for of in frames[0] if columns.get(of) and columns[of].stop - columns[of].start == 3)
     return AlikePairs(
-        Problem(problem.reference, (_one_group(taken, own),), unknowns, points, {}, Stops(sigma), columns),
+        Problem(problem.reference, (_one_group(taken),), unknowns, points, {}, Stops(sigma), columns),
         numbers,
-        tuple({f: getattr(group, f) for f in fields} for group in groups),
+        tuple(frames),
         tuple(group.camera for group in groups),
         rows,
         (np.arange(most) < np.array([[len(g)] for g in groups])).astype(float),
@@ -156,25 +164,25 @@ def _range(problem: Problem, name: str) -> IntArray:
     return np.arange(where.start, where.stop)
 
 
-def _one_group(taken: Sequence[ViewGroup], own: Mapping[str, IntArray]) -> ViewGroup:
+def _one_group(taken: Sequence[ViewGroup]) -> ViewGroup:
     """The views of pairs as one group (b, n), the stops as all its entries number them."""
-    first = taken[0]
-    return replace(
-        first,
-        camera=_LENS,
-        target="target",
-        camera_mount="camera_mount",
-        target_mount="target_mount",
-        eye_base=None if first.eye_base is None else "eye_base",
-        hand_base=None if first.hand_base is None else "hand_base",
-        sample=np.stack([g.sample for g in taken]),
-        eye_base_from_eye_flange=SE3.stack([g.eye_base_from_eye_flange for g in taken]),
-        hand_base_from_hand_flange=SE3.stack([g.hand_base_from_hand_flange for g in taken]),
-        eye_stop=own.get("eye_stop", first.eye_stop),
-        hand_stop=own.get("hand_stop", first.hand_stop),
-        measurement=stack([g.measurement for g in taken]),
-        readings=(),
-        half_turn=None,
-        eye_joints=None,
-        hand_joints=None,
-    )
+    stops = _stops_in_turn(taken[0])
+    eye, hand = (_one_end(name, [group.ends[k] for group in taken], stops[k]) for k, name in enumerate(_NAMES))
+    sample, measurement = np.stack([g.sample for g in taken]), stack([g.measurement for g in taken])
+    return ViewGroup(_LENS, "target", (eye, hand), sample, measurement, motion=taken[0].motion)
+
+
+def _stops_in_turn(group: ViewGroup) -> list[IntArray]:
+    """Of both ends, (n,): each view's own stop, those of the hand after those of the eye; -1 without noise."""
+    stops, count = [], 0
+    for end in group.ends:
+        stops.append(np.arange(count, count + len(group)) if end.has_noise else end.stop)
+        count += len(group) if end.has_noise else 0
+    return stops
+
+
+def _one_end(name: str, ends: Sequence[End], stop: IntArray) -> End:
+    """One end of pairs, (b, n)."""
+    base = None if ends[0].base is None else f"{name}_base"
+    poses = SE3.stack([end.base_from_flange for end in ends])
+    return replace(ends[0], mount=f"{name}_mount", base=base, base_from_flange=poses, stop=stop, joints=None)

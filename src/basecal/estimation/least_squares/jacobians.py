@@ -8,17 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.problem.problem import (
-    Chain,
-    Problem,
-    State,
-    Stops,
-    ViewGroup,
-    has_noise,
-    noisy_stops,
-    stop_tangents,
-)
+from basecal.estimation.problem.problem import Chain, Problem, State, Stops, stop_tangents
 from basecal.estimation.problem.robot_parameters import by_columns
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian
 
@@ -35,13 +27,8 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     Returns:
         (..., n, rows, m), and the m columns of the problem they belong to.
     """
-    parts = [
-        (group.camera_mount, -1.0, links.target_from_camera),
-        (group.eye_base, -1.0, links.target_from_eye_base),
-        (group.hand_base, 1.0, links.target_from_hand_base),
-        (group.target_mount, 1.0, None),
-    ]
-    present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name and name in problem.columns]
+    parts = links.frames(group)
+    present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
     columns = [np.arange(c.start, c.stop) for _, _, c in present] + ([np.arange(lens.start, lens.stop)] if lens else [])
     out = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
@@ -68,16 +55,14 @@ def by_robot_models(
     """
     shape = links.target_from_camera.shape
     blocks, columns = [np.zeros((*shape, rows, 0))], [np.zeros(0, dtype=np.int64)]
-    for robot, sign, joints, link, stop in (
-        (group.eye, -1.0, group.eye_joints, links.target_from_eye_flange, group.eye_stop),
-        (group.hand, 1.0, group.hand_joints, links.target_from_hand_flange, group.hand_stop),
-    ):
-        model = problem.modelled(robot)
-        if model is None or joints is None:
+    for end, link in zip(group.ends, links.ends, strict=True):
+        model = problem.modelled(end.robot)
+        if model is None or end.joints is None:
             continue
-        if has_noise(stop):  # the flange as modelled comes before the error of its stop
-            link = link @ SE3.exp(-state.stop_errors[..., stop, :] * problem.stops.sigma[stop])
-        moved = sign * link.adjoint() @ by_columns(model, state.kinematics(model), joints)
+        flange = link.target_from_flange
+        if end.has_noise:  # the flange as modelled comes before the error of its stop
+            flange = flange @ SE3.exp(-state.stop_errors[..., end.stop, :] * problem.stops.sigma[end.stop])
+        moved = link.sign * flange.adjoint() @ by_columns(model, state.kinematics(model), end.joints)
         block = np.zeros((*shape, rows, moved.shape[-1]))
         block[..., :6, :] = moved
         blocks.append(block)
@@ -93,18 +78,17 @@ def by_stop_errors(
     Returns:
         For each of the two robots with noise: the stop of each view, (n,), and the derivative, (..., n, rows, 6).
     """
-    noisy = noisy_stops(group)
+    noisy = [(end.stop, link) for end, link in zip(group.ends, links.ends, strict=True) if end.has_noise]
     if not noisy:
         return []
     tangents, n = stop_tangents(group, state, stops), len(group)
-    moved = right_jacobian(tangents) * stops.sigma[np.concatenate(noisy)][:, None, :]
-    signed = ((-1.0, links.target_from_eye_flange), (1.0, links.target_from_hand_flange))
+    moved = right_jacobian(tangents) * stops.sigma[np.concatenate([stop for stop, _ in noisy])][:, None, :]
     parts = []
-    for k, (sign, link) in enumerate(signed[2 - len(noisy) :] if has_noise(group.hand_stop) else signed[:1]):
-        adjoint = np.zeros((*link.shape, 6, 6))
-        link.put_adjoint(adjoint, sign)
+    for k, (stop, link) in enumerate(noisy):
+        adjoint = np.zeros((*link.target_from_flange.shape, 6, 6))
+        link.target_from_flange.put_adjoint(adjoint, link.sign)
         by_error = adjoint @ moved[..., k * n : (k + 1) * n, :, :]
         if rows > 6:
             by_error = np.concatenate([by_error, np.zeros((*by_error.shape[:-2], rows - 6, 6))], -2)
-        parts.append((noisy[k], by_error))
+        parts.append((stop, by_error))
     return parts

@@ -16,8 +16,9 @@ import numpy as np
 
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
-from basecal.estimation.problem.problem import Problem, State, ViewGroup, chain
+from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.robot_parameters import after_step, column_values
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray

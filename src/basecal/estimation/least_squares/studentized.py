@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.least_squares.normal_equations import LinearisedViews, NormalEquations, linearise
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians

@@ -187,7 +187,7 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
 
 def _layout(problem: Problem, shared: Mapping[str, SharedErrors]) -> Layout:
     count = len(problem.stops)
-    pairs = np.concatenate([np.column_stack([g.eye_stop, g.hand_stop]) for g in problem.groups])
+    pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
     of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED)
     block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
     column = np.full(count, -1, dtype=np.int64)
@@ -219,9 +219,10 @@ def _shaken(
     found, taken = [], set[int]()
     for group in problem.groups:
         own, row = (np.full(len(group), -1, dtype=np.int64) for _ in range(2))
+        stops = [end.stop for end in group.ends]
         is_shaken = group.camera in problem.open_jitter or problem.shake(group) is not None
         for view in range(len(group)) if is_shaken and group.motion is not None else ():
-            of_stops = [int(block[s[view]]) for s in (group.eye_stop, group.hand_stop) if s[view] >= 0]
+            of_stops = [int(block[s[view]]) for s in stops if s[view] >= 0]
             here = max(of_stops, default=-1)
             if here < 0:
                 here, blocks = blocks, blocks + 1
@@ -245,14 +246,13 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
     block = np.full(n, -1, dtype=np.int64)
-    for stop, by_error in by_stop_errors(group, links, state, problem.stops, rows):
+    noisy = [end for end in group.ends if end.has_noise]
+    for end, (stop, by_error) in zip(noisy, by_stop_errors(group, links, state, problem.stops, rows), strict=True):
         present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
         _place(fixed, errors, block, stop, by_error, layout)
-        robot = problem.stops.robot[stop[0]]
-        if robot in layout.common:
-            at, shared = layout.common[robot]
-            stand = group.eye_stand if robot == group.eye else group.hand_stand
-            fixed[:, :, at : at + len(shared.is_turn)] += by_error @ shared.by_stop[stand]
+        if end.robot is not None and end.robot in layout.common:
+            at, shared = layout.common[end.robot]
+            fixed[:, :, at : at + len(shared.is_turn)] += by_error @ shared.by_stop[end.stand]
     _place_jitter(errors, block, problem, number, layout)
     carried = (view.information[..., :rows] @ present[..., None])[..., 0]
     gradient = view.gradient - carried

@@ -42,18 +42,16 @@ class Neighbourhood:
 
 def goes_by_neighbourhoods(problem: Problem) -> bool:
     """Whether a problem has so many unknowns that sigmas are estimated by neighbourhoods."""
-    return problem.width >= MANY_COLUMNS and not problem.models and len(_robots(problem)) > 1
+    return problem.width >= MANY_COLUMNS and not problem.models and len(problem.robots) > 1
 
 
 def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
     """That of each robot; each camera and target is told of in that of whoever carries it, or first shares a view."""
-    carrier = {group.camera: group.eye or group.hand for group in reversed(problem.groups)}
-    holder = {group.target: group.hand or group.eye for group in reversed(problem.groups)}
-    for robot in _robots(problem):
-        few, own = some_views(
-            problem.with_groups(g for g in problem.groups if robot in (g.eye, g.hand)), state, _MOST_VIEWS
-        )
-        base = next((g.eye_base if g.eye == robot else g.hand_base for g in few.groups), None)  # None of the reference
+    carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
+    holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
+    for robot in problem.robots:
+        few, own = some_views(problem.with_groups(g for g in problem.groups if g.end_of(robot)), state, _MOST_VIEWS)
+        base = next((end.base for end in few.ends_of(robot)), None)  # None of the reference
         yield Neighbourhood(
             robot,
             replace(few, columns=_columns(few, base)),
@@ -89,15 +87,11 @@ def together(found: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourho
     )
 
 
-def _robots(problem: Problem) -> list[str]:
-    return sorted({robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None})
-
-
 def _columns(problem: Problem, held: str | None) -> dict[str, slice]:
     """The columns of what the problem's views depend on, without those of one base."""
     named: set[str | None] = set()
     for group in problem.groups:
-        named |= {group.camera_mount, group.target_mount, group.eye_base, group.hand_base, group.camera}
+        named |= {*group.frames, group.camera}
     named.discard(held)
     columns, at = {}, 0
     for name, where in problem.columns.items():

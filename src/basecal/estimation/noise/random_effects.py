@@ -35,12 +35,7 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
         return None
     seen = stands(problem, robot)[1]
     joints = np.zeros((len(seen), chain.n))
-    for group in problem.groups:
-        for name, stand, recorded in (
-            (group.eye, group.eye_stand, group.eye_joints),
-            (group.hand, group.hand_stand, group.hand_joints),
-        ):
-            if name == robot and recorded is not None:
-                joints[stand] = recorded
+    for end in problem.ends_of(robot):
+        joints[end.stand] = end.joints
     joints[~seen] = joints[seen].mean(0)
     return Posture(chain, joints, chain.at(joints))

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.estimation.problem.problem import Problem, State, Stops, ViewGroup
+from basecal.estimation.problem.problem import Problem, State, Stops
+from basecal.estimation.problem.view_group import End
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 
 def stops_made(problem: Problem, robot: str) -> int:
     """How many stops a robot made, of those that a view was taken at."""
-    stands = [g.eye_stand for g in problem.groups if g.eye == robot]
-    stands += [g.hand_stand for g in problem.groups if g.hand == robot]
+    stands = [end.stand for end in problem.ends_of(robot)]
     return len(np.unique(np.concatenate(stands))) if stands else 0
 
 
@@ -23,14 +23,9 @@ def stands(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
     count = _highest_stand(problem, robot) + 1
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     seen = np.zeros(count, dtype=bool)
-    for group in problem.groups:
-        for name, stand, poses in (
-            (group.eye, group.eye_stand, group.eye_base_from_eye_flange),
-            (group.hand, group.hand_stand, group.hand_base_from_hand_flange),
-        ):
-            if name == robot:
-                rotation[stand], translation[stand] = poses.rotation, poses.translation
-                seen[stand] = True
+    for end in problem.ends_of(robot):
+        rotation[end.stand], translation[end.stand] = end.base_from_flange.rotation, end.base_from_flange.translation
+        seen[end.stand] = True
     return SE3(rotation, translation), seen
 
 
@@ -50,7 +45,7 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
         first[robot] = len(names)
         names += [robot] * count
         sigma.append(np.broadcast_to(sigmas[robot], (count, 6)))
-    groups = tuple(_renumbered(group, renumbered, first) for group in problem.groups)
+    groups = tuple(g.with_ends(lambda end: _renumbered(end, renumbered, first)) for g in problem.groups)
     return replace(problem, groups=groups, stops=Stops(np.concatenate(sigma), tuple(names)))
 
 
@@ -60,20 +55,12 @@ def without_errors(problem: Problem, state: State) -> State:
 
 
 def _highest_stand(problem: Problem, robot: str) -> int:
-    of_eyes = [int(g.eye_stand.max(initial=-1)) for g in problem.groups if g.eye == robot]
-    of_hands = [int(g.hand_stand.max(initial=-1)) for g in problem.groups if g.hand == robot]
-    return max((*of_eyes, *of_hands, problem.stands.get(robot, 0) - 1))
+    highest = [int(end.stand.max(initial=-1)) for end in problem.ends_of(robot)]
+    return max((*highest, problem.stands.get(robot, 0) - 1))
 
 
-def _renumbered(group: ViewGroup, renumbered: IntArray, first: Mapping[str, int]) -> ViewGroup:
-    def rows(robot: str | None, stop: IntArray, stand: IntArray) -> IntArray:
-        """Rows of the stops' errors of a robot's views."""
-        if robot is not None and robot in first:
-            return stand + first[robot]
-        return np.append(renumbered, -1)[stop]
-
-    return replace(
-        group,
-        eye_stop=rows(group.eye, group.eye_stop, group.eye_stand),
-        hand_stop=rows(group.hand, group.hand_stop, group.hand_stand),
-    )
+def _renumbered(end: End, renumbered: IntArray, first: Mapping[str, int]) -> End:
+    """An end with other rows of its stops' errors."""
+    if end.robot is not None and end.robot in first:
+        return replace(end, stop=end.stand + first[end.robot])
+    return replace(end, stop=np.append(renumbered, -1)[end.stop])

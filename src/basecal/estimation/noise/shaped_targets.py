@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.effects.target_shape import BOW_COEFFICIENTS, has_area, is_flat, unit_shifts
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
 

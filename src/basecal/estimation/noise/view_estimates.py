@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera

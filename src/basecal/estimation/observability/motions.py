@@ -68,19 +68,14 @@ def motions(problem: Problem) -> dict[str, Motion]:
         order = np.argsort(-about)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
         twists = _indistinct(base_from_flange, least.get(robot, LEAST_RMS))[0]
-        count = len({int(n) for g in problem.groups if robot in (g.eye, g.hand) for n in g.sample})
+        count = len({int(n) for g in problem.groups if g.end_of(robot) for n in g.sample})
         found[robot] = Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
     return found
 
 
 def _poses(problem: Problem) -> dict[str, SE3]:
     """Recorded poses of each robot, (n,), one a view."""
-    found: dict[str, list[SE3]] = {}
-    for group in problem.groups:
-        if group.eye is not None:
-            found.setdefault(group.eye, []).append(group.eye_base_from_eye_flange)
-        if group.hand is not None:
-            found.setdefault(group.hand, []).append(group.hand_base_from_hand_flange)
+    found = {robot: [end.base_from_flange for end in problem.ends_of(robot)] for robot in problem.robots}
     return {robot: concatenate(found[robot]) for robot in sorted(found)}
 
 
@@ -150,18 +145,15 @@ def _direction(problem: Problem, state: State, robot: str, at_base: Array, at_fl
 
 def attached(problem: Problem, robot: str) -> list[str]:
     """Names of the mounts on a robot's flange, of those that see or are seen."""
-    names = [g.camera_mount for g in problem.groups if g.eye == robot]
-    names += [g.target_mount for g in problem.groups if g.hand == robot]
-    return list(dict.fromkeys(names))
+    return list(dict.fromkeys(end.mount for end in problem.ends_of(robot)))
 
 
 def based(problem: Problem, robot: str) -> list[str]:
     """Names of the transforms that say where a robot's base stands: of the reference's, all that stand about it."""
     if robot != problem.reference:
-        return [n for g in problem.groups for n in (g.eye_base, g.hand_base) if n and n.endswith(f"_from_{robot}_base")]
-    names = [n for g in problem.groups for n in (g.eye_base, g.hand_base) if n is not None]
-    names += [g.camera_mount for g in problem.groups if g.eye is None]
-    names += [g.target_mount for g in problem.groups if g.hand is None]
+        return [end.base for end in problem.ends_of(robot) if end.base is not None]
+    names = [end.base for group in problem.groups for end in group.ends if end.base is not None]
+    names += [end.mount for end in problem.ends_of(None)]
     return list(dict.fromkeys(names))
 
 

@@ -20,7 +20,8 @@ from basecal.estimation.noise.estimate import residual_counts
 from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 from basecal.estimation.outliers.view_ransac import Points, Prior, RansacViews, explained, view_ransac
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.view_pose import refined
@@ -110,7 +111,7 @@ def _point_scale(
 def _in_stops(group: ViewGroup, bad: BoolArray) -> BoolArray:
     """Which views stand in a stop that is not to be used."""
     out = np.zeros(len(group), dtype=bool)
-    for stop in (group.eye_stop, group.hand_stop):
+    for stop in (end.stop for end in group.ends):
         out |= (stop >= 0) & (bad[stop] if len(bad) else False)
     return out
 

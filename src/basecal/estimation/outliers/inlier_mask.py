@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.estimation.problem.correspondence import half_turned
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -72,7 +73,7 @@ def at_stops_of(problem: Problem, state: State) -> State:
     """The state without the errors of stops in which no view of the problem stands."""
     used = np.zeros(len(problem.stops), dtype=bool)
     for group in problem.groups:
-        for stop in (group.eye_stop, group.hand_stop):
+        for stop in (end.stop for end in group.ends):
             used[stop[stop >= 0]] = True
     return replace(state, stop_errors=np.where(used[:, None], state.stop_errors, 0.0))
 

@@ -9,7 +9,8 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.estimation.outliers.classify import Classification
 from basecal.estimation.outliers.inlier_mask import InlierMask, masked
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.points import PointMeasurement

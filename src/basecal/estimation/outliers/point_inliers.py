@@ -14,7 +14,8 @@ from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
 from basecal.estimation.outliers.inlier_mask import all_inliers, point_count
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 from basecal.estimation.outliers.view_ransac import FEW_POINTS, Points, largest_agreement, near_fits, subset_fits
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement

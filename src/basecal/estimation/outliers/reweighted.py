@@ -16,7 +16,8 @@ import numpy as np
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
 from basecal.estimation.outliers.robust_scale import Scale
-from basecal.estimation.problem.problem import Problem, State, ViewGroup
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.points import PointMeasurement

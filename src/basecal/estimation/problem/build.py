@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from basecal.cell import (
+    WORLD,
     CandidateObservation,
     Cell,
     Finding,
@@ -26,11 +26,12 @@ from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.measurements import measurement_of, readings_of
 from basecal.estimation.problem.point_mounts import point_mounts
-from basecal.estimation.problem.problem import Problem, Stops, ViewGroup, carrier, check_carriers
+from basecal.estimation.problem.problem import Problem, Stops, check_carriers
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.problem.stated_lens import with_usual_error
+from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, IntArray
 
@@ -78,11 +79,10 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
 
 def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
     """The columns of every robot that is seen and whose kinematics are not fixed."""
-    seen = {robot for g in problem.groups for robot in (g.eye, g.hand) if robot is not None}
     models = {}
     for name, robot in cell.robots.items():
         asked = [kind for kind, known in robot.parameters.items() if known.status != "fixed"]
-        if name in seen and asked:
+        if name in problem.robots and asked:
             if robot.chain is None or not recorded_by_joints(problem, name):
                 raise InputError(
                     f"robot {name!r}: to estimate {' and '.join(asked)}, its urdf and joints_rad in every sample are "
@@ -95,17 +95,13 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
 
 def recorded_by_joints(problem: Problem, robot: str) -> bool:
     """Whether every view of a robot has its joints."""
-    return all(joints is not None for joints in _joints_of_views(problem, robot))
+    return all(end.joints is not None for end in problem.ends_of(robot))
 
 
 def recorded_joints(problem: Problem, robot: str) -> Array:
     """Different joints at which a robot was seen, every view of which has them, (m, n) [rad]."""
-    return np.unique(np.concatenate([j for j in _joints_of_views(problem, robot) if j is not None]), axis=0)
-
-
-def _joints_of_views(problem: Problem, robot: str) -> list[Array | None]:
-    carried = [(on, j) for g in problem.groups for on, j in ((g.eye, g.eye_joints), (g.hand, g.hand_joints))]
-    return [joints for on, joints in carried if on == robot]
+    joints = [end.joints for end in problem.ends_of(robot) if end.joints is not None]
+    return np.unique(np.concatenate(joints), axis=0)
 
 
 def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
@@ -113,12 +109,12 @@ def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
 
     The reference's base is the world: it is free where everything else that is placed in the world is.
     """
-    groups = problem.groups
-    own = [base for g in groups for on, base in ((g.eye, g.eye_base), (g.hand, g.hand_base)) if on == robot]
-    bases = [base for g in groups for base in (g.eye_base, g.hand_base) if base]
-    mounts = [(g.eye, g.camera_mount) for g in groups] + [(g.hand, g.target_mount) for g in groups]
-    placed = [*bases, *(mount for on, mount in mounts if on is None)] if None in own else [b for b in own if b]
-    carried = [mount for on, mount in mounts if on == robot]
+    ends = problem.ends_of(robot)
+    placed = [end.base for end in ends if end.base]
+    if len(placed) < len(ends):
+        placed = [end.base for group in problem.groups for end in group.ends if end.base]
+        placed += [end.mount for end in problem.ends_of(None)]
+    carried = [end.mount for end in ends]
     base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
     return base, flange
 
@@ -217,53 +213,34 @@ def _group(
     cell: Cell, samples: tuple[Sample, ...], poses: Mapping[str, _Poses], key: tuple[str, str, str], views: Views
 ) -> ViewGroup:
     camera, target, kind = key
-    eye, hand = carrier(cell, cell.cameras[camera].on), carrier(cell, cell.targets[target].on)
+    on_eye, on_hand = cell.cameras[camera].on, cell.targets[target].on
     index = [i for i, _ in views]
     shape = cell.targets[target].target
     observations = [o for _, o in views]
     measurement = measurement_of(cell, camera, target, kind, observations)
     readings = readings_of(measurement, shape, observations)
-    of_eye, of_hand = _at(poses, eye, index), _at(poses, hand, index)
     return ViewGroup(
         camera=camera,
         target=target,
-        eye=eye,
-        hand=hand,
-        camera_mount=cell.mount_name(camera),
-        target_mount=cell.mount_name(target),
-        eye_base=cell.base_name(eye) if eye not in (None, cell.reference) else None,
-        hand_base=cell.base_name(hand) if hand not in (None, cell.reference) else None,
+        ends=(_end(cell, poses, camera, on_eye, index), _end(cell, poses, target, on_hand, index)),
         sample=np.array([samples[i].sample for i in index], dtype=np.int64),
-        eye_base_from_eye_flange=of_eye.pose,
-        hand_base_from_hand_flange=of_hand.pose,
-        eye_stop=of_eye.stop,
-        hand_stop=of_hand.stop,
-        eye_stand=of_eye.stand,
-        hand_stand=of_hand.stand,
         measurement=measurement,
         readings=readings,
         half_turn=half_turn(shape) if len(readings) and shape is not None else None,
-        eye_joints=of_eye.joints,
-        hand_joints=of_hand.joints,
     )
 
 
-class _Recorded(NamedTuple):
-    pose: SE3
-    stop: IntArray
-    stand: IntArray
-    joints: Array | None
-
-
-def _at(poses: Mapping[str, _Poses], robot: str | None, index: list[int]) -> _Recorded:
-    """What is recorded of a robot in these samples; nothing moves what no robot carries."""
-    if robot is None:
+def _end(cell: Cell, poses: Mapping[str, _Poses], carried: str, on: str, index: list[int]) -> End:
+    """What is recorded in these samples of the robot that carries a camera or target; nothing moves on `world`."""
+    mount = cell.mount_name(carried)
+    if on == WORLD:
         nowhere = np.full(len(index), -1, dtype=np.int64)
-        return _Recorded(SE3.identity((len(index),)), nowhere, nowhere, None)
-    of = poses[robot]
+        return End(None, mount, None, SE3.identity((len(index),)), nowhere, nowhere)
+    of = poses[on]
     rows = np.array([of.row[i] for i in index])
+    base = None if on == cell.reference else cell.base_name(on)
     joints = None if of.joints is None else of.joints[rows]
-    return _Recorded(of.base_from_flange[rows], of.stop[rows], of.stand[rows], joints)
+    return End(on, mount, base, of.base_from_flange[rows], of.stop[rows], of.stand[rows], joints)
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from basecal.cell import Cell
 from basecal.errors import InputError
-from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.poses import PoseMeasurement
 
 

@@ -2,109 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from basecal.cell import WORLD, Cell, Intrinsics, Unknown
+from basecal.cell import Cell, Intrinsics, Unknown
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel
-from basecal.estimation.view.measurement import Measurement, Noise
-from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
 from basecal.kinematics import SerialChain
-from basecal.numerics.batch import SHARED
-
-
-@dataclass(frozen=True, eq=False)
-class ViewGroup:
-    """All views of one target by one camera, of one kind of measurement.
-
-    Attributes:
-        camera: Name of the camera.
-        target: Name of the target.
-        eye: Robot that carries the camera; None on `world`.
-        hand: Robot that carries the target; None on `world`.
-        camera_mount: Name of the camera's mount.
-        target_mount: Name of the target's mount.
-        eye_base: Name of the base transform of `eye`; None where it is the reference or `world`.
-        hand_base: Likewise of `hand`.
-        sample: (n,) sample numbers. With this and all else below goes a leading batch axis, (b, n), where each entry
-            of a batch has views of its own; then no stop has noise.
-        eye_base_from_eye_flange: (n,) recorded poses; identity on `world`.
-        hand_base_from_hand_flange: (n,) likewise.
-        eye_stop: (n,) rows of the stops' errors; -1 where the robot's noise is not stated.
-        hand_stop: (n,) likewise.
-        eye_stand: (n,) number of the stop among all that `eye` made, noise or not; -1 on `world`.
-        hand_stand: (n,) likewise.
-        measurement: What was seen.
-        readings: All that may have been seen, where views can be read in several ways; see `readings`.
-        half_turn: `target_from_turned` where the target looks the same turned by half a turn.
-        eye_joints: (n, joints) as recorded [rad]; None where poses are recorded.
-        hand_joints: (n, joints) likewise.
-        motion: (n, 6) velocity of `camera_from_target` in the target's axes [m/s, rad/s]; None where nothing moves.
-    """
-
-    camera: str
-    target: str
-    eye: str | None
-    hand: str | None
-    camera_mount: str
-    target_mount: str
-    eye_base: str | None
-    hand_base: str | None
-    sample: IntArray
-    eye_base_from_eye_flange: SE3
-    hand_base_from_hand_flange: SE3
-    eye_stop: IntArray
-    hand_stop: IntArray
-    eye_stand: IntArray
-    hand_stand: IntArray
-    measurement: Measurement
-    readings: tuple[PixelMeasurement, ...] = ()
-    half_turn: SE3 | None = field(default=None, metadata=SHARED)
-    eye_joints: Array | None = None
-    hand_joints: Array | None = None
-    motion: Array | None = None
-
-    def __len__(self) -> int:
-        return int(self.sample.shape[-1])
-
-    @cached_property
-    def hand_flange_from_hand_base(self) -> SE3:
-        """(n,) inverses of the recorded poses."""
-        return self.hand_base_from_hand_flange.inverse()
-
-    def take(self, views: Rows) -> ViewGroup:
-        """The views at these indices."""
-        return replace(
-            self,
-            sample=self.sample[views],
-            eye_base_from_eye_flange=self.eye_base_from_eye_flange[views],
-            hand_base_from_hand_flange=self.hand_base_from_hand_flange[views],
-            eye_stop=self.eye_stop[views],
-            hand_stop=self.hand_stop[views],
-            eye_stand=self.eye_stand[views],
-            hand_stand=self.hand_stand[views],
-            measurement=self.measurement.take(views),
-            readings=tuple(r.take(views) for r in self.readings),
-            eye_joints=None if self.eye_joints is None else self.eye_joints[views],
-            hand_joints=None if self.hand_joints is None else self.hand_joints[views],
-            motion=None if self.motion is None else self.motion[views],
-        )
-
-    def of_batch(self, rows: Rows) -> ViewGroup:
-        """What these rows of a batch saw."""
-        if self.sample.ndim == 1:
-            return replace(self, measurement=self.measurement.of_batch(rows))
-        return self.take(rows)
-
-    def with_noise(self, noise: Noise) -> ViewGroup:
-        """The same with sigmas for what states none."""
-        readings = tuple(r.with_noise(noise) for r in self.readings)
-        return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,12 +83,21 @@ class Problem:
         return max((c.stop for c in self.columns.values()), default=0)
 
     @cached_property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots that see or are seen."""
+        return tuple(sorted({robot for group in self.groups for robot in group.robots}))
+
+    def ends_of(self, robot: str | None) -> list[End]:
+        """The ends of views that a robot, or the world, carries."""
+        return [end for group in self.groups for end in group.ends if end.robot == robot]
+
+    @cached_property
     def shared_stops(self) -> IntArray:
         """Number of each stop among those that several views have; -1 for the others, (k,)."""
         count = np.zeros(len(self.stops), dtype=np.int64)
         for group in self.groups if len(count) else ():
-            for stop in (group.eye_stop, group.hand_stop):
-                count += np.bincount(stop[stop >= 0], minlength=len(count))
+            for end in group.ends:
+                count += np.bincount(end.stop[end.stop >= 0], minlength=len(count))
         several = count > 1
         return np.where(several, np.cumsum(several) - 1, -1)
 
@@ -269,20 +189,40 @@ class State:
         return chain(group, self, stops).camera_from_target
 
 
+class Link(NamedTuple):
+    """What moves views at one end of their loop, seen from the target, (..., n) each.
+
+    Attributes:
+        sign: Of the views' motion: -1 at the camera's end.
+        target_from_base: Of the robot.
+        target_from_flange: Of the robot.
+        target_from_carried: Of the camera; None of the target itself.
+    """
+
+    sign: float
+    target_from_base: SE3
+    target_from_flange: SE3
+    target_from_carried: SE3 | None
+
+
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The factors of `camera_from_target` from its right end on, (..., n) each; see `chain`."""
+    """The factors of `camera_from_target`, by the ends of a group; see `chain`."""
 
-    target_from_hand_flange: SE3
-    target_from_hand_base: SE3
-    target_from_eye_base: SE3
-    target_from_eye_flange: SE3
+    ends: tuple[Link, Link]
     target_from_camera: SE3
 
     @property
     def camera_from_target(self) -> SE3:
         """(..., n)."""
         return self.target_from_camera.inverse()
+
+    def frames(self, group: ViewGroup) -> Iterator[tuple[str, float, SE3 | None]]:
+        """Each transform that the views of the group depend on: its name, sign and place, as in `Link`."""
+        for end, link in zip(group.ends, self.ends, strict=True):
+            yield end.mount, link.sign, link.target_from_carried
+            if end.base is not None:
+                yield end.base, link.sign, link.target_from_base
 
 
 def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
@@ -291,75 +231,65 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     camera_from_target == (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
                           @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
     """
-    target_from_hand_flange = state.beside_views(group.target_mount).inverse()
-    hand_flange_from_hand_base = group.hand_flange_from_hand_base
+    eye, hand = group.ends
     eye_error, hand_error = _flange_errors(group, state, stops)
-    if hand_error is not None or group.hand in state.robots:
-        hand_flange = _modelled(group.hand, group.hand_joints, group.hand_base_from_hand_flange, state)
-        hand_flange_from_hand_base = (hand_flange if hand_error is None else hand_flange @ hand_error).inverse()
-    eye_flange = _modelled(group.eye, group.eye_joints, group.eye_base_from_eye_flange, state)
-    eye_base_from_eye_flange = eye_flange if eye_error is None else eye_flange @ eye_error
-    target_from_hand_base = target_from_hand_flange @ hand_flange_from_hand_base
+    target_from_hand_flange = state.beside_views(hand.mount).inverse()
+    target_from_hand_base = target_from_hand_flange @ _inverse_flange(hand, state, hand_error)
     target_from_eye_base = _to_eye_base(target_from_hand_base, group, state)
-    target_from_eye_flange = target_from_eye_base @ eye_base_from_eye_flange
-    target_from_camera = target_from_eye_flange @ state.beside_views(group.camera_mount)
-    return Chain(
-        target_from_hand_flange, target_from_hand_base, target_from_eye_base, target_from_eye_flange, target_from_camera
+    target_from_eye_flange = target_from_eye_base @ _flange(eye, state, eye_error)
+    target_from_camera = target_from_eye_flange @ state.beside_views(eye.mount)
+    ends = (
+        Link(-1.0, target_from_eye_base, target_from_eye_flange, target_from_camera),
+        Link(1.0, target_from_hand_base, target_from_hand_flange, None),
     )
+    return Chain(ends, target_from_camera)
 
 
 def _to_eye_base(target_from_hand_base: SE3, group: ViewGroup, state: State) -> SE3:
-    """`target_from_eye_base`; either base is the reference's, and the world's, where it has no name."""
-    if group.hand_base is None and group.eye_base is None:
-        return target_from_hand_base
-    if group.hand_base is None:
-        return target_from_hand_base @ state.beside_views(group.eye_base or "")
-    hand_base_from_world = state.beside_views(group.hand_base).inverse()
-    if group.eye_base is None:
+    """`target_from_eye_base`; either base is the reference's, and the world's, if it has no name."""
+    eye, hand = group.ends
+    if hand.base is None:
+        return target_from_hand_base if eye.base is None else target_from_hand_base @ state.beside_views(eye.base)
+    hand_base_from_world = state.beside_views(hand.base).inverse()
+    if eye.base is None:
         return target_from_hand_base @ hand_base_from_world
-    return target_from_hand_base @ (hand_base_from_world @ state.beside_views(group.eye_base))
+    return target_from_hand_base @ (hand_base_from_world @ state.beside_views(eye.base))
 
 
-def _modelled(robot: str | None, joints: Array | None, recorded: SE3, state: State) -> SE3:
-    """Poses of a flange by the robot's kinematics as they are: the recorded ones where these are as stated."""
-    kinematics = state.robots.get(robot or "")
-    return recorded if kinematics is None or joints is None else kinematics.forward(joints)
+def _flange(end: End, state: State, error: SE3 | None) -> SE3:
+    """`base_from_flange` by the robot's kinematics, or as recorded if these are as stated, moved by its error."""
+    kinematics = state.robots.get(end.robot or "")
+    base_from_flange = end.base_from_flange
+    if kinematics is not None and end.joints is not None:
+        base_from_flange = kinematics.forward(end.joints)
+    return base_from_flange if error is None else base_from_flange @ error
 
 
-def has_noise(stop: IntArray) -> bool:
-    """Whether the robot of views at these stops, (n,), has noise: -1 stands for none."""
-    return bool(stop.size and stop.flat[0] >= 0)
-
-
-def noisy_stops(group: ViewGroup) -> tuple[IntArray, ...]:
-    """The stops of views, (n,), of those of their robots that have noise: eye's first."""
-    return tuple(stop for stop in (group.eye_stop, group.hand_stop) if has_noise(stop))
+def _inverse_flange(end: End, state: State, error: SE3 | None) -> SE3:
+    """The inverse of `_flange`; of poses as recorded it is kept."""
+    is_recorded = error is None and end.robot not in state.robots
+    return end.flange_from_base if is_recorded else _flange(end, state, error).inverse()
 
 
 def stop_tangents(group: ViewGroup, state: State, stops: Stops) -> Array:
-    """The errors of all `noisy_stops` of views, one robot's after the other's, (..., n or 2 n, 6) [m, rad].
+    """The errors of the stops of views, one noisy robot's after the other's, (..., n or 2 n, 6) [m, rad].
 
     Side by side they take half as many calls, which is what they cost.
     """
-    stop = np.concatenate(noisy_stops(group))
+    stop = np.concatenate([end.stop for end in group.ends if end.has_noise])
     tangents: Array = state.stop_errors[..., stop, :] * stops.sigma[stop]
     return tangents
 
 
 def _flange_errors(group: ViewGroup, state: State, stops: Stops) -> tuple[SE3 | None, SE3 | None]:
     """What eye's and hand's true flanges are off the recorded ones, (..., n) each; None without noise."""
-    has = has_noise(group.eye_stop), has_noise(group.hand_stop)
-    if not any(has):
+    eye, hand = group.ends
+    if not (eye.has_noise or hand.has_noise):
         return None, None
     error, n = SE3.exp(stop_tangents(group, state, stops)), len(group)
     first = SE3.adopt(error.rotation[..., :n, :, :], error.translation[..., :n, :])
     second = SE3.adopt(error.rotation[..., -n:, :, :], error.translation[..., -n:, :])
-    return first if has[0] else None, second if has[1] else None
-
-
-def carrier(cell: Cell, on: str) -> str | None:
-    """The robot that carries something; None on `world`."""
-    return None if on == WORLD else on
+    return first if eye.has_noise else None, second if hand.has_noise else None
 
 
 def check_carriers(cell: Cell, camera: str, target: str) -> None:

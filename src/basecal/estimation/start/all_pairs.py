@@ -35,20 +35,20 @@ def placed_by_pairs(
         transforms: Where everything is about.
         given: Names of what is known and stays.
     """
-    bases = {base for s in sights for base in (s.group.eye_base, s.group.hand_base) if base is not None}
+    bases = {end.base for s in sights for end in s.group.ends if end.base is not None}
     if len(bases) < _LONG_RING or bases & set(given):
         return {}
-    seen = [s for s in sights if s.candidates is not None and s.group.eye_base != s.group.hand_base]
+    seen = [s for s in sights if s.candidates is not None and s.group.eye.base != s.group.hand.base]
     triples = _refined(problem, seen, transforms, given)
     misfit = np.array([_misfit(sight, triple) for sight, triple in zip(seen, triples, strict=True)])
     right = _right(misfit)
-    told = [Relation(seen[k].group.eye_base, seen[k].group.hand_base, triples[k][1]) for k in np.flatnonzero(right)]
+    told = [Relation(seen[k].group.eye.base, seen[k].group.hand.base, triples[k][1]) for k in np.flatnonzero(right)]
     placed = _along(told)
     if placed.keys() < bases:
         return {}
     mounts: dict[str, SE3] = {}
     for k in np.argsort(-misfit):  # the best last, and so kept
-        mounts[seen[k].group.camera_mount], mounts[seen[k].group.target_mount] = triples[k][0], triples[k][2]
+        mounts[seen[k].group.eye.mount], mounts[seen[k].group.hand.mount] = triples[k][0], triples[k][2]
     free = {name: pose for name, pose in mounts.items() if name not in given}
     return free | placed_by_all(placed, told)
 
@@ -70,12 +70,11 @@ def _refined(
 
 def _wish(problem: Problem, sight: PairViews, transforms: Mapping[str, SE3], given: Collection[str]) -> Refinement:
     g = sight.group
-    x, z = transforms[g.camera_mount], transforms[g.target_mount]
-    eye, hand = (SE3.identity() if base is None else transforms[base] for base in (g.eye_base, g.hand_base))
-    triple = (x, eye.inverse() @ hand, z)
-    known_x, known_z = (x if g.camera_mount in given else None), (z if g.target_mount in given else None)
+    x, z = transforms[g.eye.mount], transforms[g.hand.mount]
+    triple = (x, g.eye_base_from_hand_base(transforms), z)
+    known_x, known_z = (transforms[end.mount] if end.mount in given else None for end in g.ends)
     loop = sight.loop(known_x, None, known_z, sight.nearer(triple))
-    return Refinement(sight, loop, [triple], g.target_mount in problem.point_mounts)
+    return Refinement(sight, loop, [triple], g.hand.mount in problem.point_mounts)
 
 
 def _settled(wishes: Sequence[Refinement]) -> list[Refinement]:

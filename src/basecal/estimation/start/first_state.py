@@ -122,7 +122,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     unknown = {id(sight): _unknown(sight, known) for sight in waiting}
     by_name: dict[str, list[PairViews]] = defaultdict(list)
     for sight in sights:
-        for name in _names(sight):
+        for name in sight.group.frames:
             by_name[name].append(sight)
     while waiting:
         before = set(known.transforms)
@@ -137,7 +137,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
             sight = waiting[0]
             yield from _start(sight, known, problem, thorough, forced=True)
         waiting.remove(sight)
-        told = {*(known.transforms.keys() - before), *_names(sight)}  # those of the pair have a relation, too
+        told = {*(known.transforms.keys() - before), *sight.group.frames}  # those of the pair have a relation, too
         unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
     transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
     transforms |= placed_by_pairs(problem, sights, transforms, _given(problem))
@@ -179,23 +179,17 @@ def _fallback(unknown: Unknown) -> SE3:
 def _loop(sight: PairViews, known: _Known, chosen: IntArray | None = None) -> Loop:
     g = sight.group
     pick = np.zeros(len(g), dtype=np.int64) if chosen is None else chosen
-    y = known.relation(g.eye_base, g.hand_base)
-    return sight.loop(known.transforms.get(g.camera_mount), y, known.transforms.get(g.target_mount), pick)
+    x, z = (known.transforms.get(end.mount) for end in g.ends)
+    return sight.loop(x, known.relation(g.eye.base, g.hand.base), z, pick)
 
 
 def _unknown(sight: PairViews, known: _Known) -> str:
     """As `Loop.unknown`, of a pair."""
     g = sight.group
-    related = (g.eye_base, g.hand_base) in known.relations
-    has_y = related or all(base is None or base in known.transforms for base in (g.eye_base, g.hand_base))
-    has = {"x": g.camera_mount in known.transforms, "y": has_y, "z": g.target_mount in known.transforms}
+    related = (g.eye.base, g.hand.base) in known.relations
+    has_y = related or all(end.base is None or end.base in known.transforms for end in g.ends)
+    has = {"x": g.eye.mount in known.transforms, "y": has_y, "z": g.hand.mount in known.transforms}
     return "".join(name for name, there in has.items() if not there)
-
-
-def _names(sight: PairViews) -> list[str]:
-    """Of the transforms that a pair's views depend on."""
-    g = sight.group
-    return [name for name in (g.camera_mount, g.target_mount, g.eye_base, g.hand_base) if name is not None]
 
 
 def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> _Search[bool]:
@@ -204,7 +198,7 @@ def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, fo
     found: Triple | None = None
     if not loop.unknown:
         return True
-    is_point = sight.group.target_mount in problem.point_mounts
+    is_point = sight.group.hand.mount in problem.point_mounts
     if sight.candidates is None:
         found = (yield from _light(sight, loop, is_point)) if forced else None
     else:
@@ -215,9 +209,9 @@ def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, fo
     if found is None:
         return False
     g = sight.group
-    known.transforms[g.camera_mount], known.transforms[g.target_mount] = found[0], found[2]
+    known.transforms[g.eye.mount], known.transforms[g.hand.mount] = found[0], found[2]
     if loop.y is None:
-        known.add_relation(g.eye_base, g.hand_base, found[1])
+        known.add_relation(g.eye.base, g.hand.base, found[1])
     return True
 
 
@@ -248,12 +242,11 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
         most: How many starts.
     """
     cameras, known = lenses(problem, cell), _Known(_given(problem))
-    if len(problem.groups) != 1 or problem.groups[0].target_mount not in problem.point_mounts:
+    if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
         return
     sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY)
     as_point, light, starts = light_search(sight, _loop(sight, known), most)
     g = sight.group
-    names = [name for name in (g.camera_mount, g.hand_base or g.eye_base, g.target_mount) if name is not None]
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
     pair = pair_problem(as_point, light, True)
     for at in range(0, len(starts), _LIGHTS_AT_ONCE):
@@ -262,8 +255,7 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
         ends = cauchy_irls(pair, State(begun, {}, np.zeros((len(some), 0, 6)))).transforms
         for k in range(len(some)):
             x, y, z = (ends[name][k] for name in "xyz")
-            relation = y if g.hand_base is not None else y.inverse()
-            moved = dict(zip(names, (x, relation, z) if len(names) == 3 else (x, z), strict=True))
+            moved = {g.eye.mount: x, g.hand.mount: z} | g.placed_base(y, fixed, fixed)
             yield State({**fixed, **moved}, cameras, np.zeros((len(problem.stops), 6)))
 
 
@@ -284,7 +276,7 @@ def _mount_of_points(sight: PairViews, x: SE3, y: SE3, places: SE3) -> SE3:
     """`hand_flange_from_target` from where each of its points is found in the flange."""
     chords, _ = as_light(sight.group.measurement)
     g = sight.group
-    camera_from_flange = (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange
+    camera_from_flange = (g.eye.base_from_flange @ x).inverse() @ y @ g.hand.base_from_flange
     bearings = (camera_from_flange.rotation.mT[:, None] @ chords.bearings_in_camera[..., None])[..., 0]
     origin_in_flange = camera_from_flange.inverse().translation
     across = (np.eye(3) - bearings[..., :, None] * bearings[..., None, :]) * (chords.weight > 0)[..., None, None]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import Array, BoolArray
 
 _ROUNDS = 20
@@ -23,11 +23,11 @@ def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
     alike = np.einsum("nij,ij->n", read, read[0])
     turn = np.einsum("nij,ij->n", turned, read[0]) > alike
     # Where one robot moved between views and the other stood still, by how much the target turned is known.
-    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye_stand, group.hand_stand))
+    eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye.stand, group.hand.stand))
     told = np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
     if not told.any():
         return np.asarray(turn)
-    eye, hand = group.eye_base_from_eye_flange.rotation, group.hand_base_from_hand_flange.rotation
+    eye, hand = group.eye.base_from_flange.rotation, group.hand.base_from_flange.rotation
     of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
     angle = np.where(hand_still, of_eye, of_hand)
     # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.problem.problem import ViewGroup
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop
 from basecal.estimation.start.half_turns import turned_views
 from basecal.estimation.view.bearings import BearingMeasurement
@@ -48,21 +48,19 @@ class PairViews:
         """The loop's factors, with the `chosen` (n,) candidate of each view."""
         rows = np.arange(len(self.group))
         b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, chosen]
-        return Loop(self.group.eye_base_from_eye_flange, b, self.group.hand_base_from_hand_flange, x, y, z, self.weight)
+        return Loop(self.group.eye.base_from_flange, b, self.group.hand.base_from_flange, x, y, z, self.weight)
 
     def predicted(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
         """Poses of the target in each view by X, Y and Z, (n,)."""
-        x, y, z = triple
-        g = self.group
-        return (g.eye_base_from_eye_flange @ x).inverse() @ y @ g.hand_base_from_hand_flange @ z
+        return self.group.closed_by(*triple)
 
     def nearer(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
         """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
         assert self.candidates is not None
         x, y, z = (of.rotation for of in triple)
         g = self.group
-        to_target = y @ g.hand_base_from_hand_flange.rotation @ z
-        predicted = (g.eye_base_from_eye_flange.rotation @ x).mT @ to_target
+        to_target = y @ g.hand.base_from_flange.rotation @ z
+        predicted = (g.eye.base_from_flange.rotation @ x).mT @ to_target
         agreement = np.einsum("nij,nkij->nk", predicted, self.candidates.rotation)
         return np.asarray(np.argmax(agreement, axis=-1), dtype=np.int64)
 

@@ -86,11 +86,11 @@ def _best(states: State, cost: Array, among: IntArray) -> Triple:
 
 def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
     """The problem of one pair alone, whose unknowns are x, y and z."""
-    group = replace(views.group, camera_mount="x", eye_base=None, hand_base="y", target_mount="z")
-    none = np.full(len(group), -1, dtype=np.int64)
-    group = replace(group, eye_stop=none, hand_stop=none, readings=())
+    eye, hand = views.group.without_stops().ends
+    ends = replace(eye, mount="x", base=None), replace(hand, mount="z", base="y")
+    group = replace(views.group, ends=ends, readings=())
     widths = [(name, 3 if name == "z" and is_point else 6) for name in loop.unknown]
-    ends = np.cumsum([0, *(w for _, w in widths)])
-    columns = {name: slice(int(ends[i]), int(ends[i + 1])) for i, (name, _) in enumerate(widths)}
+    at = np.cumsum([0, *(w for _, w in widths)])
+    columns = {name: slice(int(at[i]), int(at[i + 1])) for i, (name, _) in enumerate(widths)}
     unknowns = {name: Unknown() for name in "xyz"}
     return Problem("", (group,), unknowns, frozenset(), {}, Stops(np.zeros((0, 6))), columns)

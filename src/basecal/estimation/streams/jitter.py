@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.cell import Clock
-from basecal.estimation.problem.problem import Problem, ViewGroup
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.streams.rolling_shutter import Known, Moving
 
 

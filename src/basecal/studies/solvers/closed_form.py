@@ -24,8 +24,8 @@ def solve(draws: Draws) -> Answers:
     group = draws.problem.groups[0]
     lens = draws.made.cameras[group.camera]
     image = draws.measurement().pixels[..., 0, :] - lens.center
-    hand_base_from_light = group.hand_base_from_hand_flange @ draws.made.truth[group.target_mount]
-    eye_base_from_camera = group.eye_base_from_eye_flange[0] @ draws.made.truth[group.camera_mount]
+    hand_base_from_light = group.hand.base_from_flange @ draws.made.truth[group.hand.mount]
+    eye_base_from_camera = group.eye.base_from_flange[0] @ draws.made.truth[group.eye.mount]
     shifts = (hand_base_from_light[0].inverse() @ hand_base_from_light).translation[1:]
     gradient = image_gradient(image[..., 1:, :] - image[..., :1, :], shifts)
     found = estimate(image[..., 0, :], gradient, lens.focal)

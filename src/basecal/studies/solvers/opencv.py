@@ -40,12 +40,12 @@ def _solved(draws: Draws, pixels: Array) -> SE3 | None:
     if not kept:
         return None
     seen = SE3.stack([view for view in views if view is not None])
-    eye, hand = group.eye_base_from_eye_flange[kept], group.hand_base_from_hand_flange[kept]
-    if group.hand is None:
+    eye, hand = (end.base_from_flange[kept] for end in group.ends)
+    if group.hand.robot is None:
         return _named(draws, robot_world(seen, eye.inverse()), True)
-    if group.eye is None:
+    if group.eye.robot is None:
         return _named(draws, robot_world(seen, hand), True)
-    known = draws.made.truth[group.camera_mount]
+    known = draws.made.truth[group.eye.mount]
     return _named(draws, robot_world(eye @ known @ seen, hand), False)
 
 
@@ -54,6 +54,6 @@ def _named(draws: Draws, found: RobotWorld | None, of_camera: bool) -> SE3 | Non
     group = draws.problem.groups[0]
     if found is None:
         return None
-    if draws.transform == group.target_mount:
+    if draws.transform == group.hand.mount:
         return found.last
     return found.first.inverse() if of_camera else found.first

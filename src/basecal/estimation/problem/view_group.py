@@ -1,0 +1,150 @@
+"""The views of one target by one camera, and the two ends of the loop that they close."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from basecal.estimation.view.measurement import Measurement, Noise
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.geometry import SE3, Array, IntArray, Rows
+from basecal.numerics.batch import SHARED, take
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """One end of the loop: a robot, or the world, and the camera or target that it carries.
+
+    Attributes:
+        robot: Name of the robot; None on `world`.
+        mount: Name of the transform of what it carries.
+        base: Name of the robot's base transform; None of the reference, and on `world`.
+        base_from_flange: (n,) recorded poses; identity on `world`.
+        stop: (n,) rows of the stops' errors; -1 if the robot's noise is not stated.
+        stand: (n,) number of the stop among all that the robot made, noise or not; -1 on `world`.
+        joints: (n, joints) as recorded [rad]; None if poses are recorded.
+    """
+
+    robot: str | None
+    mount: str
+    base: str | None
+    base_from_flange: SE3
+    stop: IntArray
+    stand: IntArray
+    joints: Array | None = None
+
+    @cached_property
+    def flange_from_base(self) -> SE3:
+        """(n,) inverses of the recorded poses."""
+        return self.base_from_flange.inverse()
+
+    @cached_property
+    def has_noise(self) -> bool:
+        """Whether the poses of the robot have errors."""
+        return bool(self.stop.size and self.stop.flat[0] >= 0)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewGroup:
+    """All views of one target by one camera, of one kind of measurement.
+
+    Attributes:
+        camera: Name of the camera.
+        target: Name of the target.
+        ends: Where the camera is, and where the target is; `eye` and `hand`.
+        sample: (n,) sample numbers. With this and all other arrays goes a leading batch axis, (b, n), if each entry of
+            a batch has views of its own; then no stop has noise.
+        measurement: What was seen.
+        readings: All that may have been seen, if views can be read in several ways; see `readings`.
+        half_turn: `target_from_turned` if the target looks the same turned by half a turn.
+        motion: (n, 6) velocity of `camera_from_target` in the target's axes [m/s, rad/s]; None if nothing moves.
+    """
+
+    camera: str
+    target: str
+    ends: tuple[End, End]
+    sample: IntArray
+    measurement: Measurement
+    readings: tuple[PixelMeasurement, ...] = ()
+    half_turn: SE3 | None = field(default=None, metadata=SHARED)
+    motion: Array | None = None
+
+    def __len__(self) -> int:
+        return int(self.sample.shape[-1])
+
+    @property
+    def eye(self) -> End:
+        """The end of the camera."""
+        return self.ends[0]
+
+    @property
+    def hand(self) -> End:
+        """The end of the target."""
+        return self.ends[1]
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Names of the robots at the ends."""
+        return tuple(end.robot for end in self.ends if end.robot is not None)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the transforms that the views depend on: mounts and bases."""
+        return tuple(name for end in self.ends for name in (end.mount, end.base) if name is not None)
+
+    def end_of(self, robot: str) -> End | None:
+        """The end that a robot carries; None if it carries neither."""
+        return next((end for end in self.ends if end.robot == robot), None)
+
+    def with_ends(self, change: Callable[[End], End]) -> ViewGroup:
+        """The same with both ends changed."""
+        eye, hand = self.ends
+        return replace(self, ends=(change(eye), change(hand)))
+
+    def without_stops(self) -> ViewGroup:
+        """The same with robots assumed exact."""
+        none = np.full(len(self), -1, dtype=np.int64)
+        return self.with_ends(lambda end: replace(end, stop=none))
+
+    def eye_base_from_hand_base(self, transforms: Mapping[str, SE3]) -> SE3:
+        """The relation of the two bases where transforms place them."""
+        world_from_eye_base, world_from_hand_base = (
+            SE3.identity() if end.base is None else transforms[end.base] for end in self.ends
+        )
+        return world_from_eye_base.inverse() @ world_from_hand_base
+
+    def placed_base(
+        self, eye_base_from_hand_base: SE3, transforms: Mapping[str, SE3], free: Container[str | None]
+    ) -> dict[str, SE3]:
+        """The base of the hand, or else of the eye, if it is free, where its relation to the other places it."""
+        eye, hand = (end.base for end in self.ends)
+        if hand is not None and hand in free:
+            return {hand: transforms[eye] @ eye_base_from_hand_base if eye else eye_base_from_hand_base}
+        if eye is not None and eye in free:
+            hand_base_from_eye_base = eye_base_from_hand_base.inverse()
+            return {eye: transforms[hand] @ hand_base_from_eye_base if hand else hand_base_from_eye_base}
+        return {}
+
+    def closed_by(self, eye_flange_from_camera: SE3, eye_base_from_hand_base: SE3, hand_flange_from_target: SE3) -> SE3:
+        """`camera_from_target` of the recorded poses by these mounts and this relation of the bases, (n,)."""
+        eye_base_from_eye_flange, hand_base_from_hand_flange = (end.base_from_flange for end in self.ends)
+        camera_from_eye_base = (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
+        return camera_from_eye_base @ eye_base_from_hand_base @ hand_base_from_hand_flange @ hand_flange_from_target
+
+    def take(self, views: Rows) -> ViewGroup:
+        """The views at these indices."""
+        return take(self, views)
+
+    def of_batch(self, rows: Rows) -> ViewGroup:
+        """What these rows of a batch saw."""
+        if self.sample.ndim == 1:
+            return replace(self, measurement=self.measurement.of_batch(rows))
+        return self.take(rows)
+
+    def with_noise(self, noise: Noise) -> ViewGroup:
+        """The same with sigmas for what states none."""
+        readings = tuple(r.with_noise(noise) for r in self.readings)
+        return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)

@@ -1,0 +1,64 @@
+"""Groups of views: what their two ends say together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.ends import end, views, with_hand
+
+from basecal.geometry import SE3
+
+RNG = np.random.default_rng(5)
+PLACES = {name: SE3.exp(RNG.standard_normal(6)) for name in ("eye base", "hand base")}
+
+
+def group_of(eye_base=None, hand_base="hand base"):
+    """Three views of two arms whose bases have these names."""
+    poses = [SE3.exp(RNG.standard_normal((3, 6))) for _ in range(2)]
+    eye = end("eye", poses[0], mount="camera mount", base=eye_base, stop=[0, 1, 1], stand=[0, 1, 1])
+    return views(eye, end("hand", poses[1], mount="target mount", base=hand_base, stand=[4, 3, 2]))
+
+
+def test_robots_and_frames_are_those_of_both_ends():
+    """Bases without a name are the reference's; the world is no robot."""
+    group = group_of()
+    assert group.robots == ("eye", "hand")
+    assert group.frames == ("camera mount", "target mount", "hand base")
+    assert (group.end_of("hand"), group.end_of("third")) == (group.hand, None)
+    assert with_hand(group, robot=None, base=None).robots == ("eye",)
+
+
+def test_relation_of_two_bases():
+    """A base without a name stands in the world."""
+    related = group_of("eye base").eye_base_from_hand_base(PLACES)
+    np.testing.assert_allclose((PLACES["eye base"] @ related).matrix, PLACES["hand base"].matrix, atol=1e-12)
+    assert group_of(None, None).eye_base_from_hand_base(PLACES).matrix.tolist() == np.eye(4).tolist()
+    np.testing.assert_allclose(group_of().eye_base_from_hand_base(PLACES).matrix, PLACES["hand base"].matrix)
+
+
+@pytest.mark.parametrize("names", [("eye base", "hand base"), (None, "hand base"), ("eye base", None)])
+@pytest.mark.parametrize("free", [{"hand base"}, {"eye base"}, {"eye base", "hand base"}])
+def test_a_relation_places_the_base_that_is_free(names, free):
+    """The hand's, or else the eye's, so that the two stand in that relation; none if neither is free."""
+    group, related = group_of(*names), SE3.exp(RNG.standard_normal(6))
+    placed = group.placed_base(related, PLACES, free)
+    open_bases = [name for name in (names[1], names[0]) if name in free]
+    assert list(placed) == open_bases[:1]
+    if placed:
+        np.testing.assert_allclose(group.eye_base_from_hand_base(PLACES | placed).matrix, related.matrix, atol=1e-12)
+
+
+def test_views_are_closed_by_both_ends():
+    """The product of all factors from the camera round to the target."""
+    group, (x, y, z) = group_of(), SE3.exp(RNG.standard_normal((3, 6)))
+    for k, closed in enumerate(group.closed_by(x, y, z)):
+        a, c = group.eye.base_from_flange[k], group.hand.base_from_flange[k]
+        np.testing.assert_allclose((a @ x @ closed).matrix, (y @ c @ z).matrix, atol=1e-12)
+
+
+def test_without_stops_robots_are_exact():
+    """Where they stood is kept."""
+    exact = group_of().without_stops()
+    assert [of.stop.tolist() for of in exact.ends] == [[-1] * 3] * 2
+    assert [of.stand.tolist() for of in exact.ends] == [[0, 1, 1], [4, 3, 2]]
+    assert not exact.eye.has_noise
