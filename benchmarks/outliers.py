@@ -49,7 +49,6 @@ GROSS = 8.0
 FAR = 100.0
 NEAR = 16.0
 MOST_RATIO, LEAST_FOUND, MOST_LOST = 1.15, 0.97, 0.01
-_OF_SAMPLES = ("sample", "eye_base_from_eye_flange", "hand_base_from_hand_flange", "eye_stop", "hand_stop")
 _LARGEST_BUMP = 0.3
 _TRIES = 200
 
@@ -143,7 +142,8 @@ def mispaired(problem: Problem, truth: State, rng: Rng, share: float = SAMPLES) 
     rows = rng.permutation(_some(rng, len(group), share))
     order = np.arange(len(group))
     order[rows] = np.roll(rows, 1)
-    swapped = replace(group.take(order), **{name: getattr(group, name) for name in _OF_SAMPLES})
+    seen = group.take(order)
+    swapped = replace(group, measurement=seen.measurement, readings=seen.readings)
     found = _one_group(problem, swapped, order == np.arange(len(order)))
     return _checked(found, truth)
 

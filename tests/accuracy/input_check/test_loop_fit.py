@@ -62,9 +62,8 @@ def test_views_are_made_ready_once_a_set_of_pixels():
         view, alone = ready.of(group, 12), sight_for(group, made.cameras[group.camera], 12)
         np.testing.assert_array_equal(view.group.sample, alone.group.sample)
         np.testing.assert_array_equal(view.candidates.rotation, alone.candidates.rotation)
-        for name in ("eye_base_from_eye_flange", "hand_base_from_hand_flange"):
-            mine, theirs = getattr(view.group, name), getattr(alone.group, name)
-            np.testing.assert_array_equal(mine.translation, theirs.translation)
+        for mine, theirs in zip(view.group.ends, alone.group.ends, strict=True):
+            np.testing.assert_array_equal(mine.base_from_flange.translation, theirs.base_from_flange.translation)
     assert len(ready.known) < len(readings) / 2
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.ends import with_eye, with_hand
 
 from basecal.cell import Unknown
 from basecal.errors import NotObservable
@@ -32,12 +33,8 @@ def moved(problem, view, camera=(0.0,) * 6, light=(0.0,) * 6):
     (group,) = problem.groups
     change = np.zeros((2, len(group), 6))
     change[0, view], change[1, view] = camera, light
-    eye, hand = group.eye.base_from_flange, group.hand.base_from_flange
-    poses = {
-        "eye_base_from_eye_flange": eye @ SE3.exp(change[0]),
-        "hand_base_from_hand_flange": hand @ SE3.exp(change[1]),
-    }
-    return problem.with_groups([replace(group, **poses)])
+    eye, hand = (end.base_from_flange @ SE3.exp(off) for end, off in zip(group.ends, change, strict=True))
+    return problem.with_groups([with_hand(with_eye(group, base_from_flange=eye), base_from_flange=hand)])
 
 
 def test_each_place_of_the_camera_is_a_station():
