@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from basecal.cell import Target
-from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
+from basecal.cell.targets.registry import TARGETS
 from basecal.vision.draw.drawing import target_drawing
 
 FIGURES = Path(__file__).parent / "figures"
@@ -44,7 +44,7 @@ def drawn(target: Target) -> str:
 def table() -> str:
     """The rows of docs/data_format.md that say what each kind of target has."""
     rows = ["| kind | fields | ids of the points | origin of the frame |", "|---|---|---|---|"]
-    rows += [f"| `{name}` | {' | '.join(target_kind(name).described)} |" for name in KIND_NAMES]
+    rows += [f"| `{name}` | {' | '.join(TARGETS[name].described)} |" for name in TARGETS]
     return "\n".join(rows)
 
 
@@ -54,8 +54,8 @@ def with_table(text: str) -> str:
 
 
 if __name__ == "__main__":
-    for kind in KIND_NAMES:
-        for name, shape in target_kind(kind).figures.items():
+    for kind in TARGETS:
+        for name, shape in TARGETS[kind].figures.items():
             (FIGURES / f"target_{name}.svg").write_text(drawn(shape), encoding="utf-8")
     page = Path(__file__).parent / "data_format.md"
     page.write_text(with_table(page.read_text(encoding="utf-8")), encoding="utf-8")

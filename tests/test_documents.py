@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import basecal
+from basecal.acquisition.drivers.registry import DRIVERS
 from basecal.exchange.controllers.convention import (
     DEGREE,
     METRE,
@@ -17,10 +18,9 @@ from basecal.exchange.controllers.convention import (
     RADIAN,
     Convention,
     MatrixConvention,
-    convention,
 )
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.registry import IMPORTERS
-from basecal.registry import CONTROLLERS, DRIVERS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -149,7 +149,7 @@ def test_every_format_is_documented_with_its_numbers_and_units() -> None:
     rows = {row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| (.+?) \| (m|mm) \| (.+?) \|$", page, re.MULTILINE)}
     assert list(rows) == list(CONTROLLERS)
     for name, (numbers, length, rotation) in rows.items():
-        how = convention(name)
+        how = CONTROLLERS[name]
         many = f"{how.names[0]} to {how.names[-1]}"
         assert numbers == (many if isinstance(how, MatrixConvention) else ", ".join(how.names))
         assert {"m": METRE, "mm": MILLIMETRE}[length] == how.length

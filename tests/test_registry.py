@@ -1,27 +1,28 @@
-"""What can be chosen by name is asked for nowhere else: a new one is one module and one line."""
+"""What can be chosen by name is asked for nowhere else: a new one is one module and a line of a table."""
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from basecal.registry import (
-    CONTROLLERS,
-    DRIVERS,
-    EXPORTERS,
-    LENSES,
-    MOTIONS,
-    PATTERNS,
-    SOLVERS,
-    TargetKindName,
-)
+from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
+from basecal.acquisition.drivers.registry import DRIVERS
+from basecal.cell.targets.registry import TARGETS, TargetKindName
+from basecal.effects.registry import EFFECTS
+from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.exporters.registry import EXPORTERS
+from basecal.exchange.motions.registry import MOTIONS
+from basecal.geometry.lenses.registry import LENSES
+from basecal.planning.patterns import PATTERNS
+from basecal.studies.solvers.registry import SOLVERS
 from source_trees import nodes_of, parsed
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
-NAMES = {*get_args(TargetKindName), *LENSES}
+NAMES = {*TARGETS, *LENSES}
 
 
 def asked_for(tree: ast.AST) -> list[str]:
@@ -44,7 +45,12 @@ def asked_for(tree: ast.AST) -> list[str]:
 
 # Ways of finding have names of their own, some of which are those of the kinds that began with them; a kind's module
 # may say its fields and figures.
-BY_THEMSELVES = {"vision/detectors.py", *(f"cell/targets/{name}.py" for name in get_args(TargetKindName))}
+BY_THEMSELVES = {
+    "vision/detectors.py",
+    "cell/targets/registry.py",
+    "geometry/lenses/registry.py",
+    *(f"cell/targets/{name}.py" for name in TARGETS),
+}
 
 
 def test_nothing_asks_what_kind_or_lens() -> None:
@@ -72,29 +78,32 @@ def test_the_check_bites(source: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("folder", "names"),
+    ("folder", "face", "table"),
     [
-        ("cell/targets", get_args(TargetKindName)),
-        ("geometry/lenses", LENSES),
-        ("exchange/exporters", tuple(EXPORTERS)),
-        ("exchange/controllers", CONTROLLERS),
-        ("exchange/motions", tuple(name.replace("-", "_") for name in MOTIONS)),
-        ("acquisition/drivers", DRIVERS),
-        ("planning", tuple(PATTERNS)),
-        ("studies/solvers", tuple(SOLVERS)),
+        ("cell/targets", "KIND = ", TARGETS),
+        ("geometry/lenses", "MODEL = ", LENSES),
+        ("exchange/exporters", "EXPORTER = ", EXPORTERS),
+        ("exchange/controllers", "CONVENTION = ", CONTROLLERS),
+        ("exchange/motions", "MOTION = ", MOTIONS),
+        ("acquisition/drivers", "def open_", DRIVERS),
+        ("planning", "PATTERN = ", PATTERNS),
+        ("studies/solvers", "SOLVER = ", SOLVERS),
+        ("effects", "EFFECT = ", EFFECTS),
     ],
 )
-def test_every_module_is_registered(folder: str, names: tuple[str, ...]) -> None:
+def test_every_module_is_registered(folder: str, face: str, table: Mapping[str, object]) -> None:
     """Each name has its module, and no module that has the face of one is left out."""
-    face = {
-        "cell/targets": "KIND = ",
-        "geometry/lenses": "MODEL = ",
-        "exchange/exporters": "def exported(wanted",
-        "exchange/controllers": "CONVENTION = ",
-        "exchange/motions": "def written(way",
-        "acquisition/drivers": "def open_",
-        "planning": "def plan(",
-        "studies/solvers": "BLOCKS = ",
-    }[folder]
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
-    assert faces == set(names)
+    assert faces == {name.replace("-", "_") for name in table}
+
+
+def test_names_of_targets_are_those_of_the_table() -> None:
+    """What checks names takes the names that there are, in their order."""
+    assert get_args(TargetKindName) == tuple(TARGETS)
+
+
+def test_every_check_is_registered() -> None:
+    """Each module of a finding has a check that a line of the tables names."""
+    modules = {path.stem for path in (SOURCE / "accuracy" / "findings").glob("*.py")}
+    homes = {check.__module__.rpartition(".")[2] for check in (*INPUT_CHECKS, *ANSWER_CHECKS)}
+    assert modules - {"__init__", "registry", "evidence"} == homes

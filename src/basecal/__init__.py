@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from basecal.estimation.stages import Stages as Stages
     from basecal.exchange.exporters.exporter import export as export
     from basecal.exchange.exporters.exporter import pasteable as pasteable
+    from basecal.exchange.exporters.registry import export_kinds as export_kinds
     from basecal.exchange.importers.bag import read_bag as read_bag
     from basecal.exchange.importers.camera_info import read_camera_info as read_camera_info
     from basecal.exchange.importers.colmap import read_colmap as read_colmap
@@ -81,6 +82,7 @@ _HOME = {
     "compare": "accuracy.compare",
     "detect": "vision.detect",
     "export": "exchange.exporters.exporter",
+    "export_kinds": "exchange.exporters.registry",
     "html_summary": "reporting.notebook",
     "import_into": "accuracy.at_the_door.importing",
     "latest_run": "cell.files",
@@ -134,7 +136,7 @@ def _called(name: str) -> Callable[..., object]:
     return call
 
 
-METHODS |= {name: _called(name) for name in ("export", "html_summary")}
+METHODS |= {name: _called(name) for name in ("export", "export_kinds", "html_summary")}
 
 
 def __dir__() -> list[str]:

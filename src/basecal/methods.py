@@ -5,4 +5,4 @@ from __future__ import annotations
 from collections.abc import Callable
 
 METHODS: dict[str, Callable[..., object]] = {}
-"""By name: `export`, `html_summary`."""
+"""By name: `export`, `export_kinds`, `html_summary`."""

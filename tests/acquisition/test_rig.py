@@ -8,8 +8,8 @@ import types
 
 import pytest
 
-from basecal.acquisition import driver_modules
-from basecal.acquisition.driver_modules import GROUP, driver_names
+from basecal.acquisition.drivers import registry
+from basecal.acquisition.drivers.registry import GROUP, driver_names
 from basecal.acquisition.rig import Rig, check_guarantees, open_rig
 from basecal.cell import Cell, CellCamera, Driver, Robot
 from basecal.errors import DatasetError, UsageError
@@ -45,7 +45,7 @@ def stranger(monkeypatch):
     monkeypatch.setitem(sys.modules, "strangers_driver", module)
     point = importlib.metadata.EntryPoint("stranger", "strangers_driver", GROUP)
     monkeypatch.setattr(
-        driver_modules, "entry_points", lambda **wanted: [point] if wanted.get("name", "stranger") == "stranger" else []
+        registry, "entry_points", lambda **wanted: [point] if wanted.get("name", "stranger") == "stranger" else []
     )
     return module
 

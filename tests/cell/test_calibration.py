@@ -10,8 +10,8 @@ import pytest
 import basecal
 from basecal.cell import Calibration, Cell, CellCamera, Robot, RobotParameters, Unknown
 from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.geometry import SE3, PoseEstimate
-from basecal.registry import EXPORTERS
 from export_example import BASE, CALIBRATION, CELL
 
 

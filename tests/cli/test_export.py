@@ -14,8 +14,8 @@ from basecal.cell.files import latest_run, read_calibration, read_cell, write_ca
 from basecal.cli import main
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
+from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.kinematics import read_chain
-from basecal.registry import EXPORTERS
 from basecal.simulation import Scenario, simulate
 
 

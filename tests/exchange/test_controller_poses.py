@@ -12,10 +12,9 @@ from tests.shared.real_recordings import data_folder
 
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.controller_poses import Reading, guessed_format, keyed_rows, read_controller_poses
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.text_table import read_text_table
 from basecal.geometry import SE3
-from basecal.registry import CONTROLLERS
 
 
 def poses(folder: Path, text: str, reading: Reading, name: str = "poses.txt") -> SE3:
@@ -102,7 +101,7 @@ def test_what_documents_write(tmp_path: Path, name: str) -> None:
 def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> None:
     """Rows of each controller's numbers give the poses back, with its names as a header and without, in mm too."""
     drawn = SE3.exp(np.random.default_rng(0).normal(0, 0.6, (6, 6)))
-    how = convention(name)
+    how = CONTROLLERS[name]
     lines = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in how.written(drawn)]
     text = "\n".join([*([";".join(how.names)] if with_header else []), *lines])
     np.testing.assert_allclose(poses(tmp_path, text, Reading(name)).matrix, drawn.matrix, atol=1e-12)

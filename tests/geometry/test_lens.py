@@ -9,7 +9,8 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.geometry import Camera
-from basecal.geometry.lens import first_root, lens_models, lens_of, lenses_of, term_counts, terms_text
+from basecal.geometry.lens import first_root
+from basecal.geometry.lenses.registry import lens_models, lens_of, lenses_of, term_counts, terms_text
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "data_format.md"
 

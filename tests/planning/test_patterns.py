@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from basecal.planning import poses, shifts
-from basecal.planning.patterns import pattern
+from basecal.planning.patterns import PATTERNS
 
 
 def test_patterns_are_found_by_name():
     """Each name gives the plan of its module."""
-    assert (pattern("poses"), pattern("shifts")) == (poses.plan, shifts.plan)
+    assert {name: each.plan for name, each in PATTERNS.items()} == {"poses": poses.plan, "shifts": shifts.plan}

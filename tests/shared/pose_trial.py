@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import cv2
 import numpy as np
 
 from basecal.acquisition import rig as rig_module
+from basecal.acquisition.driver import DriverKind
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker
@@ -122,22 +122,20 @@ def _opened(source: Source, cell: Cell, scene: Scene, folder: Path, seed: int) -
         else:
             options = {"source": held.enter_context(mjpeg_server(scene, behind))}
         camera = replace(cell.cameras["wrist"], driver=Driver(source.kind, options))
-        module = ModuleType("trial")
-        module.NEEDS_OWN_PROCESS = False  # type: ignore[attr-defined]
-        module.open_robot = lambda place: Arm(scene.path)  # type: ignore[attr-defined]
-        held.enter_context(_known("trial", module))
+        trial = DriverKind(lambda place: Arm(scene.path), needs_own_process=False)
+        held.enter_context(_known("trial", trial))
         yield held.enter_context(open_rig(replace(cell, cameras={"wrist": camera}), folder)), behind
 
 
 @contextmanager
-def _known(kind: str, module: ModuleType) -> Iterator[None]:
+def _known(name: str, kind: DriverKind) -> Iterator[None]:
     """A driver of this name, while this lasts."""
-    before = rig_module.driver_module
-    rig_module.driver_module = lambda name: module if name == kind else before(name)
+    before = rig_module.driver_kind
+    rig_module.driver_kind = lambda wanted: kind if wanted == name else before(wanted)
     try:
         yield
     finally:
-        rig_module.driver_module = before
+        rig_module.driver_kind = before
 
 
 def sigma_px(cell: Cell, scene: Scene) -> float:

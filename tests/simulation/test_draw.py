@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.cell.targets.led import led_target
-from basecal.geometry.lens import lens_models
+from basecal.geometry.lenses.registry import lens_models
 from basecal.simulation import draw
 from basecal.simulation.scenario import Scenario
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from basecal.cell.target import Target
-from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
+from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.geometry import SE3, Array
-from basecal.registry import TargetKindName
 from basecal.vision.detectors import find
 from basecal.vision.draw.light import render_light
 from basecal.vision.draw.render import render
@@ -26,10 +25,10 @@ def nearest_reading(shape: Target, error: Array, back: Array) -> Array:
     return min((error, back), key=lambda each: float(np.abs(each).max())) if shape.alike_turned else error
 
 
-@pytest.mark.parametrize("kind", KIND_NAMES)
+@pytest.mark.parametrize("kind", TARGETS)
 def test_found_where_it_is_drawn(kind: TargetKindName) -> None:
     """Every point of a usual target is found in its image within 0.1 px, under its own id."""
-    shape = target_kind(kind).usual(np.random.default_rng(0))
+    shape = TARGETS[kind].usual(np.random.default_rng(0))
     if shape.found_by is None:
         return
     pose = seen_from_the_front(shape)

@@ -7,7 +7,7 @@ something newer than before, so that nobody has to know how often to ask.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from basecal.cell import Cell, RobotState
 from basecal.cell.schema.errors import problems_of
+from basecal.errors import DriverError
 from basecal.fields.problems import Problem, dataset_error
 from basecal.fields.values import Entry
 
@@ -179,6 +180,43 @@ class Switches(Protocol):
 
     def light(self, on: bool) -> None:
         """Switch the light; the next picture shows it so."""
+
+
+@dataclass(frozen=True)
+class DriverKind:
+    """What talks to robots, to cameras, or to both.
+
+    Attributes:
+        open_robot: Opens a robot; None if it is for cameras only.
+        open_camera: Opens a camera; None if it is for robots only.
+        stop_guarantee: What stops an arm when this computer is silent.
+        needs_own_process: Whether an arm gets a process of its own: all but those that ask a person or simulate.
+    """
+
+    open_robot: Callable[[Place], Robot] | None = None
+    open_camera: Callable[[Place], Camera] | None = None
+    stop_guarantee: StopGuarantee = "none"
+    needs_own_process: bool = True
+
+    def robot(self, place: Place) -> Robot:
+        """Open a robot.
+
+        Raises:
+            DriverError: if it is for cameras only, or the robot does not answer.
+        """
+        if self.open_robot is None:
+            raise DriverError(f"{place.name}: its driver is for cameras only")
+        return self.open_robot(place)
+
+    def camera(self, place: Place) -> Camera:
+        """Open a camera.
+
+        Raises:
+            DriverError: if it is for robots only, or the camera does not answer.
+        """
+        if self.open_camera is None:
+            raise DriverError(f"{place.name}: its driver is for robots only")
+        return self.open_camera(place)
 
 
 def checked_options(place: Place, kind: type[Options]) -> Options:

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
+from typing import Literal
 
-from basecal.acquisition.driver import Camera, ChecksGoals, Moves, Place, Robot, StopGuarantee
-from basecal.acquisition.driver_modules import driver_module, driver_names, runs_alone, stop_guarantee
+from basecal.acquisition.driver import Camera, ChecksGoals, DriverKind, Moves, Place, Robot, StopGuarantee
+from basecal.acquisition.drivers.registry import driver_kind, driver_names
 from basecal.acquisition.pictures.feed import fed
 from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
@@ -22,7 +22,7 @@ from basecal.errors import DatasetError, UsageError, nearest
 _STOP_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
 _CLOSE_S = 0.5  # that a camera or robot may take to close: its stream may hang
 
-_Openers = Mapping[str, tuple[ModuleType, Place]]
+_Openers = Mapping[str, tuple[DriverKind, Place]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +57,8 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
         DatasetError: if a driver is not known, lacks the face that is asked of it, or an option is wrong.
         DriverError: if a robot or camera does not answer, or all arms were stopped.
     """
-    places = _places(cell, folder, "robots", "open_robot")
-    alone = {name: place for name, (module, place) in places.items() if runs_alone(module)}
+    places = _places(cell, folder, "robots")
+    alone = {name: place for name, (kind, place) in places.items() if kind.needs_own_process}
     here = {name: opener for name, opener in places.items() if name not in alone}
     supervisor: list[Arms] = []
     with ExitStack() as opened:
@@ -67,16 +67,16 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
             if alone:
                 supervisor.append(Arms(alone, signals_fd))
                 opened.callback(supervisor[0].close)
-            robots: dict[str, Robot] = {name: module.open_robot(place) for name, (module, place) in here.items()}
+            robots: dict[str, Robot] = {name: kind.robot(place) for name, (kind, place) in here.items()}
             motion = ArmMotion()
             cameras = {
-                name: fed(name, module.open_camera(place), motion)
-                for name, (module, place) in _places(cell, folder, "cameras", "open_camera").items()
+                name: fed(name, kind.camera(place), motion)
+                for name, (kind, place) in _places(cell, folder, "cameras").items()
             }
             here_closes = [*(robot.close for robot in robots.values()), *(camera.close for camera in cameras.values())]
             opened.callback(_all_at_once, here_closes, _CLOSE_S)
             robots |= supervisor[0].opened() if alone else {}
-            guarantees = {name: stop_guarantee(module) for name, (module, _) in places.items()}
+            guarantees = {name: kind.stop_guarantee for name, (kind, _) in places.items()}
             rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees)
             try:
                 yield rig
@@ -130,28 +130,28 @@ def _all_at_once(calls: list[Callable[[], None]], most_s: float) -> None:
         thread.join(max(until - time.monotonic(), 0.0))
 
 
-def _places(cell: Cell, folder: Path, section: str, function: str) -> _Openers:
-    """Modules and places of all robots or cameras that have a driver, by name.
+def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"]) -> _Openers:
+    """Drivers and places of all robots or cameras that have a driver, by name.
 
     Raises:
-        DatasetError: if a driver is not known, or lacks the function.
+        DatasetError: if a driver is not known, or is for the others only.
     """
     things = cell.robots if section == "robots" else cell.cameras
     found = {}
     for name, thing in things.items():
         if thing.driver is not None:
-            module = _module(thing.driver, f"{section}.{name}.driver.kind", folder, function)
-            found[name] = (module, Place(name, cell, folder, thing.driver.options))
+            kind = _kind(thing.driver, f"{section}.{name}.driver.kind", folder, section)
+            found[name] = (kind, Place(name, cell, folder, thing.driver.options))
     return found
 
 
-def _module(driver: Driver, where: str, folder: Path, function: str) -> ModuleType:
-    module = driver_module(driver.kind)
-    if module is None:
+def _kind(driver: Driver, where: str, folder: Path, section: Literal["robots", "cameras"]) -> DriverKind:
+    kind = driver_kind(driver.kind)
+    if kind is None:
         known = driver_names()
         message = f"no driver {driver.kind!r}{nearest(driver.kind, known)}; there are: {', '.join(known)}"
         raise DatasetError(str(folder / "cell.yaml"), message, field=where)
-    if not hasattr(module, function):
-        message = f"driver {driver.kind!r} is for {'cameras' if function == 'open_robot' else 'robots'} only"
+    if (kind.open_robot if section == "robots" else kind.open_camera) is None:
+        message = f"driver {driver.kind!r} is for {'cameras' if section == 'robots' else 'robots'} only"
         raise DatasetError(str(folder / "cell.yaml"), message, field=where)
-    return module
+    return kind

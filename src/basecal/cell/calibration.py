@@ -32,7 +32,6 @@ from basecal.fields.written import (
 )
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 from basecal.methods import METHODS
-from basecal.registry import EXPORTERS
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
@@ -367,7 +366,7 @@ class Calibration:
         def __getattr__(self, name: str) -> Any:
             """`to_ur()`, and so on by kind of `basecal export`: `basecal.export` of this calibration."""
             kind = name.removeprefix("to_")
-            if kind == name or kind not in EXPORTERS:
+            if kind == name or kind not in METHODS["export_kinds"]():
                 raise AttributeError(f"a calibration has no {name!r}")
             return partial(METHODS["export"], self, kind)
 

@@ -12,7 +12,7 @@ from basecal.cell.target import Target
 from basecal.errors import FrameNotFound
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.lens import lenses_of
+from basecal.geometry.lenses.registry import lenses_of
 from basecal.kinematics import SerialChain
 
 Status = Literal["fixed", "prior", "free"]

@@ -11,7 +11,6 @@ import numpy as np
 from basecal.cell.sheet import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray, read_only, read_only_ids
-from basecal.registry import TargetKindName
 
 Finder = Literal["charuco", "chessboard", "circles", "tags", "light"]
 
@@ -50,7 +49,7 @@ class Target:
         alike_turned: Whether it looks the same turned by half a turn in its plane: point k is then point n - 1 - k.
     """
 
-    kind: TargetKindName
+    kind: str
     ids: IntArray
     points: Array
     options: Mapping[str, Any] = field(default_factory=dict)

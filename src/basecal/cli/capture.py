@@ -17,7 +17,7 @@ from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
 from basecal.errors import InputError, UsageError
 from basecal.fields.typed_length import length_m
-from basecal.registry import PATTERNS
+from basecal.planning.patterns import PATTERNS
 
 _SAMPLES = 25  # where nobody says how many
 _PLANS = 20  # that are tried for a task until one is not refused

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from basecal.cli.terminal import say
 from basecal.errors import InputError, UsageError
-from basecal.registry import PATTERNS
+from basecal.planning.patterns import PATTERNS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +39,6 @@ def capture_plan(
     from basecal.cell.files import read_plan
     from basecal.errors import nearest
     from basecal.planning.feasible import feasible_in
-    from basecal.planning.patterns import pattern as named
 
     if replanned is not None:
         return replanned.samples, True
@@ -58,7 +57,7 @@ def capture_plan(
     home = {name: robot.state().state for name, robot in rig.robots.items()}
     if shifts is not None:
         return shifts.planned(sketch.cell, folder, home, samples, seed), True
-    return named(pattern)(sketch, home, feasible_in(sketch), samples, seed), True
+    return PATTERNS[pattern].plan(sketch, home, feasible_in(sketch), samples, seed), True
 
 
 def _finished(folder: Path, sketch: Sketch, count: int, more: bool) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -81,7 +82,7 @@ def _place_in_cell(folder: Path, name: str) -> Place:
 
 def _place_of_kind(kind: str, options: list[str], is_camera: bool) -> Place:
     from basecal.acquisition.driver import Place
-    from basecal.acquisition.driver_modules import driver_names
+    from basecal.acquisition.drivers.registry import driver_names
     from basecal.cell import Cell, CellCamera, Driver, Robot
 
     known = driver_names()
@@ -110,27 +111,22 @@ def _option(text: str) -> tuple[str, Any]:
 def _measured(place: Place, go: bool, cut: bool, quiet: bool) -> list[Promise]:
     """Promises, each printed when it is measured."""
     from basecal.acquisition.driver_check.promises import camera_promises, reconnection_promise, robot_promises
-    from basecal.acquisition.driver_modules import driver_module, stop_guarantee
+    from basecal.acquisition.drivers.registry import driver_kind
 
     is_robot = place.name in place.cell.robots
     driver = (place.cell.robots if is_robot else place.cell.cameras)[place.name].driver
-    module = None if driver is None else driver_module(driver.kind)
-    if module is None or not hasattr(module, "open_robot" if is_robot else "open_camera"):
+    kind = None if driver is None else driver_kind(driver.kind)
+    if kind is None or (kind.open_robot if is_robot else kind.open_camera) is None:
         raise InputError(f"no driver of that name is for {'robots' if is_robot else 'cameras'}")
-    opened = module.open_robot(place) if is_robot else module.open_camera(place)
-    found = []
-    try:
-        measured = (
-            robot_promises(place.name, opened, stop_guarantee(module), go) if is_robot else camera_promises(opened)
-        )
-        for each in measured:
-            found.append(_told(each, quiet))
-        if cut and is_robot:
+    if not is_robot:
+        with closing(kind.camera(place)) as camera:
+            return [_told(each, quiet) for each in camera_promises(camera)]
+    with closing(kind.robot(place)) as robot:
+        found = [_told(each, quiet) for each in robot_promises(place.name, robot, kind.stop_guarantee, go)]
+        if cut:
             say(f"Cut the connection of {place.name} now, for three seconds, and restore it.")
-            found.append(_told(reconnection_promise(place.name, opened, _CUT_S), quiet))
-    finally:
-        opened.close()
-    return found
+            found.append(_told(reconnection_promise(place.name, robot, _CUT_S), quiet))
+        return found
 
 
 def _told(promise: Promise, quiet: bool) -> Promise:

@@ -12,9 +12,9 @@ from cyclopts import CycloptsError, Parameter, validators
 from basecal.cli.publishing import check_publishing, publish_transforms
 from basecal.cli.terminal import pasted, say
 from basecal.errors import FrameNotFound, InputError
-from basecal.registry import EXPORTERS
+from basecal.exchange.exporters.registry import EXPORTERS
 
-_KINDS = "; ".join(f"{name}: {what}" for name, what in EXPORTERS.items())
+_KINDS = "; ".join(f"{name}: {each.words}" for name, each in EXPORTERS.items())
 
 
 def export(
@@ -95,11 +95,9 @@ def _check_usage(to: str, given: Mapping[str, object]) -> None:
     Raises:
         CycloptsError: if not.
     """
-    from basecal.exchange.exporters.exporter import exporter
-
     if to not in EXPORTERS:
         raise CycloptsError(msg=f"--to: {FrameNotFound(to, list(EXPORTERS))}")
-    takes = exporter(to).TAKES
+    takes = EXPORTERS[to].takes
     for option, value in given.items():
         if value and option not in takes:
             raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")

@@ -90,10 +90,10 @@ def _add_drivers(data: dict[str, Any], taken: Taken, domain: int | None) -> None
 def _add_target(data: dict[str, Any], fields: Mapping[str, Any] | None, kind: str) -> None:
     """A target on the next arm, or where there is none on what the camera is not on."""
     from basecal.cell.format.yaml_text import parse_yaml
-    from basecal.cell.targets.all_kinds import target_kind
+    from basecal.cell.targets.registry import TARGETS
 
     if fields is None:
-        template = "" if kind == "pose" else textwrap.dedent(target_kind(kind).template)
+        template = "" if kind == "pose" else textwrap.dedent(TARGETS[kind].template)
         fields = parse_yaml(template, "target").data if template else {}
     for camera in data.get("cameras", {}).values():
         others = [name for name in data["robots"] if name != camera["on"]]

@@ -11,10 +11,10 @@ from basecal.cli.detected import detected_recording
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.errors import BasecalError, FrameNotFound, UsageError
+from basecal.exchange.motions.registry import MOTIONS
 from basecal.fields.typed_length import length_m
-from basecal.registry import MOTIONS
 
-_KINDS = "; ".join(f"{name}: {what}" for name, what in MOTIONS.items())
+_KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -188,9 +188,9 @@ def _motion(cell: Cell, found: Plan, to: str, robot: str | None, speed_deg_s: fl
     """The samples as a robot's own program takes them."""
     from math import radians
 
-    from basecal.exchange.motions.way import motion, way_of
+    from basecal.exchange.motions.way import way_of
 
-    return motion(to).written(way_of(cell, found.samples, robot, radians(speed_deg_s), hold_s))
+    return MOTIONS[to].text(way_of(cell, found.samples, robot, radians(speed_deg_s), hold_s))
 
 
 def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, validators
 
+from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.detected import counting
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import pasted, print_json, progress, say
 from basecal.errors import InputError
-from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.simulation.scenario import Scenario, SimulatedCell

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
+from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.terminal import pasted, print_json, say
 from basecal.errors import InputError
-from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.simulation.running.faults import Faults

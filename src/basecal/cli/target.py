@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.terminal import say
 from basecal.errors import InputError
 from basecal.exchange.importing.described_target import printed_fields
-from basecal.registry import TargetKindName
 
 if TYPE_CHECKING:
     from basecal.cell import Target

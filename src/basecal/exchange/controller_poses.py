@@ -19,13 +19,12 @@ from basecal.exchange.controllers.convention import (
     RADIAN,
     AnyConvention,
     MatrixConvention,
-    convention,
 )
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextTable, number_of, read_text_table, rows_of_numbers
 from basecal.exchange.poses import read_poses
 from basecal.geometry import SE3, Array
-from basecal.registry import CONTROLLERS
 
 
 class _Unit(NamedTuple):
@@ -77,7 +76,7 @@ class Reading:
         Raises:
             InputError: if the unit of angles is stated and it writes none.
         """
-        own = convention(self.name)
+        own = CONTROLLERS[self.name]
         if self.length_m is not None:
             own = replace(own, length=self.length_m)
         if self.angle_rad is None:
@@ -177,7 +176,7 @@ def guessed_format(path: str) -> str:
         return "matrix"
     if {"qx", "qy", "qz", "qw"} <= names or {f"q_{axis}" for axis in "xyzw"} <= names:
         return "ros"
-    raise DatasetError(path, f"does not say by itself what its numbers are: give --format {listed(CONTROLLERS)}")
+    raise DatasetError(path, f"does not say by itself what its numbers are: give --format {listed(list(CONTROLLERS))}")
 
 
 def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
@@ -191,7 +190,7 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
         known = next((each for each in (name, *_ALIASES.get(name, ())) if each in by_name), None)
         if known is None:
             there = {_plain(column) for column in table.header}
-            others = [each for each in CONTROLLERS if {n.lower() for n in convention(each).names} <= there]
+            others = [each for each in CONTROLLERS if {n.lower() for n in CONTROLLERS[each].names} <= there]
             hint = f"; these columns suit --format {listed(others)}" if others else ""
             raise DatasetError(
                 table.path,

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from basecal.errors import InputError
 from basecal.geometry.array import Array, read_only, to_back, to_front
-from basecal.geometry.lens import BoolArray, Lens, Number, Projection, lens_of, term_counts
+from basecal.geometry.lens import BoolArray, Lens, Number, Projection
+from basecal.geometry.lenses.registry import lens_of, term_counts
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
-from importlib import import_module
-from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from basecal.errors import InputError, nearest
 from basecal.geometry.array import Array
-from basecal.registry import LENSES
 
 BoolArray = NDArray[np.bool_]
 Number = float | Array
@@ -94,60 +89,6 @@ class Lens(Protocol):
 
     def unproject(self, u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
         """Directions of any length, (..., 3), and whether each has the image (u, v) where the model is one to one."""
-
-
-@cache
-def lens_of(model: str, terms: int) -> Lens:
-    """The lens of a model with so many distortion terms.
-
-    Raises:
-        InputError: if there is no such model, or none with so many terms.
-    """
-    for lens in lenses_of(model):
-        if terms in lens.TERMS:
-            return lens
-    raise InputError(f"a {model} lens has {' or '.join(map(str, term_counts(model)))} distortion terms, not {terms}")
-
-
-@cache
-def lenses_of(model: str) -> tuple[Lens, ...]:
-    """The lenses of a model, the usual one first.
-
-    Raises:
-        InputError: if there is no such model.
-    """
-    found = tuple(lens for lens in _lenses() if model == lens.MODEL)
-    if not found:
-        known = lens_models()
-        raise InputError(f"no lens model {model!r}{nearest(model, known)}; there are: {', '.join(known)}")
-    return found
-
-
-@cache
-def lens_models() -> tuple[str, ...]:
-    """Names of the models there are."""
-    return tuple(dict.fromkeys(lens.MODEL for lens in _lenses()))
-
-
-@cache
-def term_counts(model: str) -> tuple[int, ...]:
-    """How many distortion terms a lens of the model may have, rising."""
-    return tuple(sorted({count for lens in lenses_of(model) for count in lens.TERMS}))
-
-
-def terms_text(model: str) -> str:
-    """The distortion terms of a model, those that may be left out in brackets: `k1 k2 p1 p2 [k3 [k4 k5 k6]]`."""
-    names = max((lens.TERM_NAMES for lens in lenses_of(model)), key=len)
-    text = ""
-    for start, end in reversed(list(pairwise([0, *filter(None, term_counts(model))]))):
-        text = " ".join(names[start:end]) + (f" [{text}]" if text else "")
-    return text
-
-
-@cache
-def _lenses() -> tuple[Lens, ...]:
-    modules: list[Any] = [import_module(f"basecal.geometry.lenses.{name}") for name in LENSES]
-    return tuple(modules)
 
 
 def inverted(mapped: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:

@@ -1,18 +1,14 @@
-"""Patterns by name."""
+"""Every pattern: a new one is a module, and a line here."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from collections.abc import Mapping
 
-from basecal.cell import RobotState, Sample
-from basecal.planning.feasible import Feasible
-from basecal.planning.sketch import Sketch
+from basecal.planning import poses, shifts
+from basecal.planning.pattern import Pattern
 
-Pattern = Callable[[Sketch, Mapping[str, RobotState], Feasible, int, int], list[Sample]]
-
-
-def pattern(name: str) -> Pattern:
-    """The pattern of a registered name: `plan` of its module."""
-    found: Pattern = import_module(f"basecal.planning.{name}").plan
-    return found
+PATTERNS: Mapping[str, Pattern] = {
+    "poses": poses.PATTERN,
+    "shifts": shifts.PATTERN,
+}
+"""By their names in `basecal capture --pattern`."""

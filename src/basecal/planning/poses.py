@@ -11,6 +11,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
 from basecal.planning.feasible import Feasible, unclear_ways, way_is_clear
+from basecal.planning.pattern import Pattern
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import Sketch
 
@@ -97,3 +98,6 @@ def _way(sketch: Sketch, start: Sample, end: Sample) -> float:
             between = sketch.base_from_flange(robot, one).inverse() @ sketch.base_from_flange(robot, other)
             ways.append(float(np.abs(between.log()).max()))
     return max(ways, default=0.0)
+
+
+PATTERN = Pattern("both arms turn about the target, as far as they reach", plan)

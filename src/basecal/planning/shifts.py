@@ -16,6 +16,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
 from basecal.planning.feasible import Feasible, unclear_ways
+from basecal.planning.pattern import Pattern
 from basecal.planning.reach import state_at
 from basecal.planning.sketch import Sketch
 
@@ -112,3 +113,6 @@ def shift_length(sketch: Sketch, sample: Sample) -> float:
     focal: Array = sketch.lens.focal
     sigma = sketch.cell.pixel_px or _ASSUMED_PX
     return depth * float(np.cbrt(sigma / (2 * np.sqrt(2) * focal.mean())))
+
+
+PATTERN = Pattern("from stations, the target is shifted along its axes before a still camera", plan)

@@ -14,7 +14,7 @@ from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
-from basecal.geometry.lens import lens_of
+from basecal.geometry.lenses.registry import lens_of
 from basecal.reporting.robots import robot_blocks
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.cell import Calibration, Cell
+from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
 from basecal.geometry import Array
-from basecal.registry import EXPORTERS
 from basecal.reporting.text import sigma_norms
 
 _DIGITS = 4
@@ -117,4 +117,4 @@ def _copies(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> 
     yield ToCopy("covariance", order, name, f"[{covariance}]")
     for way in (name, f"{child}_from_{parent}"):
         for kind, text in pasted.get(way, {}).items():
-            yield ToCopy(kind, EXPORTERS[kind], way, text.strip("\n"))
+            yield ToCopy(kind, EXPORTERS[kind].words, way, text.strip("\n"))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell.target import Target
-from basecal.cell.targets.all_kinds import target_kind
+from basecal.cell.targets.registry import TARGETS
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.lens import lenses_of
+from basecal.geometry.lenses.registry import lenses_of
 from basecal.geometry.rotation import rotation_from_quaternion
 from basecal.simulation.scenario import Scenario
 
@@ -58,5 +58,5 @@ def shape(rng: Generator, scenario: Scenario) -> Target:
     if scenario.board is not None:
         return scenario.board
     if scenario.target == "pose":
-        return target_kind("charuco").usual(rng)
-    return target_kind("points" if scenario.target == "points3d" else scenario.target).usual(rng)
+        return TARGETS["charuco"].usual(rng)
+    return TARGETS["points" if scenario.target == "points3d" else scenario.target].usual(rng)

@@ -9,11 +9,11 @@ from typing import Literal, get_args
 from basecal.cell.cell import Cell, Status
 from basecal.cell.recording import Recording
 from basecal.cell.target import Target
+from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Camera
-from basecal.geometry.lens import lens_models
-from basecal.registry import TargetKindName
+from basecal.geometry.lenses.registry import lens_models
 
 Seen = Literal[TargetKindName, "pose", "points3d"]
 Arms = Literal["both", "eye_still", "hand_still", "halves", "stations"]

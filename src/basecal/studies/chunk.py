@@ -15,7 +15,8 @@ from basecal.errors import BasecalError, DatasetError, printable
 from basecal.exchange.npz import read_arrays
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.studies.draws import DrawnCell, cell_of, draw
-from basecal.studies.solvers.solver import Answers, solver, unsolved
+from basecal.studies.solvers.registry import SOLVERS
+from basecal.studies.solvers.solver import Answers, unsolved
 from basecal.studies.study import Chunk, Piece, Study
 
 
@@ -71,7 +72,7 @@ def worked(study: Study, chunk: Chunk) -> ChunkResult:
             if piece.cell not in cells:
                 cells[piece.cell] = cell_of(chunk.point.settings, study.seed, piece.cell, study.transform)
             draws = draw(cells[piece.cell], chunk.point.settings, (study.seed, piece.cell, piece.block), piece.count)
-            answers = solver(chunk.point.settings["solver"]).solve(draws)
+            answers = SOLVERS[chunk.point.settings["solver"]].solve(draws)
             truth = draws.truth
         except BasecalError as error:  # a cell that cannot be made is no answer, and says why
             answers, truth = unsolved(piece.count, str(error)), SE3.identity()

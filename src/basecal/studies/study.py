@@ -11,7 +11,7 @@ from itertools import product
 from typing import Any
 
 from basecal.cell.targets.kind import TargetEntry
-from basecal.studies.solvers.solver import solver
+from basecal.studies.solvers.registry import SOLVERS
 
 BLOCK = 256
 """Trials of one cell that are drawn by one generator and solved side by side: more gain nothing, and take memory."""
@@ -116,7 +116,7 @@ class Study:
         return tuple(Chunk(index, point, pieces) for index, (point, pieces) in enumerate(groups))
 
     def _grouped(self, point: Point) -> Iterator[tuple[Piece, ...]]:
-        most = BLOCK * solver(point.settings["solver"]).BLOCKS
+        most = BLOCK * SOLVERS[point.settings["solver"]].blocks
         group: list[Piece] = []
         for piece in self._pieces():
             cells = {each.cell for each in (*group, piece)}

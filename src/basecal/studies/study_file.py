@@ -12,14 +12,13 @@ from pydantic.fields import FieldInfo
 
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.cell.schema.errors import problems_of
-from basecal.cell.targets.all_kinds import AnyTargetEntry
+from basecal.cell.targets.registry import AnyTargetEntry, TargetKindName
 from basecal.fields.problems import Loc, Problem, dataset_error, short
 from basecal.fields.values import LARGEST, Entry, Status, empty, known_names
-from basecal.geometry.lens import lens_models
-from basecal.registry import SOLVERS, TargetKindName
+from basecal.geometry.lenses.registry import lens_models
 from basecal.simulation.scenario import Arms, LayoutName
 from basecal.studies.cells import OF_SHIFTS, statuses
-from basecal.studies.solvers.solver import solver
+from basecal.studies.solvers.registry import SOLVERS
 from basecal.studies.study import Point, Study
 
 SCHEMA = "basecal/study/1"
@@ -220,7 +219,7 @@ def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
 def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
     """What does not go together at a point: the name of the field to change (none for `transform`), and words."""
     s, found = point.settings, []
-    if refusal := solver(s["solver"]).unfit(s):
+    if refusal := SOLVERS[s["solver"]].unfit(s):
         found.append(("solver", refusal))
     known = {name: status for name, status in statuses(s).items() if status != "fixed"}
     if not known:

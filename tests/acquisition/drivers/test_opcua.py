@@ -14,7 +14,7 @@ from basecal.acquisition.driver import Moves, Place
 from basecal.acquisition.drivers.opcua import open_robot
 from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 from shared import opcua_place
 from shared.needed import needed
 from shared.network import network
@@ -49,7 +49,7 @@ def test_a_pose_is_read_in_its_convention(opcua_robot):
     """A robot without URDF gives the pose that a node holds, in the notation of its maker."""
     options = opcua_robot.place(pose="Own/Pose", notation="kuka").options
     robot = open_robot(Place("arm", Cell("arm", {"arm": Robot("arm")}), Path("."), options))
-    wanted = convention("kuka").read(np.array([100.0, 200, 300, 10, 20, 30]))
+    wanted = CONTROLLERS["kuka"].read(np.array([100.0, 200, 300, 10, 20, 30]))
     np.testing.assert_allclose(robot.state().state.base_from_flange.matrix, wanted.matrix)
     robot.close()
 

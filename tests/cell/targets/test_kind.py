@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
 from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, alike, chosen, plane_grid
-from basecal.registry import TargetKindName
+from basecal.cell.targets.registry import TARGETS, TargetKindName
 
 
 def test_grids_run_row_by_row():
@@ -42,10 +41,10 @@ def test_the_next_of_several_is_another() -> None:
     assert [chosen(("a", "b", "c"), "b", place) for place in range(4)] == ["b", "a", "c", "c"]
 
 
-@pytest.mark.parametrize("name", KIND_NAMES)
+@pytest.mark.parametrize("name", TARGETS)
 def test_several_of_a_kind(name: TargetKindName) -> None:
     """Pictures tell those with marks of their own apart; a cell reads each of them, and the first is as it was."""
-    kind = target_kind(name)
+    kind = TARGETS[name]
     fields = parse_yaml(dedent(kind.template), name).data
     several = [kind.another(fields, place) for place in range(8)]
     assert several[0] == fields

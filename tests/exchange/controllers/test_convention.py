@@ -15,10 +15,9 @@ from basecal.exchange.controllers.convention import (
     QUATERNION_WXYZ,
     QUATERNION_XYZW,
     ROTATION_VECTOR,
-    convention,
 )
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import SE3
-from basecal.registry import CONTROLLERS
 
 DRAWN = Rotation.from_quat(np.random.default_rng(0).normal(size=(100, 4)))
 HARD = Rotation.from_euler("ZYX", [[0.3, np.pi / 2, 0.2], [0.3, -np.pi / 2 + 1e-9, 0.2], [0, 0, 0], [np.pi, 0, 0]])
@@ -30,7 +29,7 @@ POSES = SE3(
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_numbers_give_their_pose_back(name):
     """To 1e-12 m and 1e-12 of the matrix, at half turns and gimbal lock too; as many numbers as there are names."""
-    kind = convention(name)
+    kind = CONTROLLERS[name]
     numbers = kind.written(POSES)
     assert numbers.shape[-1] == len(kind.names)
     again = kind.read(numbers)
@@ -76,7 +75,7 @@ def test_one_frame_in_the_words_of_four_makers():
         "ur": [*np.array(point) / 1e3, *turn.as_rotvec()],
     }
     for name, numbers in said.items():
-        read = convention(name).read(np.array(numbers))
+        read = CONTROLLERS[name].read(np.array(numbers))
         np.testing.assert_allclose(read.rotation, frame, atol=1e-12, err_msg=name)
         np.testing.assert_allclose(read.translation, [0.146, 0.15, 0.1615], atol=1e-15, err_msg=name)
 

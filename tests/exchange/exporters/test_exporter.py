@@ -11,23 +11,21 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from basecal import registry
 from basecal.errors import FrameNotFound, InputError, RefusedCalibration
 from basecal.exchange.controller_poses import Reading, read_controller_poses
-from basecal.exchange.exporters.exporter import Takes, export, exporter, pasteable
+from basecal.exchange.exporters.exporter import export, pasteable
+from basecal.exchange.exporters.registry import EXPORTERS
+from basecal.exchange.exports.exporter import Takes
 from export_example import BASE, CALIBRATION, CELL, INVERSE, POINT, all_poses
 
-OF_TRANSFORMS = [
-    kind for kind in registry.EXPORTERS if {*exporter(kind).TAKES} & {"transform", "urdf"} == {"transform"}
-]
+OF_TRANSFORMS = [kind for kind, each in EXPORTERS.items() if {*each.takes} & {"transform", "urdf"} == {"transform"}]
 
 
-@pytest.mark.parametrize("kind", registry.EXPORTERS)
+@pytest.mark.parametrize("kind", EXPORTERS)
 def test_every_registered_exporter_exports(kind):
-    """Each is a module with the function that gives a file's text, and says of what."""
-    assert callable(exporter(kind).exported)
-    assert {*get_args(Takes)} >= {*exporter(kind).TAKES}
-    assert "transform" in exporter(kind).TAKES or not exporter(kind).PASTED
+    """Each says of what it gives a file's text; people paste transforms alone."""
+    assert {*get_args(Takes)} >= {*EXPORTERS[kind].takes}
+    assert "transform" in EXPORTERS[kind].takes or not EXPORTERS[kind].is_pasted
 
 
 @pytest.mark.parametrize("kind", OF_TRANSFORMS)
@@ -40,7 +38,7 @@ def test_every_file_says_where_it_comes_from_and_what_is_doubtful(kind):
     assert "DOUBTFUL" not in export(CALIBRATION, kind, BASE, cell=CELL)
 
 
-@pytest.mark.parametrize("kind", registry.EXPORTERS)
+@pytest.mark.parametrize("kind", EXPORTERS)
 def test_nothing_refused_is_exported(kind):
     """Its first error is told."""
     with pytest.raises(RefusedCalibration, match="nothing of it is exported"):
@@ -65,7 +63,7 @@ def test_every_kind_is_documented():
     page = (Path(__file__).parents[3] / "docs" / "exporting.md").read_text(encoding="utf-8")
     sections = re.findall(r"^### `(\w+)`\n\n(.+)\.$", page, re.MULTILINE)
     assert [(kind, line.casefold()) for kind, line in sections] == [
-        (kind, what.casefold()) for kind, what in registry.EXPORTERS.items()
+        (kind, each.words.casefold()) for kind, each in EXPORTERS.items()
     ]
 
 

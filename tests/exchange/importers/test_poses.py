@@ -9,14 +9,14 @@ import pytest
 
 from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import SE3
 
 DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
 
 
 def table(path: Path, name: str, separator: str = ";", images: bool = False) -> str:
-    how = convention(name)
+    how = CONTROLLERS[name]
     rows = [separator.join(f"{value:.12g}" for value in row) for row in how.written(DRAWN)]
     head = separator.join(how.names)
     if images:

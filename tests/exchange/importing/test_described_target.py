@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 import cv2
 import numpy as np
 import pytest
 
 from basecal.cell.files import cell_from_dict, read_cell
+from basecal.cell.targets.registry import TARGETS
 from basecal.cli import main
 from basecal.errors import InputError
 from basecal.exchange.importing.described_target import Shape, target_fields
-from basecal.registry import TargetKindName
 
 SHAPES = {
     "charuco": Shape(squares="5x7", square="40mm", marker="30mm"),
@@ -40,7 +39,7 @@ def test_each_kind_is_described_by_its_own_counts(kind: str) -> None:
 
 def test_all_kinds_are_tried() -> None:
     """But rigid points, which no size describes."""
-    assert {*SHAPES, "points"} == {*get_args(TargetKindName)}
+    assert {*SHAPES, "points"} == {*TARGETS}
 
 
 @pytest.mark.parametrize(

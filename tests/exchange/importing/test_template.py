@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import pytest
 
 from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
+from basecal.cell.targets.registry import TARGETS
 from basecal.exchange.importing.template import cell_text, robot_names
-from basecal.registry import TargetKindName
 
 
 def read(text):
@@ -22,7 +20,7 @@ def test_names_of_robots(robots):
     assert robot_names(robots) == ["eye", "hand", "arm3", "arm4"][:robots]
 
 
-@pytest.mark.parametrize("kind", [*get_args(TargetKindName), "pose"])
+@pytest.mark.parametrize("kind", [*TARGETS, "pose"])
 def test_each_camera_sees_what_the_next_robot_carries(kind):
     """Of three robots two pairs; the bases of all but the first are asked for."""
     cell = read(cell_text(3, kind))

@@ -13,7 +13,7 @@ from basecal.exchange.lens_files.stated import (
     matrix_parameters,
     opencv_terms,
 )
-from basecal.geometry.lens import lenses_of
+from basecal.geometry.lenses.registry import lenses_of
 
 HERE = fields_of("k: 1", "a.yaml").at("k")
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
 
-from basecal.cell.targets.all_kinds import target_kind
 from basecal.cell.targets.led import led_target
-from basecal.registry import TargetKindName
+from basecal.cell.targets.registry import TARGETS
 from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
 
@@ -21,10 +19,10 @@ def stage(target):
     return Stage({"eye": ur5e(), "hand": ur5e()}, {"eye": np.zeros(3), "hand": np.array([1.7, 0, 0])}, target, 0)
 
 
-@pytest.mark.parametrize("kind", get_args(TargetKindName))
+@pytest.mark.parametrize("kind", TARGETS)
 def test_every_target_is_read(kind):
     """MuJoCo takes the model, whose bodies are all put somewhere from outside."""
-    of = stage(target_kind(kind).usual(np.random.default_rng(0)))
+    of = stage(TARGETS[kind].usual(np.random.default_rng(0)))
     model = mujoco.MjModel.from_xml_string(mjcf(of, (64, 48), 40.0))
     assert model.nmocap == len(body_names(of)) + 1
     assert {model.body(k).name for k in range(1, model.nbody)} == {*body_names(of), "eye"}

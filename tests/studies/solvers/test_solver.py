@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.registry import SOLVERS
-from basecal.studies.solvers.solver import solver, unsolved
+from basecal.studies.solvers.registry import SOLVERS
+from basecal.studies.solvers.solver import unsolved
 from study_example import study
 
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_every_solver_has_the_face(name: str) -> None:
     """Blocks of a chunk, what it cannot solve, and the verb."""
-    found = solver(name)
-    assert found.BLOCKS >= 1
+    found = SOLVERS[name]
+    assert found.blocks >= 1
     assert callable(found.solve)
     refusal = found.unfit(study(hold="layout: chain").points[0].settings)
     assert refusal is None if name == "maximum_likelihood" else name in refusal

@@ -17,7 +17,7 @@ from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import Array
 
 
@@ -62,7 +62,7 @@ class OpcuaRobot(ReconnectingRobot):
             DriverError: if the server has no value of a node, or another count of numbers than the robot.
         """
         values = self._session.read()
-        notation = None if self._options.notation is None else convention(self._options.notation)
+        notation = None if self._options.notation is None else CONTROLLERS[self._options.notation]
         expected = self._joints if notation is None else len(notation.names)
         if len(values.numbers) != expected:
             raise DriverError(

@@ -12,9 +12,8 @@ import numpy as np
 from basecal.acquisition.driver import Place, Reading, checked_options
 from basecal.cell import RobotState
 from basecal.errors import DriverError, InputError
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.fields.values import Entry, known_names
-from basecal.registry import CONTROLLERS
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _JOINTS = {"joints_deg": np.radians(1.0), "joints_rad": 1.0}  # [rad] of what is typed
@@ -63,11 +62,11 @@ class TypedRobot:
             raise InputError(f"{len(numbers)} numbers, expected {len(names)}: {' '.join(names)}")
         if self._notation in _JOINTS:
             return RobotState(joints_rad=_JOINTS[self._notation] * numbers)
-        return RobotState(convention(self._notation).read(numbers))
+        return RobotState(CONTROLLERS[self._notation].read(numbers))
 
     def _names(self) -> tuple[str, ...]:
         if self._notation not in _JOINTS:
-            return convention(self._notation).names
+            return CONTROLLERS[self._notation].names
         chain = self._place.cell.robots[self._place.name].chain
         if chain is None:
             raise InputError("joints need urdf, base_link and flange_link of the robot in cell.yaml")

@@ -13,7 +13,7 @@ from basecal.acquisition.ur.program import Program
 from basecal.acquisition.ur.receiver import Receiver
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, DriverError
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 
 STOP_GUARANTEE: StopGuarantee = "watchdog"
 
@@ -146,7 +146,7 @@ class UrLed(_WithProgram):
 def _written(to: RobotState) -> list[float]:
     """A pose as UR controllers take it."""
     assert to.base_from_flange is not None
-    return [float(number) for number in convention("ur").written(to.base_from_flange)]
+    return [float(number) for number in CONTROLLERS["ur"].written(to.base_from_flange)]
 
 
 def open_robot(place: Place) -> UrWatched | UrMoved | UrLed:

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.fields.values import Entry, known_names
-from basecal.registry import CONTROLLERS
 
 Path = Annotated[str, Field(min_length=1)]
 
@@ -33,7 +33,7 @@ class OpcuaOptions(Entry):
     joints: list[Path] | Path | None = None
     unit: Literal["rad", "deg"] | None = None
     pose: list[Path] | Path | None = None
-    notation: Annotated[str, known_names("notation", CONTROLLERS)] | None = None
+    notation: Annotated[str, known_names("notation", tuple(CONTROLLERS))] | None = None
     user: str | None = None
     password_in: str | None = None
     rate_hz: Annotated[float, Field(ge=20, le=500)] = 50.0

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
-from basecal.acquisition.driver_modules import driver_module
+from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.plausible import check_reading
 from basecal.acquisition.states import has_arrived, vector_of
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
@@ -233,9 +233,9 @@ class ArmProcess:
 
 def _opened(place: Place) -> Robot:
     driver = place.cell.robots[place.name].driver
-    module = None if driver is None else driver_module(driver.kind)
-    assert module is not None
-    robot: Robot = module.open_robot(place)
+    kind = None if driver is None else driver_kind(driver.kind)
+    assert kind is not None
+    robot = kind.robot(place)
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (_address_space_bytes() + _MEMORY_BYTES, hard))
     return robot

@@ -15,7 +15,7 @@ from basecal.acquisition.links.reach import reached
 from basecal.acquisition.ur.options import UrOptions, in_a_line
 from basecal.cell import RobotState
 from basecal.errors import DriverError, MissingExtra
-from basecal.exchange.controllers.convention import convention
+from basecal.exchange.controllers.registry import CONTROLLERS
 
 _PORT = 30004
 _VERSION_2 = struct.pack(">HBH", 5, 86, 2)  # asks for the second version of the protocol: size, kind "V", version
@@ -84,7 +84,7 @@ class Receiver:
         self._check_safety()
         self._last_s = stamp_s
         numbers = np.array(values)
-        state = RobotState(joints_rad=numbers) if self._gives_joints else RobotState(convention("ur").read(numbers))
+        state = RobotState(joints_rad=numbers) if self._gives_joints else RobotState(CONTROLLERS["ur"].read(numbers))
         return Reading(stamp_s, state)
 
     @property

@@ -14,7 +14,7 @@ from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
 from basecal.cell.schema.rolling_shutter import RollingShutterEntry
-from basecal.cell.targets.all_kinds import AnyTargetEntry
+from basecal.cell.targets.registry import AnyTargetEntry
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.fields.parameters import Parameters
 from basecal.fields.problems import short
@@ -29,7 +29,7 @@ from basecal.fields.values import (
     empty,
     known_names,
 )
-from basecal.geometry.lens import lens_models
+from basecal.geometry.lenses.registry import lens_models
 
 SCHEMA = "basecal/cell/1"
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from basecal.cell.targets.all_kinds import KIND_NAMES, entry_with_tag
+from basecal.cell.targets.registry import TARGETS, entry_with_tag
 from basecal.errors import nearest
 from basecal.fields.problems import Loc, Problem, short
 
@@ -43,8 +43,8 @@ def _problem(details: Mapping[str, Any], schema: Any) -> Problem:
         return Problem(loc, f"unknown field{nearest(str(loc[-1]), known)}; known: {', '.join(known)}")
     if kind == "union_tag_invalid":
         written = value["kind"]
-        hint = nearest(written, KIND_NAMES) if isinstance(written, str) else ""
-        return Problem((*loc, "kind"), f"no kind {short(written)}{hint}; there are: {', '.join(KIND_NAMES)}")
+        hint = nearest(written, TARGETS) if isinstance(written, str) else ""
+        return Problem((*loc, "kind"), f"no kind {short(written)}{hint}; there are: {', '.join(TARGETS)}")
     if kind == "value_error":
         return Problem(loc, str(details["ctx"]["error"]))
     if kind == "missing":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from basecal.fields.values import Entry, Number, Pixels, Sigma2, Sigmas, Status
-from basecal.geometry.lens import lenses_of, term_counts
+from basecal.geometry.lenses.registry import lenses_of, term_counts
 
 _FOCAL_WIDTHS = (0.05, 50.0)  # from half a fisheye's to beyond the longest telescope lens, in widths of the image
 _CENTRE_WIDTHS = 2.0  # from the middle of the image: beyond any shifted lens, and any part cut out of a sensor's image

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
@@ -93,13 +91,6 @@ class MatrixConvention:
 
 
 AnyConvention = Convention | MatrixConvention
-
-
-def convention(name: str) -> AnyConvention:
-    """The convention of a registered controller."""
-    module: Any = import_module(f"basecal.exchange.controllers.{name}")
-    found: AnyConvention = module.CONVENTION
-    return found
 
 
 def _rotation_from_rpy(angles: Array) -> Array:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.abb import CONVENTION
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import fixed, length_decimals, written_numbers
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 _LONGEST_NAME = 32
 """Characters of an identifier. Source: RAPID Overview, "Identifiers"."""
 
@@ -38,3 +36,6 @@ def exported(wanted: Wanted) -> str:
             said = f"Base Frame of {child.removesuffix('_base')}, where the world is {parent}: {frame} [m], {turned}"
             lines += comments([said], "!")
     return "\n".join(lines) + "\n"
+
+
+EXPORTER = Exporter("pose of RAPID in mm, quaternion w first, with wobjdata and Base Frame", exported, is_pasted=True)

@@ -7,15 +7,12 @@ import json
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.cameras import exported_camera, only_camera
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros_lenses import ros_lens
 from basecal.geometry import Array
-
-TAKES: tuple[Takes, ...] = ("camera",)
-PASTED = False
 
 
 def exported(wanted: Wanted) -> str:
@@ -52,3 +49,6 @@ def _matrix(name: str, values: Array) -> list[str]:
     rows, columns = values.shape
     data = json.dumps([float(value) + 0.0 for value in values.ravel()])
     return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {data}"]
+
+
+EXPORTER = Exporter("with --camera: its lens as a calibration file of ROS", exported, takes=("camera",))

@@ -5,11 +5,9 @@ from __future__ import annotations
 import csv
 from io import StringIO
 
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.wanted import Wanted
 
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 _HEADER = (
     *("name", "parent", "child", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
     *("sigma_x_m", "sigma_y_m", "sigma_z_m", "sigma_rx_rad", "sigma_ry_rad", "sigma_rz_rad", "status", "from"),
@@ -27,3 +25,6 @@ def exported(wanted: Wanted) -> str:
         written = [repr(float(number) + 0.0) for number in numbers]
         table.writerow([one.name, one.parent, one.child, *written, one.status, "; ".join(wanted.remarks)])
     return text.getvalue()
+
+
+EXPORTER = Exporter("a row for each transform", exported, is_pasted=True)

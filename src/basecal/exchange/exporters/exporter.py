@@ -1,42 +1,16 @@
-"""The face of an exporter, how one is found, and what it gives of a calibration."""
+"""A calibration as the text of another program's file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, Protocol
 
 from basecal.cell import Calibration, Cell
 from basecal.errors import FrameNotFound, InputError, RefusedCalibration
+from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import both_directions, chosen_transforms
 from basecal.exchange.exports.remarks import provenance
 from basecal.exchange.exports.wanted import Wanted
-from basecal.registry import EXPORTERS
-
-Takes = Literal["transform", "robot", "camera", "urdf", "joint"]
-
-
-class Exporter(Protocol):
-    """What a module of this folder has.
-
-    Attributes:
-        TAKES: What of a calibration it can write, what is usual first; each is an option of `basecal export`.
-        PASTED: Whether people paste it: of transforms, and text.
-    """
-
-    TAKES: tuple[Takes, ...]
-    PASTED: bool
-
-    def exported(self, wanted: Wanted) -> str:
-        """Text of a file for another program."""
-
-
-def exporter(kind: str) -> Exporter:
-    """The exporter of a registered kind."""
-    module: Any = import_module(f"basecal.exchange.exporters.{kind}")
-    found: Exporter = module
-    return found
 
 
 def export(
@@ -56,7 +30,7 @@ def export(
 
     Args:
         calibration: What came out.
-        kind: For which program, one of `basecal.registry.EXPORTERS`.
+        kind: For which program, one of `basecal.export_kinds()`.
         transform: Name of a transform, in whichever direction; those that the cell was calibrated for where None.
         robot: Whose file, for kinds that are of a robot.
         camera: Whose file, for kinds that are of a camera.
@@ -75,15 +49,15 @@ def export(
         raise FrameNotFound(kind, list(EXPORTERS))
     if calibration.verdict == "refused":
         raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
-    found = exporter(kind)
+    found = EXPORTERS[kind]
     named = {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint}
     for option, value in named.items():
-        if value and option not in found.TAKES:
-            raise InputError(f"{kind} takes a {' or a '.join(found.TAKES)}, not a {option}")
-    of_transforms = "transform" in found.TAKES and robot is None and camera is None
+        if value and option not in found.takes:
+            raise InputError(f"{kind} takes a {' or a '.join(found.takes)}, not a {option}")
+    of_transforms = "transform" in found.takes and robot is None and camera is None
     transforms = chosen_transforms(calibration, cell, transform) if of_transforms else ()
     remarks = provenance(calibration, run)
-    return found.exported(Wanted(transforms, remarks, calibration, cell, folder, robot, camera, tuple(urdf), joint))
+    return found.text(Wanted(transforms, remarks, calibration, cell, folder, robot, camera, tuple(urdf), joint))
 
 
 def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | None = None) -> dict[str, dict[str, str]]:
@@ -91,8 +65,8 @@ def pasteable(calibration: Calibration, cell: Cell | None = None, run: str | Non
     if calibration.verdict == "refused":
         return {}
     remarks = provenance(calibration, run)
-    kinds = {kind: found for kind in EXPORTERS if (found := exporter(kind)).PASTED}
+    kinds = {kind: found for kind, found in EXPORTERS.items() if found.is_pasted}
     return {
-        one.name: {kind: found.exported(Wanted((one,), remarks, calibration, cell)) for kind, found in kinds.items()}
+        one.name: {kind: found.text(Wanted((one,), remarks, calibration, cell)) for kind, found in kinds.items()}
         for one in both_directions(calibration, cell)
     }

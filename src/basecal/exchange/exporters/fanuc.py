@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.fanuc import CONVENTION
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -21,3 +18,6 @@ def exported(wanted: Wanted) -> str:
         x, y, z, w, p, r = (f"{name} = {number}" for name, number in pairs)
         lines += [f"{x} mm, {y} mm, {z} mm,", f"{w} deg, {p} deg, {r} deg"]
     return "\n".join(lines) + "\n"
+
+
+EXPORTER = Exporter("X, Y, Z, W, P, R in mm and deg", exported, is_pasted=True)

@@ -5,11 +5,8 @@ from __future__ import annotations
 import json
 
 from basecal.cell.format.plain import numbers
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -28,3 +25,6 @@ def exported(wanted: Wanted) -> str:
     }
     data = {"transforms": transforms, "verdict": wanted.calibration.verdict, "from": list(wanted.remarks)}
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+EXPORTER = Exporter("all digits and the covariance", exported, is_pasted=True)

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.kuka import CONVENTION
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -31,3 +28,6 @@ def exported(wanted: Wanted) -> str:
             if child.endswith("_base"):
                 lines.append(f"$ROBROOT={frame} ; on {child.removesuffix('_base')}: its WORLD is then {parent}")
     return "\n".join(lines) + "\n"
+
+
+EXPORTER = Exporter("{X, Y, Z, A, B, C} of KRL in mm and deg, with $BASE, $ROBROOT or $TOOL", exported, is_pasted=True)

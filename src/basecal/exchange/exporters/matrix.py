@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import fixed, length_decimals, unit_decimals
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -20,3 +17,6 @@ def exported(wanted: Wanted) -> str:
         rows = [" ".join([*row, place]) for row, place in zip(turned, places, strict=True)]
         lines += [*comments([about(one, "m")], "#"), *rows, "0 0 0 1"]
     return "\n".join(lines) + "\n"
+
+
+EXPORTER = Exporter("4x4 matrix, a row on a line", exported, is_pasted=True)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -40,3 +37,6 @@ def _add(parent: Element, place: Place) -> None:
 
 def _exactly(values: list[float]) -> str:
     return " ".join(repr(value + 0.0) for value in values)
+
+
+EXPORTER = Exporter("bodies of an MJCF model", exported, is_pasted=True)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.cameras import exported_camera
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.geometry import Array
-
-TAKES: tuple[Takes, ...] = ("transform", "camera")
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -51,3 +48,11 @@ def _matrix(name: str, values: Array) -> list[str]:
         "   dt: d",
         f"   data: [ {data} ]",
     ]
+
+
+EXPORTER = Exporter(
+    "FileStorage in YAML of transforms, or with --camera of its lens",
+    exported,
+    takes=("transform", "camera"),
+    is_pasted=True,
+)

@@ -5,13 +5,10 @@ from __future__ import annotations
 import json
 
 from basecal.errors import InputError
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros2 import ros_covariance
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -42,3 +39,6 @@ def exported(wanted: Wanted) -> str:
             "",
         ]
     )
+
+
+EXPORTER = Exporter("geometry_msgs/PoseWithCovarianceStamped as YAML", exported, is_pasted=True)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -40,3 +37,6 @@ def exported(wanted: Wanted) -> str:
             "",
         ]
     )
+
+
+EXPORTER = Exporter("launch file that publishes on /tf_static", exported, is_pasted=True)

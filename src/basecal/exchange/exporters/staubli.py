@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.staubli import CONVENTION
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -19,3 +16,6 @@ def exported(wanted: Wanted) -> str:
         lines += comments([about(one, "mm and deg, about x, the new y, the new z")], "//")
         lines.append("{" + ", ".join(written_numbers(CONVENTION, one.estimate)) + "}")
     return "\n".join(lines) + "\n"
+
+
+EXPORTER = Exporter("{x, y, z, rx, ry, rz} of VAL 3 in mm and deg", exported, is_pasted=True)

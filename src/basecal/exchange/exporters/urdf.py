@@ -9,13 +9,10 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.cell.results.calibration_dict import program_version
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf import corrected_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
-
-TAKES: tuple[Takes, ...] = ("robot",)
-PASTED = False
 
 
 def exported(wanted: Wanted) -> str:
@@ -58,3 +55,10 @@ def exported(wanted: Wanted) -> str:
     what = " and ".join(kind for kind in ("joint_offsets", "link_parameters") if kind in found)
     note = f"made by basecal {program_version()} of {source}: {what.replace('_', ' ')} applied"
     return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves, note)
+
+
+EXPORTER = Exporter(
+    "with --robot: its URDF with its joint offsets and link errors in the origins of its joints",
+    exported,
+    takes=("robot",),
+)

@@ -6,14 +6,11 @@ from pathlib import Path
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import InputError
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf_scene import RobotPart, link_names, merged_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
-
-TAKES: tuple[Takes, ...] = ("urdf",)
-PASTED = False
 
 
 def exported(wanted: Wanted) -> str:
@@ -51,3 +48,8 @@ def exported(wanted: Wanted) -> str:
     said = [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]
     remarks = [line.strip() for line in comments([*wanted.remarks, *said], "")]
     return merged_urdf(parts, cell.reference, places, remarks)
+
+
+EXPORTER = Exporter(
+    "one URDF of all robots, each where it was found; with --urdf FILE... from these", exported, takes=("urdf",)
+)

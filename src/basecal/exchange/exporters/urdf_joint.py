@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf_scene import patched_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
-
-TAKES: tuple[Takes, ...] = ("transform", "urdf", "joint")
-PASTED = False
 
 
 def exported(wanted: Wanted) -> str:
@@ -35,3 +32,10 @@ def exported(wanted: Wanted) -> str:
     except FrameNotFound as error:
         hint = "; links are named by `frames: {base: ..., flange: ...}` of robots in cell.yaml"
         raise InputError(f"{path}: {error}{hint}") from None
+
+
+EXPORTER = Exporter(
+    "with --urdf FILE: that URDF, the origin of a fixed joint in it being what was found",
+    exported,
+    takes=("transform", "urdf", "joint"),
+)

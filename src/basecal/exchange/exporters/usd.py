@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from basecal.errors import MissingExtra
-from basecal.exchange.exporters.exporter import Takes
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = False
 
 
 def exported(wanted: Wanted) -> str:
@@ -51,3 +48,6 @@ def _define(stage: Any, place: Place, above: Any) -> Any:
     for child in place.children:
         _define(stage, child, prim.GetPath())
     return prim.GetPrim()
+
+
+EXPORTER = Exporter("frames of a USD stage, as text (.usda); needs the extra `usd`", exported)

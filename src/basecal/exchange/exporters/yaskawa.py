@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.yaskawa import CONVENTION
-from basecal.exchange.exporters.exporter import Takes
 from basecal.exchange.exports.digits import written_numbers
+from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
-
-TAKES: tuple[Takes, ...] = ("transform",)
-PASTED = True
 
 
 def exported(wanted: Wanted) -> str:
@@ -20,3 +17,6 @@ def exported(wanted: Wanted) -> str:
         named = (f"{name} {number}" for name, number in zip(CONVENTION.names, numbers, strict=True))
         lines += [*comments([about(one, "mm and deg")], "'"), ", ".join(named), f"////BUSER {','.join(numbers)}"]
     return "\n".join(lines) + "\n"
+
+
+EXPORTER = Exporter("X, Y, Z, Rx, Ry, Rz in mm and deg, and the line of UFRAME.CND", exported, is_pasted=True)

@@ -9,13 +9,13 @@ from shlex import quote
 from typing import Any, Literal
 
 from basecal.cell import Cell
+from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, listed
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.exchange.importing.known import known_cell, recorded_samples
 from basecal.exchange.pictures import pictures_of, stamp_of, unreadable_pictures, usual_size
 from basecal.fields.problems import Loc
-from basecal.registry import TargetKindName
 
 _BY: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
 

@@ -9,12 +9,12 @@ from typing import Annotated
 
 from basecal.errors import FrameNotFound, UsageError
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
+from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Imported, OneOf
 from basecal.exchange.importing.known import known_cell
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import METRES, LengthUnit
-from basecal.registry import CONTROLLERS
 
 _ADVICE = "check --length-unit and --format"
 
@@ -25,7 +25,7 @@ def read_poses(
     /,
     *,
     robot: str | None = None,
-    format: Annotated[str | None, OneOf("Whose numbers they are", CONTROLLERS)] = None,
+    format: Annotated[str | None, OneOf("Whose numbers they are", tuple(CONTROLLERS))] = None,
     length_unit: LengthUnit | None = None,
     deg: bool = False,
     rad: bool = False,
@@ -148,7 +148,7 @@ class _Table:
             DatasetError: if none is stated, and the file does not say.
         """
         if self.format is not None and self.format not in CONTROLLERS:
-            raise UsageError(f"--format {FrameNotFound(self.format, CONTROLLERS)}")
+            raise UsageError(f"--format {FrameNotFound(self.format, list(CONTROLLERS))}")
         if self.deg and self.rad:
             raise UsageError("--deg and --rad cannot both be")
         angle = math.radians(1) if self.deg else 1.0 if self.rad else None

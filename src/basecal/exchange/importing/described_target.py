@@ -9,9 +9,9 @@ from typing import Any
 
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.target import Target
-from basecal.cell.targets.all_kinds import target_kind
 from basecal.cell.targets.fiducials import large_enough
 from basecal.cell.targets.kind import PrintSizes, alike
+from basecal.cell.targets.registry import TARGETS
 from basecal.errors import InputError, UsageError
 from basecal.exchange.importing.known import known_cell
 from basecal.fields.typed_length import columns_rows, length_m
@@ -111,7 +111,7 @@ def target_entry(
 
 def are_alike(one: Target, other: Target) -> bool:
     """Whether no picture tells which of two targets it shows."""
-    return one.kind == other.kind and alike(target_kind(one.kind), one.options, other.options)
+    return one.kind == other.kind and alike(TARGETS[one.kind], one.options, other.options)
 
 
 def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
@@ -120,7 +120,7 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
     Raises:
         InputError: if not.
     """
-    cell, of_kind = known_cell(folder), target_kind(kind)
+    cell, of_kind = known_cell(folder), TARGETS[kind]
     for other in cell.targets.values() if cell is not None else ():
         if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
             continue
@@ -175,7 +175,7 @@ def printed_fields(kind: str, sizes: PrintSizes, given: tuple[str, ...]) -> dict
     Raises:
         InputError: if the kind is not made of sizes, or one given is no FIELD=VALUE.
     """
-    printed = target_kind(kind).printed
+    printed = TARGETS[kind].printed
     if printed is None:
         raise InputError(f"a target of kind {kind!r} needs more than sizes: describe it in cell.yaml")
     fields = dict(printed(sizes))

@@ -11,9 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.cell.targets.all_kinds import target_kind
-from basecal.geometry.lens import lens_models, terms_text
-from basecal.registry import TargetKindName
+from basecal.cell.targets.registry import TARGETS, TargetKindName
+from basecal.geometry.lenses.registry import lens_models, terms_text
 
 Kind = Literal[TargetKindName, "pose"]
 
@@ -92,7 +91,7 @@ def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
     text += f"    model: pinhole                   # {' or '.join(f'{m} ({terms_text(m)})' for m in lens_models())}\n"
     text += "    size_px: [1280, 720]             # width, height of its images\n"
     # A target of one point does not determine the intrinsics.
-    if not target_kind(kind).usual(np.random.default_rng(0)).is_point:
+    if not TARGETS[kind].usual(np.random.default_rng(0)).is_point:
         return text + "    intrinsics: {status: free}       # or fixed / prior with fx, fy, cx, cy, distortion\n"
     known = "{status: fixed, fx: 1000, fy: 1000, cx: 639.5, cy: 359.5, distortion: [0, 0, 0, 0, 0]}"
     advice = "# Put your camera's numbers here: a single light does not determine them."
@@ -103,7 +102,7 @@ def _fields(kind: Kind, shape: Mapping[str, Any] | None, place: int) -> str:
     """The lines of a target of several; the first of those that nobody described are explained."""
     if kind == "pose":
         return ""
-    known = target_kind(kind)
+    known = TARGETS[kind]
     if shape is None and place == 0:
         return known.template
     fields = known.another(shape or parse_yaml(dedent(known.template), kind).data, place)

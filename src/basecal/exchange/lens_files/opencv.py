@@ -15,7 +15,7 @@ from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.file_storage import read_file_storage
 from basecal.exchange.lens_files.stated import StatedLens, made_camera, matrix_parameters, opencv_terms
 from basecal.exchange.npz import read_arrays
-from basecal.geometry.lens import term_counts
+from basecal.geometry.lenses.registry import term_counts
 
 # Without underscores, in lower case.
 _MATRIX = ("cameramatrix", "cameramat", "intrinsicmatrix", "intrinsics", "intrinsic", "mtx", "k", "m", "matrix")

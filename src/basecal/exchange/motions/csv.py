@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from basecal.exchange.motions.way import Way
+from basecal.exchange.motions.way import Motion, Way
 
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
@@ -23,3 +23,6 @@ def written(way: Way) -> str:
             row += [f"{float(number):.9g}" for number in numbers]
         rows.append(",".join(row))
     return "\n".join(rows) + "\n"
+
+
+MOTION = Motion("a row for each sample: joints, and poses of the flanges", written)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from basecal.exchange.motions.way import Way
+from basecal.exchange.motions.way import Motion, Way
 
 
 def written(way: Way) -> str:
@@ -18,3 +18,6 @@ def written(way: Way) -> str:
         for name in way.robots
     }
     return json.dumps({"samples": way.numbers, "robots": robots}, indent=1) + "\n"
+
+
+MOTION = Motion("joints of all robots as JSON [rad]", written)

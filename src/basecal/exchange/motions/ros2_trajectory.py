@@ -6,7 +6,7 @@ sample from its time for as long as the plan holds.
 
 from __future__ import annotations
 
-from basecal.exchange.motions.way import Way
+from basecal.exchange.motions.way import Motion, Way
 
 
 def written(way: Way) -> str:
@@ -32,3 +32,8 @@ def _goal(way: Way, robot: str) -> str:
                 f"    time_from_start: {{sec: {seconds}, nanosec: {nanoseconds}}}",
             ]
     return "\n".join(lines) + "\n"
+
+
+MOTION = Motion(
+    "goals of FollowJointTrajectory as YAML, one document for each robot, in step with one another", written
+)

@@ -7,7 +7,7 @@ flange itself then, which `set_tcp` sees to.
 from __future__ import annotations
 
 from basecal.exchange.controllers.ur import CONVENTION
-from basecal.exchange.motions.way import Way
+from basecal.exchange.motions.way import Motion, Way
 
 _ACCELERATION = 0.5  # [rad/s^2], a third of what the arms begin with
 
@@ -32,3 +32,6 @@ def written(way: Way) -> str:
             f'  popup("{what}: take the picture, then continue", title="basecal", blocking=True)',
         ]
     return "\n".join([*lines, "end", f"basecal_{robot}()"]) + "\n"
+
+
+MOTION = Motion("with --robot: a program of URScript that waits at each sample", written)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
-from typing import Protocol
 
 import numpy as np
 
@@ -100,22 +98,17 @@ class Way:
         return [float(way + k * self.hold_s) for k, way in enumerate(np.cumsum(ways))]
 
 
-class Motion(Protocol):
-    """A kind of output: a module of this package."""
+@dataclass(frozen=True)
+class Motion:
+    """A way to write where a plan sends the arms: its module in this folder ends in a `MOTION` of this class.
 
-    def written(self, way: Way) -> str:
-        """The text of a file.
+    Attributes:
+        words: What it gives, for help.
+        text: Writes the file; raises an InputError if it cannot say it.
+    """
 
-        Raises:
-            InputError: if the kind cannot say it.
-        """
-        ...
-
-
-def motion(name: str) -> Motion:
-    """The kind of a registered name."""
-    found: Motion = import_module(f"basecal.exchange.motions.{name.replace('-', '_')}")
-    return found
+    words: str
+    text: Callable[[Way], str]
 
 
 def way_of(

@@ -8,12 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Target, Unknown
-from basecal.cell.targets.all_kinds import target_kind
+from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics import SerialChain
-from basecal.registry import TargetKindName
 from basecal.simulation import draw
 from basecal.simulation.arms import joints_near
 from basecal.simulation.running.faults import Faults
@@ -44,7 +43,7 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
         InputError: if the arms do not reach.
     """
     rng = np.random.default_rng([seed, 5])
-    shape = target_kind(target).usual(np.random.default_rng(0))
+    shape = TARGETS[target].usual(np.random.default_rng(0))
     name = _TARGET_NAMES[shape.is_point]
     eye_base_from_hand_base = SE3.from_rotvec([0, 0, np.pi], [_APART_M, 0, 0]) @ _drawn(rng, _TRUTH_SIGMA)
     flange_from_camera = _TO_CAMERA @ _drawn(rng, (0.01, 0.03))

@@ -7,9 +7,7 @@ import numpy as np
 from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient
 from basecal.studies.cells import OF_SHIFTS, Settings
 from basecal.studies.draws import Draws
-from basecal.studies.solvers.solver import Answers
-
-BLOCKS = 64
+from basecal.studies.solvers.solver import Answers, Solver
 
 
 def unfit(settings: Settings) -> str | None:
@@ -31,3 +29,6 @@ def solve(draws: Draws) -> Answers:
     found = estimate(image[..., 0, :], gradient, lens.focal)
     base = base_of_station(eye_base_from_camera, found.camera_from_light, hand_base_from_light[0])
     return Answers(base, None, np.ones(draws.count, dtype=bool))
+
+
+SOLVER = Solver("the paper's, of a light shifted before a still camera", solve, unfit, blocks=64)

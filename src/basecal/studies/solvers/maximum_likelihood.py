@@ -13,17 +13,10 @@ from basecal.errors import BasecalError
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.solve_batch import solve_batch
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.studies.cells import Settings
 from basecal.studies.draws import Draws, pixels_of
-from basecal.studies.solvers.solver import Answers, unsolved
+from basecal.studies.solvers.solver import Answers, Solver, unsolved
 
-BLOCKS = 1
 _PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does not reach it, another optimum does
-
-
-def unfit(settings: Settings) -> str | None:
-    """None: it solves everything."""
-    return None
 
 
 def solve(draws: Draws) -> Answers:
@@ -91,3 +84,6 @@ def _alone(draws: Draws, trial: int) -> Solution:
         for group in draws.problem.groups
     ]
     return solve_packed(draws.problem.with_groups(groups), draws.made.cell)
+
+
+SOLVER = Solver("all at once, as `basecal.solve`", solve)

@@ -7,10 +7,8 @@ import numpy as np
 from basecal.geometry import SE3, Array
 from basecal.studies.cells import Settings
 from basecal.studies.draws import Draws
-from basecal.studies.solvers.solver import Answers
+from basecal.studies.solvers.solver import Answers, Solver
 from basecal.vision.robot_world import RobotWorld, camera_from_target, robot_world
-
-BLOCKS = 1
 
 
 def unfit(settings: Settings) -> str | None:
@@ -57,3 +55,6 @@ def _named(draws: Draws, found: RobotWorld | None, of_camera: bool) -> SE3 | Non
     if draws.transform == group.hand.mount:
         return found.last
     return found.first.inverse() if of_camera else found.first
+
+
+SOLVER = Solver("solvePnP, then calibrateRobotWorldHandEye", solve, unfit)

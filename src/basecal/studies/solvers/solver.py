@@ -1,11 +1,9 @@
-"""The face of a solver: a module of this folder with `BLOCKS`, `unfit` and `solve`."""
+"""What a solver is: its module in this folder ends in a `SOLVER` of this class."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from importlib import import_module
-from typing import Protocol, cast
 
 import numpy as np
 
@@ -31,23 +29,21 @@ class Answers:
     reason: str = ""
 
 
-class Solver(Protocol):
-    """What a module of a solver has."""
+@dataclass(frozen=True)
+class Solver:
+    """What a study may solve with.
 
-    BLOCKS: int
-    """Blocks of trials that a chunk has: as many as make writing it worth the while."""
+    Attributes:
+        words: What it is, for help.
+        solve: All trials.
+        unfit: Why it cannot solve what settings make; None if it can.
+        blocks: Blocks of trials that a chunk has: as many as make writing it worth the while.
+    """
 
-    def unfit(self, settings: Settings) -> str | None:
-        """Why it cannot solve what these settings make; None where it can."""
-
-    def solve(self, draws: Draws) -> Answers:
-        """All trials."""
-
-
-@cache
-def solver(name: str) -> Solver:
-    """The solver of that name."""
-    return cast(Solver, import_module(f"basecal.studies.solvers.{name}"))
+    words: str
+    solve: Callable[[Draws], Answers]
+    unfit: Callable[[Settings], str | None] = lambda _: None
+    blocks: int = 1
 
 
 def unsolved(count: int, reason: str) -> Answers:

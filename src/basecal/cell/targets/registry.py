@@ -1,25 +1,38 @@
-"""The kinds of targets that are registered, and the entry in `cell.yaml` that may be of any of them."""
+"""Every kind of target: a new one is a module, a name and a line here; and the entry in `cell.yaml` of any of them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache, reduce
-from importlib import import_module
 from operator import or_
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, GetPydanticSchema, Tag
 
+from basecal.cell.targets import aprilgrid, apriltag, charuco, chessboard, circles, led, points
 from basecal.cell.targets.kind import TargetEntry, TargetKind
-from basecal.registry import TargetKindName
 
-KIND_NAMES: tuple[TargetKindName, ...] = get_args(TargetKindName)
+TargetKindName = Literal[
+    "charuco",
+    "chessboard",
+    "circles",
+    "apriltag",
+    "aprilgrid",
+    "points",
+    "led",
+]
+"""The names of the table, for what checks them."""
 
-
-@cache
-def target_kind(name: TargetKindName) -> TargetKind:
-    """All that is particular to a kind of target."""
-    kind: TargetKind = import_module(f"basecal.cell.targets.{name}").KIND
-    return kind
+TARGETS: Mapping[str, TargetKind] = {
+    "charuco": charuco.KIND,
+    "chessboard": chessboard.KIND,
+    "circles": circles.KIND,
+    "apriltag": apriltag.KIND,
+    "aprilgrid": aprilgrid.KIND,
+    "points": points.KIND,
+    "led": led.KIND,
+}
+"""All that is particular to a kind of target, by its name."""
 
 
 def entry_with_tag(tag: str) -> type[TargetEntry] | None:
@@ -31,8 +44,8 @@ def entry_with_tag(tag: str) -> type[TargetEntry] | None:
 def _entries() -> dict[str, type[TargetEntry]]:
     """Models of entries by tag; in angle brackets, so that no error mistakes a tag for a field."""
     entries = [TargetEntry]
-    for name in KIND_NAMES:
-        entries += target_kind(name).entries
+    for kind in TARGETS.values():
+        entries += kind.entries
     return {_tag(entry): entry for entry in entries}
 
 
@@ -45,9 +58,9 @@ def _tag_of(data: Any) -> str:
     name = data.get("kind") if isinstance(data, dict) else None
     if name is None:
         return _tag(TargetEntry)
-    if name not in KIND_NAMES:
+    if name not in TARGETS:
         return "<unknown>"
-    kind = target_kind(name)
+    kind = TARGETS[name]
     return _tag(kind.entries[kind.entry_index(data)])
 
 

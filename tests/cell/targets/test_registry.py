@@ -10,11 +10,10 @@ import pytest
 from basecal.cell.cell import Cell
 from basecal.cell.files import cell_from_dict, cell_to_dict
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.cell.targets.all_kinds import KIND_NAMES, target_kind
 from basecal.cell.targets.kind import PrintSizes
+from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.exchange.importing.template import cell_text
 from basecal.geometry import SE3
-from basecal.registry import TargetKindName
 
 SIZES = PrintSizes(5, 7, 0.04, 0.03, "DICT_4X4_50", "tag36h11", 3)
 
@@ -26,10 +25,10 @@ def cell_with(kind: str, fields: Any) -> Cell:
     )
 
 
-@pytest.mark.parametrize("kind", KIND_NAMES)
+@pytest.mark.parametrize("kind", TARGETS)
 def test_written_and_read(kind: TargetKindName) -> None:
     """A target that is written into a cell.yaml and read back has the same points, ids and fields."""
-    usual = target_kind(kind).usual(np.random.default_rng(0))
+    usual = TARGETS[kind].usual(np.random.default_rng(0))
     cell = cell_with(kind, usual.options)
     read = cell.targets["it"].target
     assert read is not None
@@ -39,7 +38,7 @@ def test_written_and_read(kind: TargetKindName) -> None:
     assert cell_to_dict(cell)["targets"]["it"] | usual.options == cell_to_dict(cell)["targets"]["it"]
 
 
-@pytest.mark.parametrize("kind", KIND_NAMES)
+@pytest.mark.parametrize("kind", TARGETS)
 def test_template_is_read(kind: TargetKindName) -> None:
     """The lines of a new cell.yaml give a target of the kind."""
     read = cell_from_dict(parse_yaml(cell_text(2, kind), "new").data).targets["target"].target
@@ -47,10 +46,10 @@ def test_template_is_read(kind: TargetKindName) -> None:
     assert read.kind == kind
 
 
-@pytest.mark.parametrize("kind", KIND_NAMES)
+@pytest.mark.parametrize("kind", TARGETS)
 def test_what_is_printed_has_the_size_asked_for(kind: TargetKindName) -> None:
     """A board made of sizes has two points that stand its square's size apart."""
-    printed = target_kind(kind).printed
+    printed = TARGETS[kind].printed
     if printed is None or not printed(SIZES):
         return
     target = cell_with(kind, printed(SIZES)).targets["it"].target
@@ -59,10 +58,10 @@ def test_what_is_printed_has_the_size_asked_for(kind: TargetKindName) -> None:
     assert np.isclose(apart, SIZES.square_m).any()
 
 
-@pytest.mark.parametrize("kind", KIND_NAMES)
+@pytest.mark.parametrize("kind", TARGETS)
 def test_points_lie_on_the_sheets(kind: TargetKindName) -> None:
     """Every point of a printed target lies in the plane of a sheet and on its paper."""
-    usual = target_kind(kind).usual(np.random.default_rng(0))
+    usual = TARGETS[kind].usual(np.random.default_rng(0))
     if not usual.sheets:
         return
     on_paper = np.zeros(len(usual.points), dtype=bool)
@@ -73,10 +72,10 @@ def test_points_lie_on_the_sheets(kind: TargetKindName) -> None:
     assert on_paper.all()
 
 
-@pytest.mark.parametrize("kind", KIND_NAMES)
+@pytest.mark.parametrize("kind", TARGETS)
 def test_looks_the_same_turned(kind: TargetKindName) -> None:
     """Where half a turn leaves a target as it is, point k comes to where point n - 1 - k was."""
-    usual = target_kind(kind).usual(np.random.default_rng(0))
+    usual = TARGETS[kind].usual(np.random.default_rng(0))
     middle = usual.points.mean(axis=0)
     turn = SE3(np.diag([-1.0, -1.0, 1.0]), middle * [2, 2, 0])
     same = np.allclose(turn @ usual.points, usual.points[::-1])
@@ -85,7 +84,7 @@ def test_looks_the_same_turned(kind: TargetKindName) -> None:
 
 def test_known_tags_stand_at_their_points() -> None:
     """The ids of tags' corners are ids of the target, each once."""
-    tagged = [u for k in KIND_NAMES if (u := target_kind(k).usual(np.random.default_rng(0))).tags is not None]
+    tagged = [u for k in TARGETS if (u := TARGETS[k].usual(np.random.default_rng(0))).tags is not None]
     assert tagged
     for target in tagged:
         assert target.tags is not None
@@ -94,6 +93,6 @@ def test_known_tags_stand_at_their_points() -> None:
 
 def test_grids_without_marks_look_alike_turned() -> None:
     """Boards whose squares or dots say nothing of themselves; every other target tells its ends apart."""
-    usual = {kind: target_kind(kind).usual(np.random.default_rng(0)) for kind in KIND_NAMES}
+    usual = {kind: TARGETS[kind].usual(np.random.default_rng(0)) for kind in TARGETS}
     assert {kind for kind, target in usual.items() if target.alike_turned} == {"chessboard", "circles"}
     assert {kind for kind, target in usual.items() if target.found_by is None} == {"points"}

@@ -1,0 +1,23 @@
+"""What a pattern is: its module in this folder ends in a `PATTERN` of this class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from basecal.cell import RobotState, Sample
+from basecal.planning.feasible import Feasible
+from basecal.planning.sketch import Sketch
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Where arms can be sent by a plan.
+
+    Attributes:
+        words: What it does, for help.
+        plan: Samples of a sketch, from where the arms are, that are feasible: so many, by a seed.
+    """
+
+    words: str
+    plan: Callable[[Sketch, Mapping[str, RobotState], Feasible, int, int], list[Sample]]
