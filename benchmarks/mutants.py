@@ -3,7 +3,8 @@
 A mutant is one source file with one expression changed (`benchmarks/small_faults.py`). Its room is the folder of the
 tests that mirrors the folder of the file; only these tests judge it. The sample is drawn with a seed; a mutant that a
 test fails on, or that makes the tests hang (by processor time), is killed. `benchmarks/results/mutants.json` keeps the
-last run of each choice of packages and seed and lists what survived; `benchmarks/surviving_mutants.py` says why.
+last run of each choice of packages and seed, and what survived. Who looks at a survivor writes there `why` it did: it
+begins with `equivalent` if nothing tells it from the original. A later run takes over the reasons of the same mutants.
 
 Every mutant is judged in a fork of one process that has the libraries loaded but nothing of the package, with a copy
 of the sources in which that file is changed: nothing of the work tree is touched. Tests that never enter the function
@@ -34,7 +35,6 @@ import pytest
 from benchmarks.common import RESULTS, Kept, commit, table, write
 from benchmarks.entered import Chosen, FileOfTests, Tracer, keep_found, kept_found, telling
 from benchmarks.small_faults import ROOT, SOURCE, Mutant, mutants_of, sample_of
-from benchmarks.surviving_mutants import is_equivalent, reason
 
 TESTS = ROOT / "tests"
 PACKAGES = ("geometry", "numerics", "kinematics", "cell", "estimation", "accuracy")
@@ -43,6 +43,8 @@ SPARE_S = 20.0  # to load and collect
 WAITS = 20.0  # so many times as long by the clock: they wait for what never comes
 HEAD = ("room", "mutants", "equivalent", "killed", "of the others", "with the tests added", "of the others")
 HEAD_OF_SURVIVORS = ("survived", "was", "became", "why")
+UNKNOWN = "no test of its room tells the two apart so far"
+CHANGE = ("file", "text", "old", "new")
 NICE = 10
 
 
@@ -199,13 +201,14 @@ class Court:
 def run_of(packages: Sequence[str], seed: int, found: Sequence[Verdict]) -> dict[str, Any]:
     """A run as it is kept: how many mutants each package had, and those that survived."""
     left = [each.mutant for each in found if each.end == "survived"]
-    names = ("file", "line", "text", "old", "new", "nth")
+    names, known = ("file", "line", "text", "old", "new", "nth"), reasons()
+    survived = [{**{name: getattr(of, name) for name in names}, "now": "survived"} for of in left]
     return {
         "packages": list(packages),
         "seed": seed,
         "commit": commit(),
         "mutants": dict(sorted(Counter(each.mutant.file.split("/")[0] for each in found).items())),
-        "survived": [{**{name: getattr(of, name) for name in names}, "now": "survived"} for of in left],
+        "survived": [{**each, **known.get(tuple(each[name] for name in CHANGE), {})} for each in survived],
     }
 
 
@@ -214,7 +217,7 @@ def rows(run: dict[str, Any]) -> list[tuple[str, int, int, int, str, int, str]]:
     found = []
     for package, mutants in (*run["mutants"].items(), ("", sum(run["mutants"].values()))):
         left = [each for each in run["survived"] if each["file"].startswith(package)]
-        alike = sum(map(is_equivalent, left))
+        alike = sum(each.get("why", "").startswith("equivalent") for each in left)
         killed = mutants - len(left)
         now = killed + sum(each["now"] == "killed" for each in left)
         shares = [f"{100 * n / max(mutants - alike, 1):.1f} %" for n in (killed, now)]
@@ -225,7 +228,7 @@ def rows(run: dict[str, Any]) -> list[tuple[str, int, int, int, str, int, str]]:
 def survivors(runs: Sequence[dict[str, Any]]) -> list[tuple[str, str, str, str]]:
     """Rows of the table with `HEAD_OF_SURVIVORS`."""
     left = [each for run in runs for each in run["survived"] if each["now"] == "survived"]
-    told = [(f"{e['file']}:{e['line']}", f"`{e['old']}`", f"`{e['new']}`", reason(e)) for e in left]
+    told = [(f"{e['file']}:{e['line']}", f"`{e['old']}`", f"`{e['new']}`", e.get("why", UNKNOWN)) for e in left]
     return [(place, old.replace("|", "\\|"), new.replace("|", "\\|"), why) for place, old, new, why in told]
 
 
@@ -234,6 +237,12 @@ def kept_runs() -> list[dict[str, Any]]:
     path = RESULTS / "mutants.json"
     runs: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["runs"] if path.exists() else []
     return runs
+
+
+def reasons() -> dict[tuple[str, ...], dict[str, str]]:
+    """Why mutants survived, as it is written in the runs that are kept, by what was changed."""
+    survived = [each for run in kept_runs() for each in run["survived"] if "why" in each]
+    return {tuple(each[name] for name in CHANGE): {"why": each["why"]} for each in survived}
 
 
 def keep(run: dict[str, Any]) -> None:

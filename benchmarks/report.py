@@ -237,7 +237,9 @@ From a start near the answer to the covariance, by the number of samples of 4 po
 most memory held at once above the packed recording. A slope of 1 in these axes is linear; with few samples the calls
 themselves count, which do not grow, so that slopes are given from 1,000 samples on as well."""
     slopes = table(scaling.SLOPE_HEAD, map(scaling.slope_row, result["slopes"]))
-    figure = "![Time and peak memory over the number of samples](figures/scaling.svg)"
+    figure = """\
+![Time over the number of samples](figures/scaling_time.svg)
+![Peak memory over the number of samples](figures/scaling_memory.svg)"""
     return f"{about}\n\n{figure}\n\n{slopes}\n\n{table(scaling.HEAD, map(scaling.row, result['rows']))}"
 
 

@@ -22,11 +22,11 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3
+from basecal.reporting.charts import Series, log_chart
 from basecal.simulation import Scenario, simulate
 from benchmarks.common import on_one_core, table, write
-from benchmarks.figure import Panel, svg
 
-FIGURE = Path(__file__).parents[1] / "docs" / "figures" / "scaling.svg"
+FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 SIZES = tuple(round(10 ** (k / 2)) for k in range(4, 11))
 STEADY = 1000
 OFF = 2e-3
@@ -95,23 +95,22 @@ def slopes(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return out
 
 
-def _lines(rows: list[dict[str, Any]], field: str, scale: float) -> dict[str, list[tuple[float, float]]]:
+def _lines(rows: list[dict[str, Any]], field: str, scale: float) -> list[Series]:
     """A line a case, and a linear one through the end of the first."""
     cases = dict.fromkeys(row["case"] for row in rows)
-    lines = {c: [(r["samples"], scale * r[field]) for r in rows if r["case"] == c] for c in cases}
-    first = next(iter(lines.values()))
-    (few, _), (many, at_end) = first[0], first[-1]
-    return {**lines, "linear": [(few, at_end * few / many), (many, at_end)]}
+    lines = [Series(c, [(r["samples"], scale * r[field]) for r in rows if r["case"] == c]) for c in cases]
+    (few, _), (many, at_end) = lines[0].points[0], lines[0].points[-1]
+    return [*lines, Series("linear", [(few, at_end * few / many), (many, at_end)])]
 
 
-def drawn(rows: list[dict[str, Any]]) -> str:
-    """Time and memory over samples, as SVG."""
-    return svg(
-        [
-            Panel("Time of a solution", "samples of 4 points", "time [ms]", _lines(rows, "seconds", 1e3)),
-            Panel("Peak memory of a solution", "samples of 4 points", "memory [MB]", _lines(rows, "peak_bytes", 1e-6)),
-        ]
-    )
+def drawn(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """Time and memory over samples, as SVG by file name."""
+    time, memory = _lines(rows, "seconds", 1e3), _lines(rows, "peak_bytes", 1e-6)
+    across = "samples of 4 points"
+    return {
+        "scaling_time.svg": log_chart("Time of a solution", across, "time [ms]", time),
+        "scaling_memory.svg": log_chart("Peak memory of a solution", across, "memory [MB]", memory),
+    }
 
 
 HEAD = ("case", "samples", "time [ms]", "us a sample", "peak [MB]", "kB a sample")
@@ -132,7 +131,7 @@ def slope_row(found: dict[str, Any]) -> tuple[str, ...]:
 
 
 def main(arguments: list[str]) -> None:
-    """Measure, print; of all sizes and cases write results/scaling.json and draw docs/figures/scaling.svg too."""
+    """Measure, print; of all sizes and cases write results/scaling.json and draw docs/figures/scaling_*.svg too."""
     # Only `make bench` installs it, and the page of results does without.
     from threadpoolctl import threadpool_limits
 
@@ -149,8 +148,8 @@ def main(arguments: list[str]) -> None:
     print(table(HEAD, map(row, rows)), table(SLOPE_HEAD, map(slope_row, found["slopes"])), sep="\n\n")
     if asked.cases == list(CASES) and tuple(sizes) == SIZES:
         write("scaling", found)
-        FIGURE.parent.mkdir(parents=True, exist_ok=True)
-        FIGURE.write_text(drawn(rows), encoding="utf-8")
+        for name, figure in drawn(rows).items():
+            (FIGURES / name).write_text(figure, encoding="utf-8")
 
 
 if __name__ == "__main__":

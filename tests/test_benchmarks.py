@@ -6,7 +6,6 @@ import ast
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -14,12 +13,11 @@ from benchmarks import capture, report, scale
 from benchmarks.capture import HEAD, Kept, Outcome, row, size_of
 from benchmarks.common import RESULTS
 from benchmarks.entered import FileOfTests, Judge, telling
-from benchmarks.figure import Panel, svg
-from benchmarks.mutants import room_tests
+from benchmarks.mutants import Verdict, kept_runs, room_tests, rows, run_of
 from benchmarks.peers.tables import brief
 from benchmarks.real_errors import reality
 from benchmarks.report import PAGE, page
-from benchmarks.small_faults import SOURCE, changed, mutants_of
+from benchmarks.small_faults import SOURCE, Mutant, changed, mutants_of
 
 from basecal.simulation import Scenario, simulate
 
@@ -41,17 +39,6 @@ def test_readme_takes_the_peers_from_the_results() -> None:
     """The README's table beside today's practice is made of benchmarks/results/peers.json."""
     rows = json.loads((RESULTS / "peers.json").read_text(encoding="utf-8"))["rows"]
     assert brief(rows) in (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def test_figure_puts_points_where_they_are() -> None:
-    """Decades are evenly spaced along both axes, and larger values stand further right and up."""
-    panel = Panel("a < b", "x [m]", "y [s]", {"line": [(1, 10), (10, 100), (100, 1000)]})
-    circles = list(ElementTree.fromstring(svg([panel])).iter(f"{SVG}circle"))
-    (x0, y0), (x1, y1), (x2, y2) = ((float(c.attrib["cx"]), float(c.attrib["cy"])) for c in circles)
-    assert abs(x2 - 2 * x1 + x0) <= 0.2
-    assert abs(y2 - 2 * y1 + y0) <= 0.2
-    assert x2 > x1 > x0
-    assert y2 < y1 < y0
 
 
 def test_a_run_of_captures_goes_on_or_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,6 +130,16 @@ def test_mutants_are_faults() -> None:
     assert of("0.5") == ["5.0"]
     assert of("3") == ["4"]
     assert of("a and b") == ["a or b"]
+
+
+def test_a_run_takes_over_why_its_mutants_survived() -> None:
+    """By what is changed, wherever it stands; one that nothing tells from the original counts for no fault."""
+    known = next(each for run in kept_runs() for each in run["survived"] if each.get("why", "").startswith("equiv"))
+    mutant = Mutant(known["file"], 1, known["text"], known["old"], known["new"], 9, range(0), "")
+    other = mutant._replace(text="something else")
+    run = run_of(["any"], 0, [Verdict(mutant, "survived"), Verdict(other, "survived"), Verdict(other, "killed")])
+    assert [each.get("why") for each in run["survived"]] == [known["why"], None]
+    assert rows(run)[-1][1:6] == (3, 1, 1, "50.0 %", 1)
 
 
 def test_mutants_are_judged_by_their_room() -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from xml.etree import ElementTree
 
-from basecal.reporting.charts import Series, log_chart
+import pytest
+
+from basecal.reporting.charts import Series, log_chart, scale_over
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -32,6 +33,27 @@ def test_decades_are_evenly_apart():
 
 def test_names_do_not_cover_one_another():
     """Two lines that end together are named one below the other."""
-    names = [float(t.get("y")) for t in chart().iter(f"{SVG}text") if re.fullmatch(r"#\w{6}", t.get("fill") or "")]
+    names = [float(t.get("y")) for group in chart().iter(f"{SVG}g") for t in group.iter(f"{SVG}text")]
     assert len(names) == 2
     assert abs(names[0] - names[1]) >= 16
+
+
+def test_larger_values_stand_further_right_and_up():
+    """Points of a line of slope one are evenly apart along both axes."""
+    line = [Series("a", [(1.0, 10.0), (10.0, 100.0), (100.0, 1000.0)])]
+    drawing = ElementTree.fromstring(log_chart("a < b", "x [m]", "y [s]", line))
+    (x0, y0), (x1, y1), (x2, y2) = ((float(c.get("cx")), float(c.get("cy"))) for c in drawing.iter(f"{SVG}circle"))
+    assert abs(x2 - 2 * x1 + x0) <= 0.2
+    assert abs(y2 - 2 * y1 + y0) <= 0.2
+    assert x2 > x1 > x0
+    assert y2 < y1 < y0
+
+
+def test_a_scale_is_logarithmic_where_values_reach_far():
+    """If it is not said; its ends are beyond the values, and round values lie in it."""
+    assert scale_over([1.0, 100.0], 0.0, 10.0).logarithmic
+    near = scale_over([1.0, 2.0], 0.0, 10.0)
+    assert not near.logarithmic
+    assert 0 < near.at(1.0) < near.at(2.0) < 10
+    assert near.ticks() == pytest.approx([1.0, 1.2, 1.4, 1.6, 1.8, 2.0])
+    assert scale_over([1.0, 2.0], 0.0, 10.0, logarithmic=True).logarithmic

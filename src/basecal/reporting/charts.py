@@ -1,18 +1,66 @@
-"""Line charts on logarithmic axes as SVG, by hand: a few lines of text, no library, nothing loaded."""
+"""Scales of charts, and line charts on logarithmic ones as SVG files: a few lines of text, nothing loaded."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
-import numpy as np
+from basecal.reporting.svg import element, text, three_digits
 
 _WIDTH, _HEIGHT = 720, 440
 _LEFT, _RIGHT, _TOP, _BOTTOM = 76, 170, 44, 60
 _COLOURS = ("#c0392b", "#1f6fb2", "#444444", "#2e8b57")
+_DASHES = (None, None, "6 4", "2 4")
 _LABEL_GAP = 16.0
-_DASHES = ("", "", "6 4", "")
+_STYLE = (
+    "svg{font:13px system-ui,sans-serif}text{stroke:none}.title{font-size:15px;font-weight:600}.rule{stroke:#e4e4e4}"
+    ".tick{fill:#444;dominant-baseline:central}g path{fill:none;stroke-width:2}"
+)
+_WIDE = 8.0  # from the least to the greatest value: more is drawn on a logarithmic scale, if nothing else is said
+_FEWEST_TICKS = 4
+_MANY_DECADES = 3.0  # from there on numbers between the powers of ten would cover one another
+_ROOM = 0.06  # of the drawing beside what is outermost
+
+
+@dataclass(frozen=True)
+class Scale:
+    """An axis of a drawing, from `start` to `end`; `low` and `high` are logarithms on a logarithmic one."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    logarithmic: bool
+
+    def at(self, value: float) -> float:
+        """Where a value stands on the drawing."""
+        value = math.log10(value) if self.logarithmic else value
+        return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
+
+    def ticks(self) -> list[float]:
+        """Round values in range."""
+        if self.logarithmic:
+            decades = range(math.floor(self.low), math.ceil(self.high) + 1)
+            within = (1, 2, 5) if self.high - self.low < _MANY_DECADES else (1,)
+            every = [m * 10.0**d for d in decades for m in within]
+            return [tick for tick in every if self.low <= math.log10(tick) <= self.high]
+        whole = 10.0 ** math.floor(math.log10(self.high - self.low))
+        for step in (whole * share for share in (1.0, 0.5, 0.2)):
+            found = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+            if len(found) >= _FEWEST_TICKS:
+                break
+        return found
+
+
+def scale_over(values: Sequence[float], start: float, end: float, logarithmic: bool | None = None) -> Scale:
+    """The scale that holds these values; logarithmic if it is not said and they reach far."""
+    least, most = min(values), max(values)
+    if logarithmic is None:
+        logarithmic = least > 0 and most > _WIDE * least
+    low, high = (math.log10(least), math.log10(most)) if logarithmic else (least, most)
+    room = _ROOM * (high - low) or 0.5 * abs(high) or 1.0
+    return Scale(low - room, high + room, start, end, logarithmic)
 
 
 @dataclass(frozen=True)
@@ -21,30 +69,6 @@ class Series:
 
     name: str
     points: Sequence[tuple[float, float]]
-
-
-@dataclass(frozen=True)
-class _Axis:
-    low: float
-    high: float
-    start: float
-    end: float
-
-    @classmethod
-    def over(cls, values: Sequence[float], start: float, end: float) -> _Axis:
-        """The axis that holds these values."""
-        return cls(float(np.log10(min(values))) - 0.08, float(np.log10(max(values))) + 0.08, start, end)
-
-    def at(self, value: float) -> float:
-        """Where a value stands on the drawing."""
-        share = (float(np.log10(value)) - self.low) / (self.high - self.low)
-        return self.start + share * (self.end - self.start)
-
-    def ticks(self) -> list[float]:
-        """The 1, 2 and 5 of every decade in range."""
-        decades = range(int(np.floor(self.low)), int(np.ceil(self.high)) + 1)
-        every = [m * 10.0**d for d in decades for m in (1, 2, 5)]
-        return [t for t in every if self.low <= np.log10(t) <= self.high]
 
 
 def log_chart(title: str, x_label: str, y_label: str, series: Sequence[Series]) -> str:
@@ -56,49 +80,48 @@ def log_chart(title: str, x_label: str, y_label: str, series: Sequence[Series]) 
         y_label: With its unit.
         series: At most four lines.
     """
-    x = _Axis.over([p[0] for s in series for p in s.points], _LEFT, _WIDTH - _RIGHT)
-    y = _Axis.over([p[1] for s in series for p in s.points], _HEIGHT - _BOTTOM, _TOP)
+    x = scale_over([p[0] for s in series for p in s.points], _LEFT, _WIDTH - _RIGHT, True)
+    y = scale_over([p[1] for s in series for p in s.points], _HEIGHT - _BOTTOM, _TOP, True)
+    upwards = f"translate(18 {(y.start + y.end) / 2}) rotate(-90)"
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
-        f'aria-label="{escape(title)}" font-family="system-ui, sans-serif" font-size="13">',
-        f'<rect width="{_WIDTH}" height="{_HEIGHT}" fill="#fff"/>',
-        f'<text x="{_LEFT}" y="24" font-size="15" font-weight="600">{escape(title)}</text>',
-        *_grid(x, y),
-        f'<text x="{(x.start + x.end) / 2}" y="{_HEIGHT - 14}" text-anchor="middle">{escape(x_label)}</text>',
-        f'<text transform="translate(18 {(y.start + y.end) / 2}) rotate(-90)" text-anchor="middle">'
-        f"{escape(y_label)}</text>",
+        element("style", _STYLE),
+        element("rect", width=_WIDTH, height=_HEIGHT, fill="#fff"),
+        element("text", text(title), class_="title", x=_LEFT, y=24),
+        *ruled_across(y, x.start, x.end),
+        *(
+            element("path", class_="rule", d=f"M{u} {y.start}V{y.end}")
+            + element("text", number, class_="tick", x=u, y=y.start + 18, text_anchor="middle")
+            for u, number in _places(x)
+        ),
+        element("text", text(x_label), x=(x.start + x.end) / 2, y=_HEIGHT - 14, text_anchor="middle"),
+        element("text", text(y_label), transform=upwards, text_anchor="middle"),
         *_lines(x, y, series),
-        "</svg>",
     ]
-    return "\n".join(parts) + "\n"
+    page = {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {_WIDTH} {_HEIGHT}"}
+    return element("svg", "\n".join(parts), **page, role="img", aria_label=title) + "\n"
 
 
-def _grid(x: _Axis, y: _Axis) -> list[str]:
+def ruled_across(up: Scale, left: float, right: float) -> list[str]:
+    """A rule and its number at each round value of an upward axis."""
+    return [
+        element("path", class_="rule", d=f"M{left} {y}H{right}")
+        + element("text", number, class_="tick", x=left - 6, y=y, text_anchor="end")
+        for y, number in _places(up)
+    ]
+
+
+def _places(scale: Scale) -> list[tuple[str, str]]:
+    return [(f"{scale.at(tick):.1f}", three_digits(tick)) for tick in scale.ticks()]
+
+
+def _lines(x: Scale, y: Scale, series: Sequence[Series]) -> list[str]:
     parts = []
-    for tick in x.ticks():
-        at = x.at(tick)
-        parts.append(f'<path d="M{at:.1f} {y.start}V{y.end}" stroke="#e4e4e4"/>')
-        parts.append(f'<text x="{at:.1f}" y="{y.start + 18}" text-anchor="middle" fill="#444">{tick:g}</text>')
-    for tick in y.ticks():
-        at = y.at(tick)
-        parts.append(f'<path d="M{x.start} {at:.1f}H{x.end}" stroke="#e4e4e4"/>')
-        parts.append(f'<text x="{x.start - 8}" y="{at + 4:.1f}" text-anchor="end" fill="#444">{tick:g}</text>')
-    return parts
-
-
-def _lines(x: _Axis, y: _Axis, series: Sequence[Series]) -> list[str]:
-    parts = []
-    # Labels are moved down so that none covers another.
-    heights = [y.at(s.points[-1][1]) for s in series]
-    placed: dict[int, float] = {}
-    last = -np.inf
-    for k in sorted(range(len(heights)), key=lambda i: heights[i]):
-        last = max(heights[k], last + _LABEL_GAP)
-        placed[k] = last
-    ends = [placed[k] for k in range(len(heights))]
-    for s, end, colour, dash in zip(series, ends, _COLOURS, _DASHES, strict=False):
-        path = "L".join(f"{x.at(a):.1f} {y.at(b):.1f}" for a, b in s.points)
-        parts.append(f'<path d="M{path}" fill="none" stroke="{colour}" stroke-width="2" stroke-dasharray="{dash}"/>')
-        parts += [f'<circle cx="{x.at(a):.1f}" cy="{y.at(b):.1f}" r="3" fill="{colour}"/>' for a, b in s.points]
-        parts.append(f'<text x="{x.end + 10}" y="{end + 4:.1f}" fill="{colour}">{escape(s.name)}</text>')
+    last = -math.inf
+    for k, s in sorted(enumerate(series), key=lambda each: y.at(each[1].points[-1][1])):
+        last = max(y.at(s.points[-1][1]), last + _LABEL_GAP)  # so that no name covers another
+        places = [(f"{x.at(a):.1f}", f"{y.at(b):.1f}") for a, b in s.points]
+        path = element("path", d="M" + "L".join(f"{u} {v}" for u, v in places), stroke_dasharray=_DASHES[k])
+        name = element("text", text(s.name), x=x.end + 10, y=f"{last + 4:.1f}")
+        circles = [element("circle", cx=u, cy=v, r=3) for u, v in places]
+        parts.append(element("g", path, *circles, name, stroke=_COLOURS[k], fill=_COLOURS[k]))
     return parts

@@ -6,15 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from basecal.reporting.charts import Scale, ruled_across, scale_over
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.svg import drawing, element, text
 
 _WIDTH, _HEIGHT = 640.0, 330.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
-_WIDE = 8.0  # from the least to the greatest value of an axis: more is drawn on a logarithmic scale
-_FEWEST_TICKS = 4
 _LABEL = 36.0  # of the drawing, that a label of the axis takes: one nearer to the last is left out
-_ROOM = 0.06  # of the drawing beside what is outermost
 COLOURS = 6
 """Lines that a figure can tell apart."""
 
@@ -37,33 +35,6 @@ class Line:
     bands: tuple[Band, ...]
 
 
-@dataclass(frozen=True)
-class _Scale:
-    low: float
-    high: float
-    start: float
-    end: float
-    logarithmic: bool
-
-    def at(self, value: float) -> float:
-        """Where a value stands on the drawing."""
-        value = math.log10(value) if self.logarithmic else value
-        return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
-
-    def ticks(self) -> list[float]:
-        """Round values in range."""
-        if self.logarithmic:
-            decades = range(math.floor(self.low), math.ceil(self.high) + 1)
-            every = [m * 10.0**d for d in decades for m in (1, 2, 5)]
-            return [tick for tick in every if self.low <= math.log10(tick) <= self.high]
-        whole = 10.0 ** math.floor(math.log10(self.high - self.low))
-        for step in (whole * share for share in (1.0, 0.5, 0.2)):
-            found = [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
-            if len(found) >= _FEWEST_TICKS:
-                break
-        return found
-
-
 def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
     """Medians over an axis, joined, with their bands; at most `COLOURS` lines.
 
@@ -76,12 +47,8 @@ def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
     places = [band.at for band in lines[0].bands]
     along = _along(places)
     values = [value for line in lines for band in line.bands for value in (band.low, band.high) if value is not None]
-    up = _scale(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
-    parts = []
-    for tick in up.ticks():
-        y = f"{up.at(tick):.1f}"
-        parts.append(element("path", class_="rule", d=f"M{_LEFT} {y}H{_WIDTH - _RIGHT}"))
-        parts.append(element("text", text(f"{tick:.3g}"), class_="tick", x=_LEFT - 6, y=y, text_anchor="end"))
+    up = scale_over(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
+    parts = ruled_across(up, _LEFT, _WIDTH - _RIGHT)
     labelled = -math.inf
     for place in sorted(set(places), key=along.__getitem__):
         x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
@@ -101,20 +68,12 @@ def _along(places: Sequence[float | str]) -> dict[float | str, float]:
     numbers = [place for place in places if isinstance(place, int | float) and not isinstance(place, bool)]
     start, end = _LEFT, _WIDTH - _RIGHT
     if len(numbers) == len(places):
-        scale = _scale(numbers, start, end)
+        scale = scale_over(numbers, start, end)
         return {place: scale.at(place) for place in numbers}
     return {place: start + (k + 0.5) * (end - start) / len(places) for k, place in enumerate(places)}
 
 
-def _scale(values: Sequence[float], start: float, end: float) -> _Scale:
-    least, most = min(values), max(values)
-    logarithmic = least > 0 and most > _WIDE * least
-    low, high = (math.log10(least), math.log10(most)) if logarithmic else (least, most)
-    room = _ROOM * (high - low) or 0.5 * abs(high) or 1.0
-    return _Scale(low - room, high + room, start, end, logarithmic)
-
-
-def _line(number: int, line: Line, along: dict[float | str, float], up: _Scale) -> str:
+def _line(number: int, line: Line, along: dict[float | str, float], up: Scale) -> str:
     """A line and its band; broken where there is no answer."""
     kind = f"line-{number % COLOURS}"
     parts: list[str] = []
