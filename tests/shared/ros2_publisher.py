@@ -39,7 +39,7 @@ def joint_state(stamp_ns, names=JOINTS):
     return Message(
         header=header(stamp_ns),
         name=["gripper", *list(names)[backwards]],
-        position=[0.04, *positions(stamp_ns)[backwards]],
+        position=np.array([0.04, *positions(stamp_ns)[backwards]]),
         velocity=none,
         effort=none,
     )

@@ -34,7 +34,7 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
     Raises:
         RefusedCalibration: if the calibration is refused.
         FrameNotFound: if there is no such transform.
-        MissingExtra: if cyclonedds or ros2-pyterfaces is not installed.
+        MissingExtra: if cyclonedds or rosbags is not installed.
     """
     from basecal.acquisition.ros2.dds import domain_of
     from basecal.acquisition.ros2.static_frames import TOPIC, send_static

@@ -13,7 +13,7 @@ from basecal.cell import Cell, Robot
 from basecal.errors import DatasetError, DriverError
 
 pytest.importorskip("cyclonedds")
-pytest.importorskip("ros2_pyterfaces")
+pytest.importorskip("rosbags")
 from shared.ros2_domain import CELL, DOMAIN
 from shared.second_process import second_process
 

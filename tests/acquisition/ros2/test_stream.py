@@ -11,7 +11,7 @@ from basecal.acquisition.ros2.dds import Offer
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import DriverError
 
-pytest.importorskip("ros2_pyterfaces")
+pytest.importorskip("rosbags")
 TEXT = "std_msgs/msg/String"
 
 

@@ -114,7 +114,7 @@ def open_robot(place: Place) -> Ros2Robot:
     Raises:
         DatasetError: if an option is wrong.
         DriverError: if nobody sends the topic.
-        MissingExtra: if cyclonedds or ros2-pyterfaces is not installed.
+        MissingExtra: if cyclonedds or rosbags is not installed.
     """
     options = checked_options(place, Ros2Options)
     domain = domain_of(options.domain)
@@ -138,7 +138,7 @@ def open_camera(place: Place) -> Ros2Camera:
     Raises:
         DatasetError: if an option is wrong.
         DriverError: if nobody sends the topic.
-        MissingExtra: if cyclonedds or ros2-pyterfaces is not installed.
+        MissingExtra: if cyclonedds or rosbags is not installed.
     """
     options = checked_options(place, Ros2Options)
     if options.topic is None or options.frames is not None:

@@ -15,8 +15,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from basecal.acquisition.ros2.cdr import decoded, encoded
-from basecal.acquisition.ros2.types import Fields, core, dds_name, fields_of, kind_of_dds, members, name_of, type_hash
+from basecal.acquisition.ros2.types import dds_name, decoded, encoded, fields_of, kind_of_dds, type_hash, typestore
 from basecal.errors import InputError, MissingExtra
 
 _TOPIC = "rt/"  # before the name of each topic of ROS 2
@@ -54,7 +53,7 @@ def participant(domain: int) -> Any:
         MissingExtra: if cyclonedds is not installed.
         InputError: if DDS finds no network that it may use.
     """
-    core()
+    typestore()
     try:
         from cyclonedds.core import DDSException
         from cyclonedds.domain import DomainParticipant
@@ -144,7 +143,8 @@ class Listener:
         from cyclonedds.sub import DataReader
 
         self._participants = BuiltinDataReader(participant(domain), BuiltinTopicDcpsParticipant)
-        self._fields = fields_of(offer.kind)
+        fields_of(offer.kind)  # an error if nobody knows it
+        self._kind = offer.kind
         qos = _qos(offer.is_reliable, offer.is_latched, depth)
         self._reader = DataReader(participant(domain), _topic(domain, offer.name, offer.kind), qos=qos)
         self._waiting = WaitSet(participant(domain))
@@ -164,7 +164,7 @@ class Listener:
         if not taken and wait_s > 0:
             self._waiting.wait(int(wait_s * 1000) * _MS)
             taken = self._take()
-        return [(each.sample_info.publication_handle, decoded(self._fields, each)) for each in taken]
+        return [(each.sample_info.publication_handle, decoded(self._kind, each)) for each in taken]
 
     def publishers(self) -> dict[int, str]:
         """Publishers of the topic now by their numbers: the process and computer of each, or its GUID."""
@@ -198,14 +198,14 @@ class Speaker:
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
 
-        self._fields = fields_of(kind)
+        self._kind = kind
         said = Policy.Userdata(f"{_HASH}{type_hash(kind)};".encode())
         self._topic = _topic(domain, name, kind)
         self._writer = DataWriter(participant(domain), self._topic, qos=_qos(True, is_latched, depth) + Qos(said))
 
     def send(self, message: Any) -> None:
         """Send a message, its fields being attributes."""
-        self.send_bytes(encoded(self._fields, message))
+        self.send_bytes(encoded(self._kind, message))
 
     def send_bytes(self, data: bytes) -> None:
         """Send a message that is serialised already."""
@@ -242,7 +242,7 @@ def _bytes_type(kind: str) -> Any:
 
     It would make a Python integer of every pixel.
     """
-    made = _struct(fields_of(kind), {})
+    made = _struct(kind, {})
 
     def of(data: bytes) -> Any:
         """What cyclonedds sends as these bytes."""
@@ -255,26 +255,27 @@ def _bytes_type(kind: str) -> Any:
     return made
 
 
-def _struct(fields: Fields, known: dict[str, Any]) -> Any:
+def _struct(name: str, known: dict[str, Any]) -> Any:
     from cyclonedds.idl import make_idl_struct
 
-    name = name_of(fields)
     if name not in known:
-        kinds: Mapping[str, Any] = {key: _annotation(kind, known) for key, kind in members(fields).items()}
+        kinds: Mapping[str, Any] = {key: _annotation(kind, known) for key, kind in fields_of(name)}
         known[name] = make_idl_struct(name.rpartition("/")[2], dds_name(name), dict(kinds))
     return known[name]
 
 
 def _annotation(kind: Any, known: dict[str, Any]) -> Any:
+    from rosbags.interfaces import Nodetype
+
     types: Any = import_module("cyclonedds.idl.types")
-    if isinstance(kind, dict):
-        return _struct(kind, known)
-    if isinstance(kind, str):
-        plain = {"bool": bool, "string": str, "char": types.uint8, "byte": types.uint8}
-        return plain[kind] if kind in plain else getattr(types, kind)
-    if isinstance(kind, core().BoundedString):
-        return types.bounded_str[kind.max_length]
-    within = _annotation(kind.subtype, known)
-    if isinstance(kind, core().Array):
-        return types.array[within, kind.length]
-    return types.sequence[within] if kind.max_length is None else types.sequence[within, kind.max_length]
+    node, (within, most) = kind if kind[0] != Nodetype.NAME else (kind[0], (kind[1], 0))
+    if node == Nodetype.NAME:
+        return _struct(within, known)
+    if node == Nodetype.BASE:
+        plain = {"bool": bool, "string": types.bounded_str[most] if most else str}
+        plain |= dict.fromkeys(("char", "byte", "octet"), types.uint8)
+        return plain[within] if within in plain else getattr(types, within)
+    inner = _annotation(within, known)
+    if node == Nodetype.ARRAY:
+        return types.array[inner, most]
+    return types.sequence[inner, most] if most else types.sequence[inner]

@@ -1,59 +1,58 @@
-"""Types of ROS 2's messages: their fields, their names in DDS and their hashes, by ros2-pyterfaces."""
+"""Types of ROS 2's messages: their fields, names in DDS, hashes and bytes, by rosbags."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 from basecal.errors import InputError, MissingExtra
 
-Fields = Mapping[str, Any]
-"""Of a message by name: the name of a primitive, a `Sequence` or an `Array` of one, or the fields of a message."""
-
-_TYPENAME = "__typename"
-
 
 @cache
-def core() -> Any:
-    """The definitions, in plain Python.
+def typestore() -> Any:
+    """The definitions of ROS 2.
 
     Raises:
         MissingExtra: if they are not installed.
     """
     try:
-        return import_module("ros2_pyterfaces.core")
+        from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise MissingExtra("ros2", "talking to ROS 2") from None
+    return get_typestore(Stores.ROS2_JAZZY)
 
 
-@cache
-def fields_of(kind: str) -> Fields:
-    """Fields of a message such as `sensor_msgs/msg/JointState`, in their order; it says its own name as well.
+def fields_of(kind: str) -> tuple[tuple[str, Any], ...]:
+    """Names and kinds of the fields of a message such as `sensor_msgs/msg/JointState`, as rosbags has them.
 
     Raises:
         InputError: if no such type is known.
     """
-    core()
-    package, _, name = kind.partition("/msg/")
+    if kind not in typestore().fielddefs:
+        raise InputError(f"no definition of the message {kind!r} is known")
+    fields: tuple[tuple[str, Any], ...] = tuple(typestore().fielddefs[kind][1])
+    return fields
+
+
+def decoded(kind: str, data: bytes) -> Any:
+    """A message of plain CDR with its fields as attributes; primitives in sequences and arrays are NumPy's.
+
+    Raises:
+        InputError: if the bytes end too early, or are of another serialisation.
+    """
+    from rosbags.serde import SerdeError
+
+    if data[:1] != b"\0" or data[1:2] not in (b"\0", b"\1"):
+        raise InputError("a message is not in plain CDR, which is all that ROS 2 sends")
     try:
-        if (package, name) == ("tf2_msgs", "TFMessage"):  # which the definitions leave out
-            return {_TYPENAME: kind, "transforms": core().Sequence(fields_of("geometry_msgs/msg/TransformStamped"))}
-        found: Fields = getattr(import_module(f"ros2_pyterfaces.core.{package}.msg"), name)
-    except (ImportError, AttributeError):
-        raise InputError(f"no definition of the message {kind!r} is known") from None
-    return found
+        return typestore().deserialize_cdr(memoryview(data), kind)
+    except (SerdeError, ValueError):
+        raise InputError("a message ends too early: its type is not the one that it is sent as") from None
 
 
-def name_of(fields: Fields) -> str:
-    """The name of the type of a message: `sensor_msgs/msg/JointState`."""
-    return str(fields[_TYPENAME])
-
-
-def members(fields: Fields) -> dict[str, Any]:
-    """Fields without the name of the type."""
-    return {name: kind for name, kind in fields.items() if name != _TYPENAME}
+def encoded(kind: str, message: Any) -> bytes:
+    """A message as bytes of plain CDR; sequences of primitives are NumPy's."""
+    return bytes(typestore().serialize_cdr(message, kind))
 
 
 def dds_name(kind: str) -> str:
@@ -71,4 +70,4 @@ def kind_of_dds(name: str) -> str | None:
 @cache
 def type_hash(kind: str) -> str:
     """What ROS 2 tells a type apart by: `RIHS01_` and a SHA-256 of its definition."""
-    return str(core().hash_rihs01(fields_of(kind)))
+    return str(typestore().hash_rihs01(kind))
