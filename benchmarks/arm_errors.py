@@ -27,8 +27,8 @@ from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.faults import FAULTS, Faults, read_faults
 from basecal.simulation.running.two_arms import two_arms
 from basecal.simulation.running.world import World, faulty_world
@@ -71,9 +71,9 @@ def design(seed: int) -> Design | None:
     """The cell of a seed and its plan; None where its arms do not reach."""
     try:
         world = two_arms("charuco", seed)
-        sketch = sketch_of(world.cell)
+        sketch = sketch_cell(world.cell)
         home = {name: RobotState(joints_rad=joints) for name, joints in world.home.items()}
-        plan = poses.plan(sketch, home, feasible_in(sketch), SAMPLES, seed)
+        plan = poses.plan(sketch, home, make_feasibility_check(sketch), SAMPLES, seed)
     except BasecalError:
         return None
     sent = {name: np.stack([_joints(each.robots[name]) for each in plan]) for name in world.home}

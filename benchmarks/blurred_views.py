@@ -16,7 +16,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Camera
-from basecal.vision.draw.motion_blur import smeared
+from basecal.vision.draw.motion_blur import blur_motion
 from basecal.vision.draw.render import RenderSettings, expose, radiance
 from basecal.vision.edge_width import edge_width
 from benchmarks.common import on_one_core, table, write
@@ -49,7 +49,7 @@ def tried(name: str, blur_px: float, views: int, seed: int) -> dict[str, Any]:
         pose, angle = _pose(shape, rng), rng.uniform(0, 2 * np.pi)
         levels = radiance(LENS, [(shape, pose)], settings)
         if motion_px:
-            levels = smeared(levels, motion_px * np.array([np.cos(angle), np.sin(angle)]))
+            levels = blur_motion(levels, motion_px * np.array([np.cos(angle), np.sin(angle)]))
         pixels = LENS.project(pose @ shape.points)
         width = edge_width(expose(levels, settings, number), pixels)
         assert width is not None

@@ -36,8 +36,8 @@ from basecal.errors import BasecalError
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array
 from basecal.planning import poses, shifts
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
 from basecal.simulation.running.plant import Plant
@@ -83,8 +83,8 @@ class Outcome(NamedTuple):
 def planned(seed: int, is_light: bool) -> tuple[Sample, ...]:
     """Where the arms of a cell are sent, whatever is wrong with it."""
     world = two_arms("led" if is_light else "charuco", seed)
-    sketch, pattern = sketch_of(world.cell), shifts if is_light else poses
-    return tuple(pattern.plan(sketch, home(world), feasible_in(sketch), SAMPLES, seed))
+    sketch, pattern = sketch_cell(world.cell), shifts if is_light else poses
+    return tuple(pattern.plan(sketch, home(world), make_feasibility_check(sketch), SAMPLES, seed))
 
 
 def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
@@ -96,7 +96,7 @@ def recorded(seed: int, fault: str = "") -> tuple[Cell, SE3, Recording, int]:
         write_world(world, folder)
         rig = direct_rig(Plant(world, Clock(0)), tuple(world.home))
         plan = store_plan(folder, world.cell, planned(seed, is_light))
-        by = Taker(rig, sketch_of(world.cell), folder, CaptureSettings(SPEED_RAD_S, 10.0))
+        by = Taker(rig, sketch_cell(world.cell), folder, CaptureSettings(SPEED_RAD_S, 10.0))
         steps = list(capture(by, plan))
         seen = detect(world.cell, read_recording(folder, world.cell))
     return world.cell, world.truth[BASE], seen, sum(bool(step.why_not) for step in steps)

@@ -29,7 +29,7 @@ from basecal.cell import CandidateObservation, PixelObservation, Recording, Robo
 from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import Array
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Plant
@@ -78,7 +78,7 @@ def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
         for name, each in joints.items():
             plant.move(name, each, 3.0)
         plant.wait(30.0)
-        seen, lens = plant.seen("wrist"), world.lenses["wrist"]
+        seen, lens = plant.camera_scene("wrist"), world.lenses["wrist"]
         if not lens.sees(seen.camera_from_target @ light.points).all():
             continue
         states = {name: RobotState(joints_rad=plant.state(name)[1]) for name in joints}
@@ -126,7 +126,7 @@ def stillness(cells: int, stops: int) -> dict[str, Any]:
         plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 37])
         rig = direct_rig(plant, tuple(world.home))
         with tempfile.TemporaryDirectory() as name:
-            by = Taker(rig, sketch_of(world.cell), Path(name), CaptureSettings(2.0, 10.0))
+            by = Taker(rig, sketch_cell(world.cell), Path(name), CaptureSettings(2.0, 10.0))
             taken: list[Sample] = []
             for number in range(stops):
                 goal = {

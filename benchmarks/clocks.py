@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Recording, RobotState, Sample
 from basecal.geometry import SE3
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
@@ -51,7 +51,7 @@ def streams(seed: int) -> tuple[Drawn, float]:
     scenario = _scenario(seed, samples=10, spread_rad=0.4)
     offset_s = float(np.random.default_rng(9000 + seed).uniform(-MOST_OFF_S, MOST_OFF_S))
     scene_rng, motion_rng, noise_rng, prior_rng = np.random.default_rng(5000 + seed).spawn(4)
-    scene = draw_scene(scenario, layout_of(scenario.layout), scene_rng)
+    scene = draw_scene(scenario, make_layout(scenario.layout), scene_rng)
     (way,) = draw_motions(scene, scenario, motion_rng, {})
     seen_s = 0.15 + 0.2 * np.arange(VIEWS)
     where = {robot: _along(poses, seen_s) for robot, poses in way.recorded.items()}

@@ -81,7 +81,7 @@ class Tracer:
         self._package = package
         self._now: set[Place] = set()
         self._outside = False
-        self._before: set[Place] = set()
+        self._preceding_records: set[Place] = set()
         self._of_fixture: dict[int, set[Place]] = {}
         self._tests: list[Judge] = []
         sys.addaudithook(self._audit)
@@ -91,14 +91,14 @@ class Tracer:
 
     def found(self) -> FileOfTests:
         """What was found."""
-        return FileOfTests(tuple(self._tests), frozenset(self._before))
+        return FileOfTests(tuple(self._tests), frozenset(self._preceding_records))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_make_collect_report(self) -> Iterator[None]:
         """What runs while tests are collected counts for all."""
         self._now = set()
         result = yield
-        self._before |= self._now
+        self._preceding_records |= self._now
         return result
 
     @pytest.hookimpl(wrapper=True)
@@ -125,7 +125,7 @@ class Tracer:
         return result
 
     def _enter(self, file: str, line: int) -> None:
-        (self._before if self._importing else self._now).add((file, line))
+        (self._preceding_records if self._importing else self._now).add((file, line))
 
     def _import(self, step: int) -> None:
         self._importing += step

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from basecal.accuracy.noise_summary import noise_summary
-from basecal.accuracy.robot_parameters import kinematics_of, robot_parameters
+from basecal.accuracy.robot_parameters import calibrated_kinematics, robot_parameters
 from basecal.accuracy.task.error_map import error_map
 from basecal.cell import Calibration, ErrorMap
 from basecal.errors import NotConverged
@@ -90,7 +90,7 @@ def _at_places(
 ) -> Iterator[dict[str, Any]]:
     low, high = found.points_m.min(0), found.points_m.max(0)
     corner = np.where(rng.random(3) < 0.5, low, high)
-    believed = kinematics_of(made.cell, calibration)
+    believed = calibrated_kinematics(made.cell, calibration)
     for place, wanted in zip(PLACES, ((low + high) / 2, corner), strict=True):
         k = int(np.argmin(np.linalg.norm(found.points_m - wanted, axis=1)))
         meant = {robot: _meant(made, calibration, robot, found.points_m[k]) for robot in ("eye", "hand")}

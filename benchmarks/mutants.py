@@ -186,12 +186,12 @@ class Court:
         path = self._sources / "basecal" / mutant.file
         unchanged = path.read_text(encoding="utf-8")
         try:
-            self._put(path, mutant.source)
+            self._pose_bodies(path, mutant.source)
             return judged(self._sources, names, seconds)
         finally:
-            self._put(path, unchanged)
+            self._pose_bodies(path, unchanged)
 
-    def _put(self, path: Path, text: str) -> None:
+    def _pose_bodies(self, path: Path, text: str) -> None:
         """Write a source; what was compiled of one as long, written in the same second, must not be taken for it."""
         path.write_text(text, encoding="utf-8")
         for compiled in path.parent.glob(f"__pycache__/{path.stem}.*"):

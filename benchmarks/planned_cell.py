@@ -12,8 +12,8 @@ from itertools import islice
 
 import numpy as np
 
-from basecal.accuracy.task.expected_error import at_points, length_quantile
-from basecal.accuracy.task.task import Task, task_at
+from basecal.accuracy.task.expected_error import length_quantile, point_covariances
+from basecal.accuracy.task.task import Task, make_task
 from basecal.cell import Calibration, PixelObservation, Recording, RobotState, Sample
 from basecal.estimation.least_squares.bundle_adjustment import batch_of
 from basecal.estimation.problem.build import build_problem
@@ -22,7 +22,7 @@ from basecal.estimation.solve_batch import SolutionBatch, solve_batch
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.planning.candidates import candidates
-from basecal.planning.choose import exchanged, greedy
+from basecal.planning.choose import exchange, greedy
 from basecal.planning.prospects import Prospects, prospects, sketches
 from basecal.simulation import Scenario, SimulatedCell, simulate
 
@@ -55,12 +55,12 @@ class PlannedCell:
     @property
     def task(self) -> Task:
         """Where, as the plan knows it."""
-        return task_at(BASE, self.prospect.state.transforms, self.point_m[None])
+        return make_task(BASE, self.prospect.state.transforms, self.point_m[None])
 
     def chosen(self, count: int) -> tuple[list[int], Array]:
         """Greedy with exchange: which, and the covariance with them."""
         steps = list(islice(greedy(self.prospect.roots, self.prospect.covariance, self.weight), count))
-        return exchanged(self.prospect.roots, [k for k, _ in steps], steps[-1][1], self.weight)
+        return exchange(self.prospect.roots, [k for k, _ in steps], steps[-1][1], self.weight)
 
     def covariance(self, chosen: list[int]) -> Array:
         """Of all unknowns with these samples taken, (p, p)."""
@@ -72,7 +72,7 @@ class PlannedCell:
     def expected_m(self, covariance: Array) -> float:
         """What 95 of 100 errors at the task are to stay below [m]."""
         where = self.prospect.problem.columns[BASE]
-        return length_quantile(at_points(covariance[where, where], self.task.points_m)[0])
+        return length_quantile(point_covariances(covariance[where, where], self.task.points_m)[0])
 
     def random(self, count: int, rng: np.random.Generator) -> list[int]:
         """So many candidates, each set alike likely."""
@@ -118,7 +118,7 @@ class PlannedCell:
         for k in np.flatnonzero(found.converged):
             mean = found.state.transforms[BASE][k]
             moved = mean @ (self.made.truth[BASE].inverse() @ self.point_m) - self.point_m
-            at = at_points(found.covariance[k, where, where], (mean.inverse() @ self.point_m)[None])[0]
+            at = point_covariances(found.covariance[k, where, where], (mean.inverse() @ self.point_m)[None])[0]
             told.append((float(np.linalg.norm(moved)), length_quantile(at)))
         return np.array(told).reshape(-1, 2)
 
@@ -144,7 +144,7 @@ def planned_cell(seed: int, noise: tuple[float, float] = NOISE, count: int = CAN
     point = made.truth[BASE].translation / 2
     weight = np.zeros(prospect.covariance.shape)
     where = prospect.problem.columns[BASE]
-    weight[where, where] = task_at(BASE, prospect.state.transforms, point[None]).weight()
+    weight[where, where] = make_task(BASE, prospect.state.transforms, point[None]).weight()
     return PlannedCell(made, noise, prospect, weight, point)
 
 
@@ -155,6 +155,6 @@ def exhaustive(of: PlannedCell, count: int, seed: int, starts: int = STARTS) -> 
         covariance, before = of.covariance(chosen), np.inf
         while float(np.trace(of.weight @ covariance)) < before * (1 - 1e-6):
             before = float(np.trace(of.weight @ covariance))
-            chosen, covariance = exchanged(of.prospect.roots, chosen, covariance, of.weight)
+            chosen, covariance = exchange(of.prospect.roots, chosen, covariance, of.weight)
         found.append(of.expected_m(covariance))
     return min(found)

@@ -61,7 +61,7 @@ def settled(problem: Problem, start: State) -> tuple[State, Array]:
     end = bundle_adjust(problem, start, degrees_of_freedom(problem))
     assert end.converged
     assert end.sparse is not None
-    return end.state, end.sparse.inverse_at(base_columns(problem, bases_of(problem)))
+    return end.state, end.sparse.inverse_block(base_columns(problem, bases_of(problem)))
 
 
 def bases_of(problem: Problem) -> list[str]:
@@ -83,7 +83,7 @@ def measured(robots: int, samples: int) -> dict[str, Any]:
         times.append(time.process_time())
         assert end.converged
         assert end.sparse is not None
-        covariance = end.sparse.inverse_at(base_columns(problem, names))
+        covariance = end.sparse.inverse_block(base_columns(problem, names))
         times.append(time.process_time())
         rounds.append(np.diff(times))
     quickest = np.min(rounds, axis=0)

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Cell, PixelObservation, Recording, RollingShutter, Sample
 from basecal.geometry import SE3, Array
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import draw_motions, points_in_camera, seen_points
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, draw_scene
@@ -56,7 +56,7 @@ def recorded(seed: int) -> tuple[Cell, Recording, dict[str, SE3], float]:
     drawn = np.random.default_rng(11000 + seed)
     line_s, offset_s = float(drawn.uniform(*LINES_S)), float(drawn.uniform(-MOST_OFF_S, MOST_OFF_S))
     scene_rng, motion_rng, noise_rng, prior_rng = np.random.default_rng(7000 + seed).spawn(4)
-    scene = draw_scene(scenario, layout_of(scenario.layout), scene_rng)
+    scene = draw_scene(scenario, make_layout(scenario.layout), scene_rng)
     (way,) = draw_motions(scene, scenario, motion_rng, {})
     seen_s = 0.15 + 0.2 * np.arange(VIEWS)
     noise = {robot: SE3.exp(motion_rng.standard_normal((VIEWS, 6)) * np.repeat(NOISE, 3)) for robot in way.recorded}

@@ -34,8 +34,8 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
 from basecal.simulation.running.plant import Plant
@@ -72,9 +72,9 @@ HEAD_REAL = ("recording", "samples", "odd samples", "lasting", "what lasts")
 def planned(seed: int, count: int) -> tuple[Sample, ...]:
     """Where the arms of a cell are sent."""
     world = two_arms("charuco", seed)
-    sketch = sketch_of(world.cell)
+    sketch = sketch_cell(world.cell)
     home = {name: RobotState(joints_rad=joints) for name, joints in world.home.items()}
-    return tuple(poses.plan(sketch, home, feasible_in(sketch), count, seed))
+    return tuple(poses.plan(sketch, home, make_feasibility_check(sketch), count, seed))
 
 
 def captured(seed: int, faults: Sequence[str] = (), count: int = SAMPLES) -> tuple[World, list[Sample]]:
@@ -90,7 +90,7 @@ def captured(seed: int, faults: Sequence[str] = (), count: int = SAMPLES) -> tup
         plant.wait(10.0)
         read = {robot: np.mean([plant.state(robot)[1] for _ in range(12)], axis=0) for robot in wanted.robots}
         robots = {robot: RobotState(joints_rad=joints) for robot, joints in read.items()}
-        pixels = lens.project(plant.seen("wrist").camera_from_target @ board.points)
+        pixels = lens.project(plant.camera_scene("wrist").camera_from_target @ board.points)
         pixels = pixels + PIXEL_PX * rng.standard_normal(pixels.shape)
         seen = PixelObservation("wrist", "board", board.ids, pixels)
         samples.append(Sample(wanted.sample, robots=robots, observations=(seen,)))
@@ -151,7 +151,7 @@ class Fault:
         name = FRAMES[self.kind]
         shift = (self.world.transform(name, False).inverse() @ self.world.transform(name, True)).log()
         moves = (
-            ((of.rank(g) >= self.since)[:, None, None] * (of.by_frame(k, name) @ shift[:, None]))[:, None]
+            ((of.rank(g) >= self.since)[:, None, None] * (of.frame_jacobian(k, name) @ shift[:, None]))[:, None]
             if name in g.frames
             else None
             for k, g in enumerate(of.problem.groups)

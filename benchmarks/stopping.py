@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.planning.choose import fewest
+from basecal.planning.choose import choose_fewest
 from basecal.planning.plan import MOST_SAMPLES
 from benchmarks.common import cell_by_cell, table
 from benchmarks.planned_cell import PlannedCell, exhaustive, planned_cell
@@ -45,7 +45,7 @@ def _goal(of: PlannedCell, seed: int, goal_mm: float) -> dict[str, Any]:
         return of.expected_m(covariance) <= goal_m
 
     prospect = of.prospect
-    chosen, reached = fewest(prospect.roots, prospect.covariance, of.weight, MOST_SAMPLES, enough)
+    chosen, reached = choose_fewest(prospect.roots, prospect.covariance, of.weight, MOST_SAMPLES, enough)
     told: dict[str, Any] = {"seed": seed, "goal_mm": goal_mm, "reached": reached, "needed": len(chosen)}
     if not reached:
         return told

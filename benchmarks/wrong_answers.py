@@ -24,7 +24,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
@@ -136,7 +136,7 @@ def _on_path(seed: int, lag_s: float) -> Drawn:
     """Sixty samples at ten a second, along smooth paths through random poses one and a half seconds apart."""
     scenario = _scenario(seed, samples=10, spread_rad=0.4, robot_noise=(0.0, 0.0) if seed % 2 else NOISE)
     scene_rng, motion_rng, noise_rng, prior_rng = np.random.default_rng(5000 + seed).spawn(4)
-    scene = draw_scene(scenario, layout_of(scenario.layout), scene_rng)
+    scene = draw_scene(scenario, make_layout(scenario.layout), scene_rng)
     (way,) = draw_motions(scene, scenario, motion_rng, {})
     stamps = 0.15 + 0.2 * np.arange(60)
     recorded = {robot: _along(poses, stamps) for robot, poses in way.recorded.items()}
@@ -170,7 +170,7 @@ def jittering(seed: int) -> Drawn:
     times = np.repeat(np.arange(12), 5)
     recorded = {r: SE3.stack(_poses(made.recording, r))[times] for r in made.true_base_from_flange}
     motion = Motion(0, recorded, {r: poses[times] for r, poses in made.true_base_from_flange.items()})
-    scene = draw_scene(scenario, layout_of(scenario.layout), np.random.default_rng(1000 + seed).spawn(5)[0])
+    scene = draw_scene(scenario, make_layout(scenario.layout), np.random.default_rng(1000 + seed).spawn(5)[0])
     views = observe(motion, scene, scenario, rng)
     read = {r: poses @ SE3.exp(jitter * rng.standard_normal((60, 6))) for r, poses in recorded.items()}
     samples = tuple(Sample(k, float(k), {r: RobotState(p[k]) for r, p in read.items()}, v) for k, v in enumerate(views))

@@ -36,7 +36,7 @@ def check_projection(lens, distortion, points, opencv):
 
 def check_inverse(lens, distortion, points):
     """Where the lens is one to one, the direction of an image is the point's."""
-    assert np.all(lens.within(points, distortion))
+    assert np.all(lens.domain_mask(points, distortion))
     directions, valid = lens.unproject(*lens.project(points, distortion), distortion)
     assert np.all(valid)
     unit = directions / np.linalg.norm(directions, axis=-1)[:, None]

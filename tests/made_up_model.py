@@ -26,13 +26,13 @@ class Part:
     """Residuals that go by one sigma: r (n,) at unit sigma, and their derivatives to columns and all errors."""
 
     residual: Array
-    by_columns: Array
+    column_jacobian: Array
     by_errors: Array
 
     @property
     def both(self) -> Array:
         """(n, m + b q) to columns, then errors in blocks."""
-        return np.concatenate([self.by_columns, self.by_errors], -1)
+        return np.concatenate([self.column_jacobian, self.by_errors], -1)
 
     def moments(self) -> Moments:
         """As the model holds them: what ties two blocks is none."""
@@ -40,10 +40,10 @@ class Part:
         return Moments(
             float(len(self.residual)),
             float(self.residual @ self.residual),
-            self.by_columns.T @ self.residual,
+            self.column_jacobian.T @ self.residual,
             np.einsum("nbq,n->bq", z, self.residual),
-            self.by_columns.T @ self.by_columns,
-            np.einsum("nbq,nm->bqm", z, self.by_columns),
+            self.column_jacobian.T @ self.column_jacobian,
+            np.einsum("nbq,nm->bqm", z, self.column_jacobian),
             np.einsum("nbq,nbr->bqr", z, z),
         )
 

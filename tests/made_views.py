@@ -29,7 +29,7 @@ def views_of(scenario, seed=0):
 def moved_by_pose(of, robot, pose):
     """Tangents of the view if a robot's recorded poses are others, (n, 6)."""
     change = (of.recorded_pose(0, robot).inverse() @ pose).log()
-    return (of.by_flange(0, robot) @ change[..., None])[..., 0]
+    return (of.flange_jacobian(0, robot) @ change[..., None])[..., 0]
 
 
 def _group(sample, camera="wrist", target="board", eye=None, hand="hand", base="base", mount="target"):
@@ -68,11 +68,11 @@ class Made:
         """At the base."""
         return SE3.identity((len(self.groups[k].sample),))
 
-    def by_frame(self, k, name):
+    def frame_jacobian(self, k, name):
         """How views go with a frame."""
         return self.moves[k, 0][: len(self.groups[k].sample)]
 
-    def by_flange(self, k, robot):
+    def flange_jacobian(self, k, robot):
         """How views go with a flange, the eye's turned round."""
         return (-1 if robot == "eye" else 1) * self.moves[k, 1][: len(self.groups[k].sample)]
 

@@ -12,7 +12,7 @@ from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics import SerialChain
 from basecal.simulation import Scenario, SimulatedCell, draw
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, seen_points
 from basecal.simulation.observe import observe
 from basecal.simulation.scene import draw_scene
@@ -29,9 +29,9 @@ def turned(spread, shift, axes=None, across=None) -> Move:
     """Turns about the target by up to `spread` rad about `axes`, and shifts by up to `shift` m, none along `across`."""
 
     def move(home: SE3, pivot: np.ndarray, n: int, rng: np.random.Generator) -> SE3:
-        ball = draw.in_ball(rng, n, spread)
+        ball = draw.draw_in_ball(rng, n, spread)
         vectors = ball if axes is None else ball[:, : len(axes)] @ np.atleast_2d(axes)
-        shifts = draw.in_ball(rng, n, shift) if shift else np.zeros((n, 3))
+        shifts = draw.draw_in_ball(rng, n, shift) if shift else np.zeros((n, 3))
         if across is not None:
             shifts -= np.outer(shifts @ across, across)
         turn = rotation_exp(vectors)
@@ -79,12 +79,12 @@ def recorded(
 ) -> SimulatedCell:
     """A dual cell in which eye and hand move so; with `hand_home`, the hand's base is placed where this is its home."""
     for_scene, for_motion, for_noise, for_priors = np.random.default_rng(seed).spawn(4)
-    scene = draw_scene(scenario, layout_of("dual"), for_scene)
+    scene = draw_scene(scenario, make_layout("dual"), for_scene)
     if hand_home is not None:
         world_from_flange = scene.bases["hand"] @ scene.homes[0]["hand"]
         bases = {**scene.bases, "hand": world_from_flange @ hand_home.inverse()}
         scene = replace(scene, bases=bases, homes=({**scene.homes[0], "hand": hand_home},))
-    pivot = scene.world_from("board", scene.homes[0]) @ scene.shapes["board"].points.mean(0)
+    pivot = scene.body_pose("board", scene.homes[0]) @ scene.shapes["board"].points.mean(0)
     tried = {
         robot: move(scene.homes[0][robot], scene.bases[robot].inverse() @ pivot, TRIES, for_motion)
         for robot, move in (("eye", eye), ("hand", hand))

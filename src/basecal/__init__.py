@@ -12,10 +12,10 @@ from basecal.methods import METHODS
 
 TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
-    from basecal.accuracy.at_the_door.importing import import_into as import_into
     from basecal.accuracy.calibrate import calibrate as calibrate
     from basecal.accuracy.compare import compare as compare
     from basecal.accuracy.drift.verify import verify as verify
+    from basecal.accuracy.input_screening.importing import import_into as import_into
     from basecal.cell import Calibration as Calibration
     from basecal.cell import Cell as Cell
     from basecal.cell import Recording as Recording
@@ -84,7 +84,7 @@ _HOME = {
     "export": "exchange.exporters.exporter",
     "export_kinds": "exchange.exporters.registry",
     "html_summary": "reporting.notebook",
-    "import_into": "accuracy.at_the_door.importing",
+    "import_into": "accuracy.input_screening.importing",
     "latest_run": "cell.files",
     "pasteable": "exchange.exporters.exporter",
     "read_bag": "exchange.importers.bag",

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.axis_shift import calibrate_axis_shift, stations_of
+from basecal.accuracy.axis_shift import calibrate_axis_shift, find_pair_stations
 from basecal.cell import Unknown
 from basecal.errors import NotObservable
-from basecal.estimation.axis_shift.stations import fused
+from basecal.estimation.axis_shift.stations import fuse_bases
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Camera
@@ -40,7 +40,7 @@ def calibrated(simulated, settings=None, **changed):
 
 
 def stations(simulated):
-    return stations_of(build_problem(simulated.cell, simulated.recording)[0], simulated.cell)
+    return find_pair_stations(build_problem(simulated.cell, simulated.recording)[0], simulated.cell)
 
 
 def codes(calibration):
@@ -110,7 +110,7 @@ def test_without_a_task_stations_count_by_shift_over_depth():
     simulated = made(stations=3)
     of = stations(simulated)
     weights = [(s.length / np.linalg.norm(s.camera_from_light().translation)) ** 2 for s in of]
-    wanted = fused([s.base() for s in of], weights)
+    wanted = fuse_bases([s.base() for s in of], weights)
     np.testing.assert_allclose(calibrated(simulated)[NAME].mean.matrix, wanted.matrix, atol=1e-12)
 
 

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from basecal.accuracy.calibrate import Stage, _run, calibrate
+from basecal.accuracy.calibrate import Stage, _run_stages, calibrate
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.files import cell_from_dict
@@ -245,6 +245,6 @@ def test_every_stage_ends_or_hands_on():
 
     stages = Stages()
     case = Case(made.cell, made.recording, Settings(stages=stages))
-    assert _run([stage("first"), stage(""), stage("last", is_ended=True), stage("never")], case).is_ended
+    assert _run_stages([stage("first"), stage(""), stage("last", is_ended=True), stage("never")], case).is_ended
     assert seen == ["first", "", "last"]
     assert list(stages.seconds) == ["first", "last"]

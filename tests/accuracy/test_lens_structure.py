@@ -28,9 +28,9 @@ from basecal.accuracy.lens_structure import (
     _side_by_side,
     lens_structures,
 )
-from basecal.accuracy.residuals.fit import view_alone
+from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.accuracy.significance import SIGNIFICANCE
-from basecal.accuracy.widening import widened
+from basecal.accuracy.widening import widen
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -78,7 +78,7 @@ def test_a_bend_is_found_with_its_size_and_what_it_does():
     assert found.chance < 1e-5
     assert found.rms_px == pytest.approx(2.5, rel=0.3)
     off = (solution.state.transforms[BASE].inverse() @ cell.truth[BASE]).log()
-    alone, both = (s.covariance_of([BASE]) for s in (solution, widened(solution, found.moved)))
+    alone, both = (s.covariance_of([BASE]) for s in (solution, widen(solution, found.moved)))
     assert off @ np.linalg.solve(both, off) < off @ np.linalg.solve(alone, off)
 
 
@@ -245,7 +245,7 @@ def solved():
 @pytest.mark.parametrize("at_a_time", [2, 5, 400])
 def test_views_alone_are_all_that_give_a_pose(solved, monkeypatch, at_a_time):
     """In their order, however many are held at once; a view of three points gives none."""
-    monkeypatch.setattr(lens_structure, "_AT_A_TIME", at_a_time)
+    monkeypatch.setattr(lens_structure, "_CHUNK_VIEWS", at_a_time)
     (group,) = solved.problem.groups
     seen, weight = group.measurement.seen.copy(), group.measurement.weight.copy()
     seen[3, 3:], weight[3, 3:] = False, 0.0
@@ -255,7 +255,7 @@ def test_views_alone_are_all_that_give_a_pose(solved, monkeypatch, at_a_time):
     others = np.delete(np.arange(12), 3)
     np.testing.assert_array_equal(np.concatenate([few.pixels for few, _ in found]), group.measurement.pixels[others])
     predicted = solved.state.camera_from_target(group, solved.problem.stops)
-    expected = view_alone(solved.state, group, predicted)[0][others]
+    expected = single_view_pose(solved.state, group, predicted)[0][others]
     np.testing.assert_array_equal(np.concatenate([alone.translation for _, alone in found]), expected.translation)
 
 

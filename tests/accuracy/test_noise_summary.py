@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.noise_summary import _of_cameras, noise_summary
+from basecal.accuracy.noise_summary import _camera_noise, noise_summary
 from basecal.cell import Recording
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
 from basecal.estimation.settings import Settings
@@ -159,7 +159,7 @@ def test_each_camera_has_the_noise_of_what_it_saw():
     )
     solution = SimpleNamespace(noise=noise, problem=SimpleNamespace(groups=groups))
     claims = [seen_by("a", [0.05, 0.15]), seen_by("a", [0.1]), seen_by("b", None), seen_by("b", [0.1], False)]
-    found = _of_cameras(Recording((*claims, seen_by("c", [0.1]))), solution)
+    found = _camera_noise(Recording((*claims, seen_by("c", [0.1]))), solution)
     assert found == {
         "a": {"views_count": 7, "pixel_px": 0.3, "factor": pytest.approx(3.0)},
         "b": {"views_count": 2, "pixel_px": 0.6, "factor": None},

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from basecal.accuracy import robot_parameters as module
-from basecal.accuracy.robot_parameters import kinematics_of, robot_parameters
+from basecal.accuracy.robot_parameters import calibrated_kinematics, robot_parameters
 from basecal.cell import Calibration, RobotParameters
 from basecal.effects.joint_offsets import Stated
 from basecal.effects.registry import ROBOT_PARAMETERS
@@ -136,7 +136,7 @@ def test_kinematics_of_a_calibration_are_those_stated_moved_by_what_is_known():
     offsets = Calibration(
         "good", robot_parameters={"joint_offsets": {"hand": RobotParameters(names, rad, nothing, np.isfinite(rad))}}
     )
-    found = kinematics_of(cell, offsets)
+    found = calibrated_kinematics(cell, offsets)
     assert found.keys() == {"hand"}
     np.testing.assert_array_equal(found["hand"].of("joint_offsets"), np.nan_to_num(rad))
     np.testing.assert_array_equal(found["hand"].of("link_parameters"), np.zeros((7, 6)))
@@ -145,13 +145,13 @@ def test_kinematics_of_a_calibration_are_those_stated_moved_by_what_is_known():
     bent = RobotParameters(names, rad, nothing, np.isfinite(rad))
     links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
     both = Calibration("good", robot_parameters={"link_parameters": {"eye": links}, "deflection": {"hand": bent}})
-    found = kinematics_of(cell, both)
+    found = calibrated_kinematics(cell, both)
     np.testing.assert_array_equal(found["eye"].of("link_parameters"), tangents)
     np.testing.assert_array_equal(found["eye"].of("deflection"), np.zeros(6))
     np.testing.assert_array_equal(found["hand"].of("deflection"), np.nan_to_num(rad))
     bare = replace(cell, robots={**cell.robots, "hand": replace(cell.robots["hand"], chain=None)})
     with pytest.raises(InputError, match="'hand', which has no urdf"):
-        kinematics_of(bare, offsets)
+        calibrated_kinematics(bare, offsets)
 
 
 NAMES = ("a", "b", "c")

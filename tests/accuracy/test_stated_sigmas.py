@@ -12,9 +12,9 @@ from tests.pose_problem import pose_problem
 from basecal.accuracy import stated_sigmas
 from basecal.accuracy.stated_sigmas import (
     ContradictedSigma,
-    _judged,
-    _of_shared_stops,
-    _of_views,
+    _judge_sigma,
+    _stop_squares,
+    _view_squares,
     _without_sigmas,
     contradicted_sigmas,
     without_contradicted,
@@ -48,7 +48,7 @@ def test_pixels(arms, share):
     assert [f.about for f in found] == ([] if share == 1.0 else ["wrist"])
     if found:
         assert found[0].ratio == pytest.approx(1 / share, rel=0.06)
-        assert found[0].too_small == (share < 1)
+        assert found[0].is_too_small == (share < 1)
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
@@ -58,7 +58,7 @@ def test_robots(arms, share):
     found = contradicted_sigmas(solved(robots=share, arms=arms))
     assert found
     assert {f.about for f in found} <= {"eye", "hand"}
-    assert all(f.of_robot and f.too_small == (share < 1) for f in found)
+    assert all(f.of_robot and f.is_too_small == (share < 1) for f in found)
 
 
 def test_what_nobody_stated_is_not_judged():
@@ -105,7 +105,7 @@ def test_freedoms_of_all_parts_are_those_of_the_whole(changed):
     solution = solved(**changed)
     problem = solution.noise.held_by(solution.problem)
     about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
-    parts = [*_of_views(about), *_of_shared_stops(about)]
+    parts = [*_view_squares(about), *_stop_squares(about)]
     assert {name for name, *_ in parts} == {"wrist", "eye", "hand"}
     assert sum(freedoms for *_, freedoms in parts) == pytest.approx(solution.dof, rel=1e-6)
     assert sum(squares for *_, squares, _ in parts) == pytest.approx(solution.cost, rel=1e-6)
@@ -125,7 +125,7 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
         assert each.ratio == pytest.approx(np.sqrt(squares / freedoms), rel=1e-3)
         tail = chi2.sf if times > 1 else chi2.cdf
         assert np.log(each.chance) == pytest.approx(np.log(tail(squares, freedoms)), rel=1e-2)
-        assert each.too_small == (times > 1)
+        assert each.is_too_small == (times > 1)
     few, at = pose_problem(1e-3 * errors[:1], np.full(6, 1e-3))
     assert contradicted_sigmas(solve_from(few, at, Settings())) == ()
 
@@ -136,19 +136,19 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
 )
 def test_a_sigma_is_judged_by_a_chi_square(squares, freedoms, told):
     """On the side on which it is off, its ratio the root of squares over freedoms; of three freedoms or more."""
-    found = _judged("eye", True, squares, freedoms)
+    found = _judge_sigma("eye", True, squares, freedoms)
     assert (found is not None) == told
     if told:
         tail = chi2.sf if squares > freedoms else chi2.cdf
-        assert (found.about, found.of_robot, found.too_small) == ("eye", True, squares > freedoms)
+        assert (found.about, found.of_robot, found.is_too_small) == ("eye", True, squares > freedoms)
         assert found.chance == pytest.approx(tail(squares, freedoms))
         assert found.ratio == pytest.approx(np.sqrt(squares / freedoms))
 
 
 def test_no_squares_at_all_are_too_few():
     """A ratio of nothing can still be written down; what is as stated is not too small."""
-    assert 0 < _judged("eye", True, 0.0, 40.0).ratio < 1e-100
-    assert not ContradictedSigma("eye", True, 1.0, 0.5).too_small
+    assert 0 < _judge_sigma("eye", True, 0.0, 40.0).ratio < 1e-100
+    assert not ContradictedSigma("eye", True, 1.0, 0.5).is_too_small
 
 
 class Views(NamedTuple):
@@ -161,8 +161,8 @@ class Views(NamedTuple):
 def contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(100.0, 100.0)):
     """What is contradicted by these parts of the residuals; `counts` are (camera, where its sigmas are from)."""
     monkeypatch.setattr(stated_sigmas, "leave_one_out", lambda *given: None)
-    monkeypatch.setattr(stated_sigmas, "_of_views", lambda about: iter(views))
-    monkeypatch.setattr(stated_sigmas, "_of_shared_stops", lambda about: iter(stops))
+    monkeypatch.setattr(stated_sigmas, "_view_squares", lambda about: iter(views))
+    monkeypatch.setattr(stated_sigmas, "_stop_squares", lambda about: iter(stops))
     groups = [Views(camera, SimpleNamespace(counts=lambda of=of: of)) for camera, of in counts]
     problem = SimpleNamespace(groups=groups, unstated=frozenset(unstated))
     noise = SimpleNamespace(held_by=lambda problem: problem)

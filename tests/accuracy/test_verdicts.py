@@ -8,7 +8,7 @@ import pytest
 from tests.ends import end
 from tests.ends import views as group_of
 
-from basecal.accuracy.verdicts import transform_verdicts, verdict_of
+from basecal.accuracy.verdicts import judge_findings, transform_verdicts
 from basecal.cell import Finding
 
 
@@ -52,4 +52,4 @@ def test_without_findings_all_are_good():
 )
 def test_the_worst_finding_is_the_verdict(severities, expected):
     """An error refuses, a warning makes doubtful."""
-    assert verdict_of([Finding("code", each, (), "") for each in severities]) == expected
+    assert judge_findings([Finding("code", each, (), "") for each in severities]) == expected

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.widening import largest, step_between, widened
+from basecal.accuracy.widening import largest_shift, solution_step, widen
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -18,7 +18,7 @@ def test_covariance_grows_by_the_square_of_the_step():
     """And not across it."""
     moved = np.zeros(SOLUTION.problem.width)
     moved[2] = 3e-3
-    wider = widened(SOLUTION, moved).covariance - SOLUTION.covariance
+    wider = widen(SOLUTION, moved).covariance - SOLUTION.covariance
     assert np.isclose(wider[2, 2], 9e-6)
     wider[2, 2] = 0.0
     assert not np.any(wider)
@@ -26,9 +26,9 @@ def test_covariance_grows_by_the_square_of_the_step():
 
 def test_the_step_between_solutions_is_that_of_their_transforms():
     """From an answer to itself none; to the answer of half the samples as far as its transforms are."""
-    np.testing.assert_allclose(step_between(SOLUTION, SOLUTION), 0.0, atol=1e-15)
+    np.testing.assert_allclose(solution_step(SOLUTION, SOLUTION), 0.0, atol=1e-15)
     half = solve(MADE.cell, type(MADE.recording)(MADE.recording.samples[:6]))
-    step = step_between(SOLUTION, half)
+    step = solution_step(SOLUTION, half)
     for name, where in SOLUTION.problem.columns.items():
         expected = (SOLUTION.state.transforms[name].inverse() @ half.state.transforms[name]).log()
         np.testing.assert_allclose(step[where], expected)
@@ -41,7 +41,7 @@ def test_the_step_of_a_lens_is_that_of_its_parameters():
     lens = solution.state.cameras["wrist"]
     off = 0.5 * np.arange(1.0, len(lens.parameters) + 1)
     moved = replace(solution.state, cameras={"wrist": lens.with_parameters(lens.parameters + off)})
-    step = step_between(solution, replace(solution, state=moved))
+    step = solution_step(solution, replace(solution, state=moved))
     where = solution.problem.columns["wrist"]
     np.testing.assert_allclose(step[where], off)
     step[where] = 0.0
@@ -54,4 +54,4 @@ def test_the_largest_shift_is_by_the_covariance():
     unit[0, 0], unit[1, 3] = 1e-3, 1e-3
     covariance = np.diag(np.where(np.arange(SOLUTION.problem.width) == 0, 1e-4, 1e-8))
     known = replace(SOLUTION, covariance=covariance)
-    np.testing.assert_array_equal(largest(known, [10 * unit[0], unit[1]]), unit[1])
+    np.testing.assert_array_equal(largest_shift(known, [10 * unit[0], unit[1]]), unit[1])

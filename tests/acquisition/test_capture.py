@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from basecal.acquisition import taking as module
-from basecal.acquisition.capture import GIVEN_UP, PLAN, capture, store_plan, unfinished
+from basecal.acquisition.capture import ABANDONED_FILE, PLAN_FILE, capture, remaining_samples, store_plan
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState, Sample
 from basecal.cell.files import read_recording
 from basecal.planning import poses, shifts
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from basecal.vision.edge_width import EdgeWidth
 from shared.running_cell import home, running
 
@@ -23,8 +23,8 @@ FAST = CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0, patience_s=3.0)
 
 
 def planned(world, folder, count, pattern=poses):
-    sketch = sketch_of(world.cell)
-    plan = pattern.plan(sketch, home(world), feasible_in(sketch), count, 0)
+    sketch = sketch_cell(world.cell)
+    plan = pattern.plan(sketch, home(world), make_feasibility_check(sketch), count, 0)
     return sketch, store_plan(folder, world.cell, plan)
 
 
@@ -41,7 +41,7 @@ def test_a_plan_is_captured(tmp_path):
             assert len(journal(tmp_path)) == count
         assert step.sigma is not None
         assert step.doubts == ()
-        assert unfinished(tmp_path, world.cell) == ()
+        assert remaining_samples(tmp_path, world.cell) == ()
     recording = read_recording(tmp_path)
     for sample, wanted in zip(recording.samples, plan, strict=True):
         assert (tmp_path / sample.images["wrist"]).exists()
@@ -70,7 +70,7 @@ def test_it_goes_on_where_it_was_and_asks_nothing_twice(tmp_path):
                 if step.taken == 1:
                     break
         before = journal(tmp_path)
-        left = unfinished(tmp_path, world.cell)
+        left = remaining_samples(tmp_path, world.cell)
         assert [sample.sample for sample in left] == [1]
         with open_rig(world.cell, tmp_path) as rig:
             assert [step.sample for step in capture(Taker(rig, sketch, tmp_path, FAST), left)] == [1]
@@ -116,13 +116,13 @@ def test_an_arm_that_is_led_is_taken_wherever_it_stands(tmp_path):
 def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
     """A place where the board is out of view, and one like another, are given up with words, and stay so."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        sketch = sketch_of(world.cell)
+        sketch = sketch_cell(world.cell)
         away = {**home(world), "hand": RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])}
         plan = store_plan(tmp_path, world.cell, [Sample(0, robots=each) for each in (home(world), away, home(world))])
         steps = list(capture(Taker(rig, sketch, tmp_path, FAST), plan))
         assert [step.why_not for step in steps] == ["", "target not seen by wrist", "too like sample 0"]
-        assert unfinished(tmp_path, world.cell) == ()
-        assert [json.loads(line)["sample"] for line in (tmp_path / GIVEN_UP).read_text().splitlines()] == [1, 2]
+        assert remaining_samples(tmp_path, world.cell) == ()
+        assert [json.loads(line)["sample"] for line in (tmp_path / ABANDONED_FILE).read_text().splitlines()] == [1, 2]
         assert store_plan(tmp_path, world.cell, plan[:1])[0].sample == 3
 
 
@@ -150,9 +150,9 @@ def test_a_torn_note_is_no_note(tmp_path, torn):
     """What was cut off while it was given up is tried again."""
     with running(tmp_path) as world:
         planned(world, tmp_path, 1)
-        (tmp_path / GIVEN_UP).write_text(torn)
-        assert len(unfinished(tmp_path, world.cell)) == 1
-    assert (tmp_path / PLAN).exists()
+        (tmp_path / ABANDONED_FILE).write_text(torn)
+        assert len(remaining_samples(tmp_path, world.cell)) == 1
+    assert (tmp_path / PLAN_FILE).exists()
 
 
 def test_what_was_given_up_may_be_damaged(tmp_path):
@@ -160,5 +160,5 @@ def test_what_was_given_up_may_be_damaged(tmp_path):
     with running(tmp_path) as world:
         _, plan = planned(world, tmp_path, 3)
         lines = [b'{"sample": 1, "why": "x"}', b"\xe5\xff", b'{"sample": 1e999}', b"[" * 100_000, b'{"sample": [0]}']
-        (tmp_path / GIVEN_UP).write_bytes(b"\n".join(lines))
-        assert [sample.sample for sample in unfinished(tmp_path, world.cell)] == [plan[0].sample, plan[2].sample]
+        (tmp_path / ABANDONED_FILE).write_bytes(b"\n".join(lines))
+        assert [sample.sample for sample in remaining_samples(tmp_path, world.cell)] == [plan[0].sample, plan[2].sample]

@@ -7,14 +7,14 @@ import pytest
 
 from basecal.acquisition.capture import capture_led
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.freedrive import END, TAKE, Led
+from basecal.acquisition.freedrive import END_KEY, TAKE_KEY, Led
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import RobotState
 from basecal.cell.files import read_recording
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from shared.running_cell import home, running
 
 STEP_S = 0.1
@@ -66,7 +66,7 @@ def test_a_small_step_is_no_new_place():
 
 def test_keys_take_and_end():
     """The space bar takes at once, wherever the arm is; q ends."""
-    keys = iter([TAKE, TAKE, "x", END])
+    keys = iter([TAKE_KEY, TAKE_KEY, "x", END_KEY])
     arm = Arm(np.linspace(0, 1, 50))
     person = led(arm, lambda: next(keys))
     assert [person.wait() for _ in range(3)] == [True, True, False]
@@ -111,8 +111,8 @@ class Person:
 def test_a_cell_is_captured_by_hand(tmp_path):
     """Each place at which the arms are held becomes a sample with its picture; nothing moves them but the person."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        sketch = sketch_of(world.cell)
-        plan = poses.plan(sketch, home(world), feasible_in(sketch), 1, 0)
+        sketch = sketch_cell(world.cell)
+        plan = poses.plan(sketch, home(world), make_feasibility_check(sketch), 1, 0)
         robots = {name: Person(robot, [sample.robots[name] for sample in plan]) for name, robot in rig.robots.items()}
         by = Taker(Rig(robots, rig.cameras), sketch, tmp_path, CaptureSettings(2.0, 10.0))
         steps = list(capture_led(by, 2, lambda: ""))
@@ -127,7 +127,7 @@ def test_a_cell_is_captured_by_hand(tmp_path):
 def test_a_place_where_nothing_is_seen_is_told_and_waited_for_anew(tmp_path):
     """The number stays free for the next place."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        sketch = sketch_of(world.cell)
+        sketch = sketch_cell(world.cell)
         away = RobotState(joints_rad=world.home["hand"] + [0, 0, 0, 0, 1.2, 0])
         back = RobotState(joints_rad=world.home["hand"])
         rig.robots["hand"].move(away, 3.0)

@@ -6,20 +6,20 @@ import time
 
 import pytest
 
-from basecal.acquisition.freshness import Patience, Stale, Waits, next_of
+from basecal.acquisition.freshness import Patience, Stale, Waits, wait_for_newer
 from basecal.errors import DriverError
 
 
 def test_what_comes_is_given():
     """It is asked again until it gives something."""
     given = iter([None, None, 3])
-    assert next_of(lambda: next(given), 1.0) == 3
+    assert wait_for_newer(lambda: next(given), 1.0) == 3
 
 
 def test_what_does_not_come_is_told():
     """After the time is up it is stale."""
     with pytest.raises(Stale):
-        next_of(lambda: None, 0.02)
+        wait_for_newer(lambda: None, 0.02)
 
 
 def test_a_rate_that_stays_too_low_is_refused_by_its_number():

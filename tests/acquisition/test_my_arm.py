@@ -17,8 +17,8 @@ from basecal.acquisition.rig import open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import Driver
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.protocol import connect, read_address
 from safety.installed_driver import installed_driver
 from shared.running_cell import home, running
@@ -79,12 +79,14 @@ def test_it_captures(tmp_path, installed, controller, samples):
     """With it for one arm, and the simulated driver for the rest, samples are captured."""
     world, address = controller
     eye = replace(world.cell.robots["eye"], driver=Driver("my_arm", {"address": address}))
-    sketch = sketch_of(replace(world.cell, robots={**world.cell.robots, "eye": eye}))
+    sketch = sketch_cell(replace(world.cell, robots={**world.cell.robots, "eye": eye}))
     with open_rig(sketch.cell, tmp_path) as rig:
         assert rig.guarantees["eye"] == "none"
         assert isinstance(rig.robots["eye"], Robot)
         assert isinstance(rig.robots["eye"], Moves)
-        plan = store_plan(tmp_path, sketch.cell, poses.plan(sketch, home(world), feasible_in(sketch), samples, 0))
+        plan = store_plan(
+            tmp_path, sketch.cell, poses.plan(sketch, home(world), make_feasibility_check(sketch), samples, 0)
+        )
         steps = list(capture(Taker(rig, sketch, tmp_path, CaptureSettings(speed_rad_s=2.0, tool_m_s=10.0)), plan))
         rig.stop()
     assert [step.why_not for step in steps] == [""] * samples

@@ -9,15 +9,15 @@ import threading
 import numpy as np
 import pytest
 
-from basecal.acquisition.capture import capture, store_plan, unfinished
+from basecal.acquisition.capture import capture, remaining_samples, store_plan
 from basecal.acquisition.drivers.ur import open_robot
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell.files import read_recording
 from basecal.errors import DriverError
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation.running.protocol import Address, read_address, write_address
 from shared.network import network
 from shared.running_cell import home, running
@@ -42,14 +42,14 @@ def test_a_capture_that_is_cut_stops_with_a_line_and_goes_on(tmp_path):
     """Cut in its third sample it says so; two whole lines are in the journal, and the rest is taken afterwards."""
     with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
         write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
-        sketch = sketch_of(world.cell)
-        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), feasible_in(sketch), 4, 0))
+        sketch = sketch_cell(world.cell)
+        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), make_feasibility_check(sketch), 4, 0))
         with pytest.raises(DriverError) as raised:
             captured(sketch, tmp_path, plan, lambda step: net.cut() if step.taken == 2 else None)
         assert "\n" not in str(raised.value)
         lines = (tmp_path / "recording" / "samples.jsonl").read_text().splitlines()
         assert [json.loads(line)["sample"] for line in lines] == [0, 1]
-        captured(sketch, tmp_path, unfinished(tmp_path, world.cell))
+        captured(sketch, tmp_path, remaining_samples(tmp_path, world.cell))
     assert [sample.sample for sample in read_recording(tmp_path).samples] == [0, 1, 2, 3]
 
 
@@ -59,8 +59,8 @@ def test_a_capture_over_a_slow_network_goes_on(tmp_path):
     with running(tmp_path) as world, network("127.0.0.1", read_address(tmp_path).port) as (net, port):
         net.delay_s = 0.01
         write_address(tmp_path, Address(port=port, token="token", pid=os.getpid()))
-        sketch = sketch_of(world.cell)
-        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), feasible_in(sketch), 1, 0))
+        sketch = sketch_cell(world.cell)
+        plan = store_plan(tmp_path, world.cell, poses.plan(sketch, home(world), make_feasibility_check(sketch), 1, 0))
         captured(sketch, tmp_path, plan)
     (sample,) = read_recording(tmp_path).samples
     for name, state in sample.robots.items():

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from basecal.acquisition import replanning
-from basecal.acquisition.capture import GIVEN_UP, capture, given_up, store_plan, unfinished
+from basecal.acquisition.capture import ABANDONED_FILE, abandoned_samples, capture, remaining_samples, store_plan
 from basecal.acquisition.replanning import replanner, stations_for_task
 from basecal.acquisition.rig import open_rig
 from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import CaptureSettings, Taker
 from basecal.cell import Recording, Sample, Unknown
 from basecal.cell.files import read_recording
-from basecal.planning.feasible import feasible_in
+from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.plan import plan_for_task
 from basecal.planning.shifts import plan as shifts
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from basecal.simulation import Scenario, simulate
 from basecal.vision.detect import detect
 from shared.running_cell import home, running
@@ -41,7 +41,7 @@ class Shy(Taker):
 @pytest.mark.slow
 def test_what_is_left_is_neither_taken_nor_near_what_could_not_be(monkeypatch):
     """Of candidates few are left about one that failed; where the samples are enough already, none is needed."""
-    monkeypatch.setattr(replanning, "OFFERED", 40)
+    monkeypatch.setattr(replanning, "OFFERED_SAMPLES", 40)
     made = simulate(Scenario(samples=10, robot_noise=(1e-4, 2e-4)), 3)
     taken = made.recording.samples
     cell = guessed(made)
@@ -49,7 +49,7 @@ def test_what_is_left_is_neither_taken_nor_near_what_could_not_be(monkeypatch):
     first = planner.plan(taken[:1], ())
     bad = first.samples[0]
     after = planner.plan(taken[:1], (bad,))
-    apart = [_apart(sketch_of(cell), bad, sample) for sample in after.samples]
+    apart = [_apart(sketch_cell(cell), bad, sample) for sample in after.samples]
     assert first.samples
     assert min(apart) > 1
     assert replanner(cell, taken, taken[0].robots, POINT, 0.1).plan(taken, ()).samples == ()
@@ -76,10 +76,10 @@ def test_stations_for_a_task_tell_more_of_it_than_others():
     cell, robots = guessed(made), made.recording.samples[0].robots
     found = stations_for_task(cell, (), robots, POINT, None, 14)
     assert len(found.samples) == 14
-    sketch = sketch_of(cell)
-    anywhere = shifts(sketch, robots, feasible_in(sketch), 14, 0)
+    sketch = sketch_cell(cell)
+    anywhere = shifts(sketch, robots, make_feasibility_check(sketch), 14, 0)
     taught = Recording((Sample(0, robots=robots),))
-    other = plan_for_task(cell, taught, None, POINT, None, 14, offered=[(sketch, anywhere)], together=7)
+    other = plan_for_task(cell, taught, None, POINT, None, 14, offers=[(sketch, anywhere)], group_size=7)
     assert found.expected_m < other.expected_m
     needed = stations_for_task(cell, (), robots, POINT, 0.7 * found.expected_m, None)
     assert needed.reachable
@@ -102,7 +102,7 @@ def captured(tmp_path_factory):
     """A capture to a tolerance, cut off after three samples and gone on with: its cell, folder, steps and last plan."""
     folder = tmp_path_factory.mktemp("cell")
     with running(folder) as world, open_rig(world.cell, folder) as rig:
-        sketch, steps, plans = sketch_of(world.cell), [], []
+        sketch, steps, plans = sketch_cell(world.cell), [], []
 
         def replan(taken, bad):
             """What is left, noted."""
@@ -112,7 +112,7 @@ def captured(tmp_path_factory):
         for most in (3, 60):
             taken = detect(world.cell, read_recording(folder)).samples if steps else ()
             planner = replanner(world.cell, taken, home(world), POINT, TOLERANCE_M)
-            plan = store_plan(folder, world.cell, replan(taken, given_up(folder, world.cell)))
+            plan = store_plan(folder, world.cell, replan(taken, abandoned_samples(folder, world.cell)))
             for step in capture(Shy(rig, sketch, folder, FAST), plan, replan):
                 steps.append(step)
                 if step.taken == most:
@@ -128,17 +128,17 @@ def test_it_ends_where_the_tolerance_is_reached(captured):
     assert plans[-1].expected_m <= TOLERANCE_M
     assert all(plan.samples for plan in plans[:-1])
     assert steps[-1].taken == steps[-1].planned == len(read_recording(folder).samples)
-    assert unfinished(folder, world.cell) == ()
+    assert remaining_samples(folder, world.cell) == ()
 
 
 @pytest.mark.slow
 def test_what_could_not_be_taken_is_not_tried_again(captured):
     """It stands in the file with why and where, and nothing that was taken is near it."""
     world, folder, steps, _ = captured
-    told, *_ = [json.loads(line) for line in (folder / GIVEN_UP).read_text().splitlines()]
+    told, *_ = [json.loads(line) for line in (folder / ABANDONED_FILE).read_text().splitlines()]
     assert (told["sample"], told["why"]) == (steps[0].sample, "target not seen by wrist")
-    bad, *_ = given_up(folder, world.cell)
-    sketch = sketch_of(world.cell)
+    bad, *_ = abandoned_samples(folder, world.cell)
+    sketch = sketch_cell(world.cell)
     assert all(_apart(sketch, bad, sample) > 1 for sample in read_recording(folder).samples)
 
 

@@ -12,10 +12,10 @@ from basecal.acquisition import taking as module
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.rig import Rig, open_rig
 from basecal.acquisition.stillness import Moving, Unfit
-from basecal.acquisition.taking import CaptureSettings, Taker, targets_before
+from basecal.acquisition.taking import CaptureSettings, Taker, visible_targets
 from basecal.cell import RobotState, Sample
 from basecal.geometry import SE3
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from basecal.vision.image_file import grey_image, read_bytes
 from shared.facing_arms import facing_arms
 from shared.running_cell import running
@@ -27,7 +27,7 @@ def test_it_says_what_it_does(tmp_path):
     """Waiting and looking are told as they begin, and arms that are not sent are not said to move."""
     told = []
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
-        sample = Taker(rig, sketch_of(world.cell), tmp_path, FAST, told.append).take(Sample(4), [])
+        sample = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, told.append).take(Sample(4), [])
     assert told == ["sample 4", "sample 4: waiting for a still picture", "sample 4: looking for the target"]
     assert sample.observations[0].target == "board"
 
@@ -39,7 +39,7 @@ def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
     def attempt(by, wanted, taken, patience_s):
         raise why.pop(0)
 
-    monkeypatch.setattr(module, "_take", attempt)
+    monkeypatch.setattr(module, "_take_sample", attempt)
     told = []
     with pytest.raises(Unfit, match="too blurred"):
         Taker(Rig({}, {}), None, tmp_path, FAST, told.append).take(Sample(0), [])
@@ -49,7 +49,7 @@ def test_what_still_moves_is_waited_for_once_more(tmp_path, monkeypatch):
 def test_a_camera_does_not_look_at_what_hangs_beside_it(tmp_path):
     """Only targets on other bodies are before it."""
     with running(tmp_path) as world:
-        assert len(targets_before(world.cell, "wrist")) == 1
+        assert len(visible_targets(world.cell, "wrist")) == 1
 
 
 class LateEye:
@@ -78,7 +78,7 @@ def test_the_picture_without_the_light_was_exposed_without_it(tmp_path):
     reports = []
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
         late = Rig(rig.robots, {"wrist": LateEye(rig.cameras["wrist"])})
-        by = Taker(late, sketch_of(world.cell), tmp_path, FAST, report=reports.append)
+        by = Taker(late, sketch_cell(world.cell), tmp_path, FAST, report=reports.append)
         sample = by.take(Sample(0), [])
     lit, dark = (read_grey(tmp_path / paths["wrist"]) for paths in (sample.images, sample.background))
     assert dark.max() < lit.max() / 2
@@ -122,7 +122,7 @@ def test_all_arms_are_asked_before_any_is_sent(tmp_path):
     for why in ("beyond its limits", ""):
         said = []
         robots = {name: Asked(name, world.home[name], said, why if name == "hand" else "") for name in world.home}
-        by = Taker(Rig(robots, {}), sketch_of(world.cell), tmp_path, CaptureSettings(0.5, 0.25))
+        by = Taker(Rig(robots, {}), sketch_cell(world.cell), tmp_path, CaptureSettings(0.5, 0.25))
         if why:
             with pytest.raises(Unfit, match="hand: beyond its limits; nothing was sent"):
                 module._send(by, Sample(0, robots=goals))
@@ -139,6 +139,6 @@ def test_a_slow_way_is_waited_for(tmp_path):
         at = {name: robot.state().state for name, robot in rig.robots.items()}
         turns = {"eye": 0.01, "hand": 0.02}
         goals = {name: RobotState(joints_rad=at[name].joints_rad + turn) for name, turn in turns.items()}
-        by = Taker(rig, sketch_of(world.cell), tmp_path, CaptureSettings(0.05, 10.0))
+        by = Taker(rig, sketch_cell(world.cell), tmp_path, CaptureSettings(0.05, 10.0))
         assert module._send(by, Sample(0, robots=goals)) == pytest.approx(0.4)
     assert module._turn_rad(RobotState(SE3.identity()), RobotState(SE3.identity())) == np.pi

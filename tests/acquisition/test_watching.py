@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.driver import Freedrives, Moves, Picture, Reading, Switches
 from basecal.acquisition.rig import Rig
-from basecal.acquisition.watching import Watch, watched
+from basecal.acquisition.watching import Watch, watch_rig
 from basecal.cell import RobotState
 
 
 def step(number, why_not="", sigma=(1e-3, 2e-3)):
-    return Step(number, why_not, number + 1, 9, Coverage(np.zeros(GRID, dtype=bool), {"eye": np.zeros(3)}), sigma)
+    return Step(
+        number, why_not, number + 1, 9, Coverage(np.zeros(COVERAGE_GRID, dtype=bool), {"eye": np.zeros(3)}), sigma
+    )
 
 
 class Camera:
@@ -39,7 +41,7 @@ def test_what_became_of_samples_is_kept():
     watch = Watch()
     for each in (step(0, sigma=None), step(1), step(2, "target not seen by wrist"), step(3)):
         watch.note(each)
-    glance = watch.glance
+    glance = watch.snapshot
     assert [sigma.samples for sigma in glance.sigmas] == [2, 4]
     assert glance.said[-2:] == ("sample 2: not taken: target not seen by wrist", "sample 3: taken")
     assert glance.step.sample == 3
@@ -49,27 +51,27 @@ def test_a_glance_does_not_change():
     """Who looked sees what was, while the capture goes on."""
     watch = Watch()
     watch.tell("one")
-    before = watch.glance
+    before = watch.snapshot
     watch.tell("two")
     watch.end("over")
     assert (before.doing, before.is_over) == ("one", False)
-    assert (watch.glance.doing, watch.glance.is_over) == ("over", True)
+    assert (watch.snapshot.doing, watch.snapshot.is_over) == ("over", True)
 
 
 def test_advice_is_that_of_the_coverage():
     """Once there are enough samples; none before the first."""
     watch = Watch()
-    assert watch.glance.advice == ""
+    assert watch.snapshot.advice == ""
     watch.note(step(6))
-    assert watch.glance.advice == "turn eye further about x"
+    assert watch.snapshot.advice == "turn eye further about x"
 
 
 def test_every_picture_is_shown():
     """As the camera gives it; what it can do it still can, and nothing more."""
     watch, plain, lamp = Watch(), Camera(), Lamp()
-    rig = watched(Rig({}, {"wrist": plain, "hall": lamp}), watch)
+    rig = watch_rig(Rig({}, {"wrist": plain, "hall": lamp}), watch)
     picture = rig.cameras["wrist"].picture()
-    assert dict(watch.glance.pictures)["wrist"] is picture.grey
+    assert dict(watch.snapshot.pictures)["wrist"] is picture.grey
     assert not isinstance(rig.cameras["wrist"], Switches)
     rig.cameras["hall"].light(False)
     assert lamp.on is False
@@ -106,9 +108,9 @@ class Led(Arm):
 def test_every_state_is_shown():
     """Where a robot says it is; what it can do it still can, and nothing more."""
     watch, arms = Watch(), {"plain": Arm(), "sent": Sent(), "led": Led()}
-    rig = watched(Rig(arms, {}), watch)
+    rig = watch_rig(Rig(arms, {}), watch)
     reading = rig.robots["sent"].state()
-    assert dict(watch.glance.states) == {"sent": reading.state}
+    assert dict(watch.snapshot.states) == {"sent": reading.state}
     faces = {name: (isinstance(each, Moves), isinstance(each, Freedrives)) for name, each in rig.robots.items()}
     assert faces == {"plain": (False, False), "sent": (True, False), "led": (False, True)}
     rig.robots["sent"].move(reading.state, 0.5)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.rig import Rig
 from basecal.cli.capture_view import capture_view
 from basecal.simulation import Scenario, simulate
@@ -28,7 +28,7 @@ class Terminal(io.StringIO):
 
 
 def step() -> Step:
-    return Step(3, "", 4, 9, Coverage(np.ones(GRID, dtype=bool), {}), (1e-3, 1e-3))
+    return Step(3, "", 4, 9, Coverage(np.ones(COVERAGE_GRID, dtype=bool), {}), (1e-3, 1e-3))
 
 
 def rig(is_live: bool = True) -> Rig:
@@ -41,7 +41,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
         view.tell("sample 4: arms move")
         view.report("camera wrist: pictures arrive late")
         view.note(step(), 1)
-    assert view.watch.glance.is_over
+    assert view.watch.snapshot.is_over
     return stream.getvalue()
 
 

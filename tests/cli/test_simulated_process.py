@@ -15,7 +15,7 @@ def test_without_a_library_it_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The target is then drawn alone, and standard error has the line; nobody who asks for that is told anything."""
-    monkeypatch.setattr(graphics, "why_none", lambda: f"nothing to draw with: {graphics.APT_LINE}")
+    monkeypatch.setattr(graphics, "missing_graphics", lambda: f"nothing to draw with: {graphics.APT_LINE}")
     assert not _draws_surroundings("auto")
     assert graphics.APT_LINE in capsys.readouterr().err
     assert not _draws_surroundings("analytic")
@@ -24,7 +24,7 @@ def test_without_a_library_it_says_what_to_install(
 
 def test_with_a_library_all_is_drawn(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """By itself, and without a word."""
-    monkeypatch.setattr(graphics, "why_none", lambda: None)
+    monkeypatch.setattr(graphics, "missing_graphics", lambda: None)
     assert _draws_surroundings("auto")
     assert capsys.readouterr().err == ""
 
@@ -33,6 +33,6 @@ def test_who_insists_is_refused(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A cell that must be drawn by MuJoCo does not run without it."""
-    monkeypatch.setattr(graphics, "why_none", lambda: "nothing to draw with")
+    monkeypatch.setattr(graphics, "missing_graphics", lambda: "nothing to draw with")
     assert main(["simulate", str(tmp_path / "cell"), "--process", "--renderer", "mujoco", "--target", "led"]) == 3
     assert capsys.readouterr().err.strip() == "basecal: error: nothing to draw with"

@@ -14,7 +14,7 @@ def test_clocks_are_those_of_cameras_and_of_robots_on_paths():
     of = Made(8, {"eye": "eye"}, {"camera": "other"}, robots=("eye", "hand"), speeds=speeds)
     found = {each.about[0]: each for each in clock_offsets(of)}
     eye, hand = (
-        [(of.by_flange(k, name) @ speeds[name][..., None])[:, None] for k in range(2)] for name in ("eye", "hand")
+        [(of.flange_jacobian(k, name) @ speeds[name][..., None])[:, None] for k in range(2)] for name in ("eye", "hand")
     )
     assert list(found) == ["other", "wrist", "eye", "hand"]
     wanted = {"wrist": (eye[0] + hand[0], None), "other": (None, hand[1]), "eye": (eye[0], None), "hand": tuple(hand)}

@@ -15,7 +15,7 @@ def test_steps_and_drifts_are_of_the_views_that_depend_on_them():
     of = Made(6, {}, {"base": None, "sample": np.arange(3)}, times=np.array([0.0, 1.0, 2.0, 3.0, 4.0, 8.0]))
     (step,), (drift,) = steps(of), drifts(of)
     assert (step.moves[1], drift.moves[1]) == (None, None)
-    moved = of.by_frame(0, "base")
+    moved = of.frame_jacobian(0, "base")
     np.testing.assert_array_equal(step.moves[0][:, 0], moved * (np.arange(6) >= 3)[:, None, None])
     share = np.array([0, 0.125, 0.25, 0.375, 0.5, 1.0])
     np.testing.assert_allclose(drift.moves[0][:, 0], share[:, None, None] * moved)
@@ -26,7 +26,7 @@ def test_steps_and_drifts_in_time():
     """A step moves nothing before its sample and all after; a drift the last sample as a step does, the first not."""
     of = views_of(Scenario(samples=12))
     for name in of.frames:
-        frame = of.by_frame(0, name)
+        frame = of.frame_jacobian(0, name)
         drift = next(c for c in drifts(of) if c.about[0] == name)
         candidates = next(c for c in steps(of) if c.about[0] == name)
         for b, since in enumerate(candidates.since):

@@ -21,7 +21,7 @@ def test_only_fixed_frames_are_candidates():
     views = views_of(Scenario(samples=6, camera_mount="fixed"))
     (found,) = candidates(views)
     assert found.about == (MOUNT,)
-    np.testing.assert_array_equal(found.moves[0][:, 0], views.by_frame(0, MOUNT))
+    np.testing.assert_array_equal(found.moves[0][:, 0], views.frame_jacobian(0, MOUNT))
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.fields.problems import Problem, dataset_error, field_name, line_of, short
+from basecal.fields.problems import Problem, dataset_error, field_name, line_number, shorten
 
 LINES = {(): 1, ("a",): 2, ("a", "b"): 3, ("c",): 9}
 
@@ -32,13 +32,13 @@ def test_places_are_named_as_written(loc, name):
 )
 def test_values_are_told_in_a_few_characters(value, text):
     """Whatever they are, up to sixty."""
-    assert short(value) == text
+    assert shorten(value) == text
 
 
 def test_a_line_is_that_of_the_nearest_thing_around():
     """A place that is not written has the line of what it would stand in."""
-    assert [line_of(loc, LINES) for loc in (("a", "b"), ("a", "x", 0), ("x",), ())] == [3, 2, 1, 1]
-    assert line_of(("x",), {}) is None
+    assert [line_number(loc, LINES) for loc in (("a", "b"), ("a", "x", 0), ("x",), ())] == [3, 2, 1, 1]
+    assert line_number(("x",), {}) is None
 
 
 def test_problems_are_told_once_in_the_order_of_the_file():

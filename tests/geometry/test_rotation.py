@@ -7,8 +7,8 @@ from basecal.errors import InputError
 from basecal.geometry.rotation import (
     checked_rotation,
     cross,
+    cross_matrix,
     exp_coefficients,
-    hat,
     lengths,
     nearest_rotation,
     quaternion_from_rotation,
@@ -33,9 +33,9 @@ def test_half_turns(axis):
 
 
 def test_hat_is_the_cross_product(rng):
-    """`hat(w) @ v` is `cross(w, v)`."""
+    """`cross_matrix(w) @ v` is `cross(w, v)`."""
     w, v = rng.normal(size=(2, 6, 3))
-    np.testing.assert_allclose((hat(w) @ v[..., None])[..., 0], np.cross(w, v), atol=1e-15)
+    np.testing.assert_allclose((cross_matrix(w) @ v[..., None])[..., 0], np.cross(w, v), atol=1e-15)
 
 
 def test_nearest_rotation_is_nearest(rng):

@@ -55,7 +55,7 @@ def test_link_jacobian_is_a_derivative(chain, joints):
     flange_from_base = chain.forward(joints).inverse()
 
     def moved(d):
-        return (flange_from_base @ chain.moved(d.reshape(-1, 6)).forward(joints)).log()
+        return (flange_from_base @ chain.perturb_links(d.reshape(-1, 6)).forward(joints)).log()
 
     check_derivative(moved, chain.link_jacobian(joints))
 
@@ -66,7 +66,7 @@ def test_joint_offset_is_a_link_parameter(chain, joints):
     offsets = np.linspace(-0.1, 0.1, chain.n)
     tangents[:-1, 3:] = offsets[:, None] * chain.axes
     np.testing.assert_allclose(
-        chain.moved(tangents).forward(joints).matrix, chain.forward(joints + offsets).matrix, atol=1e-13
+        chain.perturb_links(tangents).forward(joints).matrix, chain.forward(joints + offsets).matrix, atol=1e-13
     )
 
 
@@ -98,12 +98,12 @@ def test_moved_leaves_the_chain_alone(chain, joints):
     """A moved chain is a new one with the same joints and limits; moving back undoes it."""
     before = chain.forward(joints).matrix
     tangents = np.random.default_rng(5).normal(size=(chain.n + 1, 6)) * 0.01
-    moved = chain.moved(tangents)
+    moved = chain.perturb_links(tangents)
     assert moved.joint_names == chain.joint_names
     np.testing.assert_array_equal(moved.upper, chain.upper)
     np.testing.assert_array_equal(chain.forward(joints).matrix, before)
     assert np.abs(moved.forward(joints).matrix - before).max() > 1e-3
-    np.testing.assert_allclose(moved.moved(-tangents).forward(joints).matrix, before, atol=1e-13)
+    np.testing.assert_allclose(moved.perturb_links(-tangents).forward(joints).matrix, before, atol=1e-13)
 
 
 def test_wrong_shapes_are_refused(chain):
@@ -115,7 +115,7 @@ def test_wrong_shapes_are_refused(chain):
     with pytest.raises(InputError, match="expected"):
         chain.link_jacobian(np.zeros((chain.n, 1)))
     with pytest.raises(InputError, match="link_tangents"):
-        chain.moved(np.zeros((chain.n, 6)))
+        chain.perturb_links(np.zeros((chain.n, 6)))
 
 
 @pytest.mark.parametrize(
@@ -139,20 +139,20 @@ def test_impossible_chains_are_refused(change, message):
 def test_a_batch_of_arms_is_each_by_itself(chain, joints):
     """Flange and both Jacobians of arms that differ in their links, at joints of each and at joints that all take."""
     tangents = 0.05 * np.random.default_rng(0).standard_normal((3, chain.n + 1, 6))
-    arms = chain.moved(tangents)
+    arms = chain.perturb_links(tangents)
     assert (arms.batch, chain.batch) == ((3,), ())
     own = np.stack([joints + 0.1 * k for k in range(3)])
     for k in range(3):
-        alone = chain.moved(tangents[k])
+        alone = chain.perturb_links(tangents[k])
         for taken, mine in ((own, own[k]), (joints, joints)):
             at = arms.at(taken)
             np.testing.assert_allclose(at.base_from_flange.matrix[k], alone.forward(mine).matrix, atol=1e-14)
             np.testing.assert_allclose(at.by_joints[k], alone.jacobian(mine), atol=1e-14)
-            np.testing.assert_allclose(at.by_links[k], alone.link_jacobian(mine), atol=1e-14)
+            np.testing.assert_allclose(at.link_derivative[k], alone.link_jacobian(mine), atol=1e-14)
 
 
 def test_batches_of_origins_and_of_the_tip_are_alike(chain):
     """Three of the ones and one of the other are no arms."""
-    arms = chain.moved(np.zeros((3, chain.n + 1, 6)))
+    arms = chain.perturb_links(np.zeros((3, chain.n + 1, 6)))
     with pytest.raises(InputError, match="origins and one tip"):
         SerialChain(chain.joint_names, arms.origins, chain.axes, chain.tip, chain.lower, chain.upper)

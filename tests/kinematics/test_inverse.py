@@ -145,9 +145,9 @@ def test_what_is_left_falls_as_the_gradient_says(folder):
     q = rng.uniform(-1.0, 1.0, (3, 6))
     arm = _Arm(chain, chain.forward(q + rng.uniform(-0.6, 0.6, (3, 6))))
     about = arm.linearise(q)
-    np.testing.assert_allclose(about.cost, np.sum(arm.left(q) ** 2, axis=1))
+    np.testing.assert_allclose(about.cost, np.sum(arm.remaining_tangent(q) ** 2, axis=1))
     for k in range(6):
-        more, less = (np.sum(arm.left(q + way * step * np.eye(6)[k]) ** 2, axis=1) for way in (1, -1))
+        more, less = (np.sum(arm.remaining_tangent(q + way * step * np.eye(6)[k]) ** 2, axis=1) for way in (1, -1))
         np.testing.assert_allclose(about.gradient[:, k], (more - less) / (4 * step), atol=1e-7)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from basecal.errors import DatasetError, FrameNotFound
 from basecal.kinematics import parse_chain, read_chain
-from basecal.kinematics.urdf import joint_origins, way_names
+from basecal.kinematics.urdf import joint_origins, path_joint_names
 
 LINKS = '<link name="base"/><link name="arm"/><link name="tool"/>'
 TURN = """<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
@@ -207,10 +207,10 @@ def test_joints_on_the_way_are_told_with_fixed_ones():
     """From the base to the flange in order, not those elsewhere."""
     aside = '<link name="aside"/><joint name="off" type="fixed"><parent link="arm"/><child link="aside"/></joint>'
     text = robot(LINKS, TURN, HOLD, aside)
-    assert way_names(text, "base", "tool") == ("turn", "hold")
-    assert way_names(text, "base", "aside") == ("turn", "off")
+    assert path_joint_names(text, "base", "tool") == ("turn", "hold")
+    assert path_joint_names(text, "base", "aside") == ("turn", "off")
     with pytest.raises(FrameNotFound, match="elbow"):
-        way_names(text, "base", "elbow")
+        path_joint_names(text, "base", "elbow")
 
 
 def test_a_flange_elsewhere_is_told_by_what_it_hangs_under():

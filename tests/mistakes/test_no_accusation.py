@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from basecal.accuracy.at_the_door.repeated_views import repeated_views
-from basecal.accuracy.at_the_door.units import impossible_units
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.input_screening.repeated_views import repeated_views
+from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell.files import read_cell, read_recording
 from basecal.simulation import simulate
 from shared.kinds import KINDS, scenario_of
@@ -24,7 +24,7 @@ SEEDS = 8  # of each of 25 kinds: 200 cells
 
 
 @pytest.mark.parametrize("kind", list(KINDS))
-def test_nothing_is_said_at_the_door(kind: str) -> None:
+def test_screening_has_no_findings(kind: str) -> None:
     """Of two cells of each kind: no unit is another one, no view stands twice."""
     for seed in (FIRST, FIRST + 1):
         made = simulate(scenario_of(kind, seed), seed)

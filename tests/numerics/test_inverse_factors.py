@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.numerics import inverse_factors as module
-from basecal.numerics.inverse_factors import _factorised, inverse_factors
+from basecal.numerics.inverse_factors import _invert_factors, inverse_factors
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 5), (70,), (4, 40), (1200,), (0,)])
@@ -53,13 +53,13 @@ def test_many_are_taken_by_megabytes(monkeypatch, count, at_once, chunks):
     taken = []
 
     def factorised(lower):
-        """As `_factorised`."""
+        """As `_invert_factors`."""
         taken.append(lower.shape[-1])
-        return _factorised(lower)
+        return _invert_factors(lower)
 
-    assert module._AT_ONCE == 2**17
-    monkeypatch.setattr(module, "_AT_ONCE", at_once)
-    monkeypatch.setattr(module, "_factorised", factorised)
+    assert module._CHUNK_NUMBERS == 2**17
+    monkeypatch.setattr(module, "_CHUNK_NUMBERS", at_once)
+    monkeypatch.setattr(module, "_invert_factors", factorised)
     matrices = np.tile(4 * np.eye(12), (count, 1, 1))
     root, log_det = inverse_factors(matrices)
     assert taken == chunks

@@ -11,15 +11,15 @@ from basecal.geometry import Array
 from basecal.numerics.levenberg_marquardt import (
     Quadratic,
     Stop,
+    _accept_step,
     _damped_step,
     _Ends,
     _Flight,
+    _has_converged,
+    _is_gauss_newton,
     _is_near,
-    _moved,
     _next_step,
     _scale,
-    _settled,
-    _undamped,
     levenberg_marquardt,
 )
 
@@ -281,7 +281,7 @@ def test_what_is_left_to_go_is_what_a_step_promises_by_how_steps_shrink(expected
     """In squares of sigmas, scaled by the residuals."""
     step = np.array([[1e-3, 0.0]])
     of = flight(damping=damping, expected=before)
-    assert _settled(of, step, np.array([expected]), LOOSE).tolist() == [settled]
+    assert _has_converged(of, step, np.array([expected]), LOOSE).tolist() == [settled]
     assert _scale(of).tolist() == [4.0]
     assert _scale(flight(cost=np.inf)).tolist() == [1.0]
 
@@ -300,7 +300,7 @@ def test_what_is_left_to_go_is_what_a_step_promises_by_how_steps_shrink(expected
 def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, before, damping, settled):
     """By 1e-13 on every axis."""
     of = flight(damping=damping, expected=before, eliminated=eliminated)
-    assert _settled(of, np.array([step]), np.array([1.0]), LOOSE).tolist() == [settled]
+    assert _has_converged(of, np.array([step]), np.array([1.0]), LOOSE).tolist() == [settled]
 
 
 @pytest.mark.parametrize(("damping", "slope", "undamped"), [
@@ -309,7 +309,7 @@ def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, 
 def test_damping_hides_no_step_that_could_be_seen(damping, slope, undamped):
     """Below a thousandth it is none; else the step without it, whose square of sigmas is 4e-4, has to be nothing."""
     of = flight(damping=damping, gradient=(slope, 0.0))
-    assert _undamped(of, LOOSE).tolist() == [undamped]
+    assert _is_gauss_newton(of, LOOSE).tolist() == [undamped]
 
 
 @pytest.mark.parametrize(
@@ -319,7 +319,7 @@ def test_a_step_taken_eases_the_damping_by_what_it_gained(gain, factor):
     """Over what it promised, by Nielsen's cubic; the next refusal counts from two."""
     of = flight(cost=300.0, damping=0.5, growth=16.0, expected=7.0)
     after = flight(cost=300.0 - 2 * gain).about
-    moved = _moved(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None)
+    moved = _accept_step(of, np.ones((1, 2)), after, after.cost, YES, np.array([2.0]), None)
     assert moved.damping[0] == pytest.approx(0.5 * factor)
     assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (2.0, 2.0, 300.0 - 2 * gain)
     assert (moved.about is after, moved.state.tolist(), moved.bend) == (True, [[1.0, 1.0]], None)
@@ -330,7 +330,7 @@ def test_a_step_refused_stiffens_the_damping_ever_faster(damping, stiffened):
     """From a thousandth on; all else stays as it was."""
     of = flight(damping=damping, growth=16.0, expected=7.0)
     after = flight(cost=9.0).about
-    moved = _moved(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None)
+    moved = _accept_step(of, np.ones((1, 2)), after, after.cost, ~YES, np.array([2.0]), None)
     assert moved.damping[0] == pytest.approx(stiffened)
     assert (moved.growth[0], moved.expected[0], moved.cost[0]) == (32.0, 7.0, 8.0)
     assert (moved.about is of.about, moved.state.tolist()) == (True, [[0.0, 0.0]])
@@ -345,14 +345,14 @@ def test_what_costs_do_not_tell_says_nothing_of_the_damping(before, after, facto
     about = flight(cost=after).about
     of = flight(cost=before, damping=0.5)
     promised = 1e-14 if not before - after > 1e-12 else 8e-12
-    moved = _moved(of, np.ones((1, 2)), about, about.cost, YES, np.array([promised]), None)
+    moved = _accept_step(of, np.ones((1, 2)), about, about.cost, YES, np.array([promised]), None)
     assert moved.damping[0] == pytest.approx(0.5 * factor, rel=1e-3)
 
 
 def test_damping_has_an_end_below():
     """At which a step is one of Gauss-Newton."""
     about = flight(cost=6.0).about
-    moved = _moved(flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None)
+    moved = _accept_step(flight(damping=2e-9), np.ones((1, 2)), about, about.cost, YES, np.array([2.0]), None)
     assert moved.damping[0] == 1e-9
 
 
@@ -395,7 +395,7 @@ def test_ends_are_told_in_the_order_of_their_problems(ended):
         cost = 10.0 * np.array(rows)
         about = Quadratic(*(np.array([cost]).T for _ in range(4)))
         ends.add(np.array(rows), cost, cost, about, converged, 5 + converged)
-    found = ends.in_order()
+    found = ends.ordered()
     assert found.cost.tolist() == found.state.tolist() == found.about.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
     assert found.converged.tolist() == [row in ended[0] for row in range(3)]
     assert found.iterations.tolist() == [6 if row in ended[0] else 5 for row in range(3)]

@@ -31,7 +31,7 @@ def test_parts_of_the_inverse(dense) -> None:
     """At any columns, symmetric."""
     sparse, inverse = SparseHessian(csc_array(dense)), np.linalg.inv(dense)
     np.testing.assert_allclose(sparse.inverse_columns(np.array([3, 7])), inverse[:, [3, 7]], rtol=1e-9)
-    found = sparse.inverse_at(np.array([11, 0, 5]))
+    found = sparse.inverse_block(np.array([11, 0, 5]))
     np.testing.assert_allclose(found, inverse[np.ix_([11, 0, 5], [11, 0, 5])], rtol=1e-9)
     np.testing.assert_array_equal(found, found.T)
 
@@ -41,7 +41,7 @@ def test_extremes_are_eigenvalues(dense) -> None:
     values = np.linalg.eigvalsh(dense)
     assert SparseHessian(csc_array(dense)).extremes == pytest.approx((values[0], values[-1]), rel=5e-3)
     scale = np.geomspace(1, 1e-3, 12)
-    scaled = SparseHessian(csc_array(dense)).in_units(scale)
+    scaled = SparseHessian(csc_array(dense)).rescale(scale)
     np.testing.assert_allclose(scaled.matrix.toarray(), dense * scale * scale[:, None])
     rows = np.eye(12)
     rows[4] = rows[5]
@@ -90,7 +90,7 @@ def test_parts_of_large_inverses_are_put_together() -> None:
     sparse, columns = SparseHessian(csc_array(dense)), rng.permutation(560)[:530]
     inverse = np.linalg.inv(dense)
     np.testing.assert_allclose(sparse.inverse_columns(columns), inverse[:, columns], atol=1e-12)
-    np.testing.assert_allclose(sparse.inverse_at(columns), inverse[np.ix_(columns, columns)], atol=1e-12)
+    np.testing.assert_allclose(sparse.inverse_block(columns), inverse[np.ix_(columns, columns)], atol=1e-12)
 
 
 @pytest.mark.parametrize(("smallest", "found"), [(3e-12, 3e-12), (3e-13, 0.0)])

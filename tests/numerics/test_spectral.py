@@ -8,22 +8,22 @@ import pytest
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.geometry import SE3
 from basecal.numerics.spectral import (
-    INDEPENDENT,
+    INDEPENDENT_SHARE,
     ROUNDING,
     VIEW_ROUNDING,
     Spectrum,
-    above,
-    by_share,
     dimension,
-    floored,
     floored_inverse,
+    floored_spectrum,
     holds_information,
     independent,
     least_norm,
     null_vector,
     principal_axes,
     pseudo_inverse,
+    scaled_spectrum,
     smallest_vectors,
+    sort_by_share,
     spectrum,
 )
 
@@ -71,7 +71,7 @@ def test_thresholds_divide_at_their_share_of_the_largest():
     """Just below the threshold is rounding, just above information; likewise of singular values."""
     values = np.array([0.5 * ROUNDING, 2 * ROUNDING, 1.0]) * 7
     assert holds_information(values).tolist() == [False, True, True]
-    assert independent(np.array([1.0, 2 * INDEPENDENT, 0.5 * INDEPENDENT]) * 7) == 2
+    assert independent(np.array([1.0, 2 * INDEPENDENT_SHARE, 0.5 * INDEPENDENT_SHARE]) * 7) == 2
     assert independent(np.zeros(3)) == 0
 
 
@@ -145,18 +145,18 @@ def test_log_det_is_that_of_what_is_held():
 def test_above_counts_in_the_units_it_is_told():
     """Eigenvalues divide at `least` in stated units, whatever the diagonal, and never below rounding of the largest."""
     matrix = np.diag([0.3, 0.5, 2.0])
-    assert above(matrix, 0.4).held.tolist() == [False, True, True]
-    assert above(matrix, 0.4, np.array([0.5, 1.0, 3.0])).rank == 2  # 1.2, 0.5, 0.222
-    assert above(np.diag([1.0, 1e13]), 0.1).held.tolist() == [False, True]
-    assert above(np.diag([20.0, 1e13]), 0.1).held.tolist() == [True, True]
-    np.testing.assert_allclose(above(matrix, 0.4).inverse, np.diag([0, 2.0, 0.5]))
-    assert above(np.zeros((2, 0, 0)), 0.1).rank.tolist() == [0, 0]
+    assert scaled_spectrum(matrix, 0.4).held.tolist() == [False, True, True]
+    assert scaled_spectrum(matrix, 0.4, np.array([0.5, 1.0, 3.0])).rank == 2  # 1.2, 0.5, 0.222
+    assert scaled_spectrum(np.diag([1.0, 1e13]), 0.1).held.tolist() == [False, True]
+    assert scaled_spectrum(np.diag([20.0, 1e13]), 0.1).held.tolist() == [True, True]
+    np.testing.assert_allclose(scaled_spectrum(matrix, 0.4).inverse, np.diag([0, 2.0, 0.5]))
+    assert scaled_spectrum(np.zeros((2, 0, 0)), 0.1).rank.tolist() == [0, 0]
 
 
 def test_floored_raises_what_is_small_and_leaves_the_rest():
     """A saddle becomes regular, its inverse that of the raised eigenvalues."""
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    of = floored(turn @ np.diag([-3.0, 5.0]) @ turn.T, 0.5)
+    of = floored_spectrum(turn @ np.diag([-3.0, 5.0]) @ turn.T, 0.5)
     np.testing.assert_allclose(of.inverse, turn @ np.diag([2.0, 0.2]) @ turn.T)
     np.testing.assert_allclose(of.log_det, np.log(2.5))
 
@@ -178,7 +178,7 @@ def test_two_null_vectors_are_none():
 def test_a_basis_is_turned_to_what_moves_some_rows(rng):
     """Columns fall by their share of the rows, span the same space, and stay orthonormal."""
     basis = np.linalg.qr(rng.standard_normal((6, 4)))[0]
-    turned = by_share(basis, np.array([0, 5]))
+    turned = sort_by_share(basis, np.array([0, 5]))
     np.testing.assert_allclose(turned.basis.T @ turned.basis, np.eye(4), atol=1e-12)
     np.testing.assert_allclose(basis @ (basis.T @ turned.basis), turned.basis, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(turned.basis[[0, 5]], axis=0), turned.share, atol=1e-12)
@@ -189,10 +189,10 @@ def test_a_basis_is_turned_to_what_moves_some_rows(rng):
 def test_a_basis_without_rows_is_left_as_it_is(rng):
     """Where no row is asked for nothing moves it, and an empty basis has no shares."""
     basis = np.linalg.qr(rng.standard_normal((6, 2)))[0]
-    untouched = by_share(basis, np.zeros(0, dtype=np.int64))
+    untouched = sort_by_share(basis, np.zeros(0, dtype=np.int64))
     assert untouched.basis is basis
     assert untouched.share.tolist() == [0, 0]
-    assert by_share(basis[:, :0], np.array([1])).share.shape == (0,)
+    assert sort_by_share(basis[:, :0], np.array([1])).share.shape == (0,)
 
 
 def test_principal_axes_are_those_vectors_spread_along():
@@ -218,11 +218,11 @@ def test_a_ridge_fades_out_what_holds_next_to_nothing():
     """Directions far above it count whole, those far below not at all, one of its own size by half."""
     turn = np.linalg.qr(np.random.default_rng(0).standard_normal((4, 4)))[0]
     of = Spectrum(np.array([1e-15, 1e-9, 1e-3, 1.0]), turn, np.ones(4), np.array([False, False, True, True]))
-    ridged = of.ridged(1e-9)
+    ridged = of.add_ridge(1e-9)
     np.testing.assert_allclose(of.values / ridged.values, [1e-6, 0.5, 1.0, 1.0], atol=2e-6)
     larger = Spectrum(100 * of.values, turn, np.ones(4), of.held)
-    np.testing.assert_allclose(larger.ridged(1e-9).values, 100 * ridged.values)
-    nothing = Spectrum(np.array([-1e-20, 0.0, 0.0, 0.0]), turn, np.ones(4), of.held).ridged(1e-9)
+    np.testing.assert_allclose(larger.add_ridge(1e-9).values, 100 * ridged.values)
+    nothing = Spectrum(np.array([-1e-20, 0.0, 0.0, 0.0]), turn, np.ones(4), of.held).add_ridge(1e-9)
     assert np.all(nothing.values > 0)
     along = turn @ np.array([1e-9, 1e-5, 0.1, 2.0])
     assert ridged.mahalanobis_squared(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
@@ -245,14 +245,16 @@ def test_a_floored_inverse_is_that_of_the_floored_matrix(rng):
     regular = (basis * [1.0, 2.0, 3.0, 4.0]) @ basis.mT
     singular = (basis * [-1e-12, 0.0, 3.0, 4.0]) @ basis.mT
     for matrix in (regular, singular, np.concatenate([regular, singular])):
-        np.testing.assert_allclose(floored_inverse(matrix, 1e-3), floored(matrix, 1e-3).inverse, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            floored_inverse(matrix, 1e-3), floored_spectrum(matrix, 1e-3).inverse, rtol=1e-9, atol=1e-9
+        )
 
 
 def test_above_takes_units_out_of_rows_and_columns(rng):
     """A full matrix in units ten orders apart has the values, and the inverse, of the one in its own."""
     rows = rng.standard_normal((9, 5))
     plain = rows.T @ rows
-    of = above(plain * np.outer(UNITS, UNITS), 0.1, UNITS)
+    of = scaled_spectrum(plain * np.outer(UNITS, UNITS), 0.1, UNITS)
     np.testing.assert_allclose(of.values, np.linalg.eigvalsh(plain), rtol=1e-9)
     np.testing.assert_allclose(of.inverse * np.outer(UNITS, UNITS), np.linalg.inv(plain), rtol=1e-7)
 
@@ -280,8 +282,8 @@ def test_matrices_of_nothing_and_batches_of_none_are_taken_apart_all_the_same(sh
     """Into as many values as they have."""
     for of in (
         spectrum(np.zeros(shape)),
-        above(np.zeros(shape), 1.0),
-        above(np.zeros(shape), 1.0, np.ones(shape[:-1])),
+        scaled_spectrum(np.zeros(shape), 1.0),
+        scaled_spectrum(np.zeros(shape), 1.0, np.ones(shape[:-1])),
     ):
         assert of.values.shape == of.scale.shape == of.held.shape == shape[:-1]
         assert of.inverse.shape == of.vectors.shape == shape

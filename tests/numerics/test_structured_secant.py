@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.numerics.structured_secant import usable, with_secant
+from basecal.numerics.structured_secant import usable_curvature, with_secant
 
 HESSIAN = np.diag([4.0, 1.0, 9.0])
 STEP = np.array([0.3, -0.2, 0.1])
@@ -68,7 +68,7 @@ def test_a_bend_that_leaves_nothing_of_the_hessian_is_not_used():
     """Nine tenths of a diagonal taken away is as much as may be; an unknown that nothing holds is no reason."""
     hessian = np.diag([4.0, 1.0, 0.0])
     bends = np.stack([np.diag([-3.5, 0.3, 0.0]), np.diag([-3.7, 0.3, 0.0]), np.diag([-9.0, 0.0, 0.0])])
-    found = usable(bends, np.tile(hessian, (3, 1, 1)))
+    found = usable_curvature(bends, np.tile(hessian, (3, 1, 1)))
     np.testing.assert_array_equal(found, np.stack([bends[0], np.zeros((3, 3)), np.zeros((3, 3))]))
 
 

@@ -7,7 +7,7 @@ from itertools import combinations, islice
 import numpy as np
 import pytest
 
-from basecal.planning.choose import exchanged, fewest, gains, greedy, with_sample, without_sample
+from basecal.planning.choose import choose_fewest, exchange, gains, greedy, with_sample, without_sample
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_exchange_is_within_a_hundredth_of_the_best(made):
     """Of all 2,002 sets of five; the covariance is that of what is chosen."""
     roots, _, weight = made
     steps = list(islice(greedy(*made), 5))
-    chosen, after = exchanged(roots, [k for k, _ in steps], steps[-1][1], weight)
+    chosen, after = exchange(roots, [k for k, _ in steps], steps[-1][1], weight)
     best = min(criterion(*made, each) for each in combinations(range(14), 5))
     assert len(set(chosen)) == 5
     assert criterion(*made, chosen) == pytest.approx(np.trace(weight @ after), rel=1e-9)
@@ -62,9 +62,9 @@ def test_fewest_are_as_few_as_any(made):
     """One less is not enough, whichever they are; none where nothing is needed, all tried where nothing is enough."""
     roots, covariance, weight = made
     limit = 1.02 * min(criterion(*made, each) for each in combinations(range(14), 4))
-    chosen, reached = fewest(roots, covariance, weight, 14, lambda c: bool(np.trace(weight @ c) <= limit))
+    chosen, reached = choose_fewest(roots, covariance, weight, 14, lambda c: bool(np.trace(weight @ c) <= limit))
     assert (len(chosen), reached) == (4, True)
     assert criterion(*made, chosen) <= limit
-    assert fewest(roots, covariance, weight, 14, lambda c: True) == ([], True)
-    tried, reached = fewest(roots, covariance, weight, 3, lambda c: False)
+    assert choose_fewest(roots, covariance, weight, 14, lambda c: True) == ([], True)
+    tried, reached = choose_fewest(roots, covariance, weight, 3, lambda c: False)
     assert (len(tried), reached) == (3, False)

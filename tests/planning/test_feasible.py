@@ -9,14 +9,21 @@ import pytest
 
 from basecal.cell import RobotState, Sample
 from basecal.geometry import SE3
-from basecal.planning.feasible import feasible_in, in_view, is_clear, unclear_ways, way_is_clear, within_limits
-from basecal.planning.reach import state_at
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import (
+    blocked_samples,
+    is_clear,
+    is_in_view,
+    is_path_clear,
+    is_within_limits,
+    make_feasibility_check,
+)
+from basecal.planning.reach import reach_pose
+from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
 WORLD = facing_arms()
-SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
+SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 
 
 def moved(**tangents):
@@ -24,13 +31,13 @@ def moved(**tangents):
     states = dict(HOME)
     for robot, tangent in tangents.items():
         flange = SKETCH.base_from_flange(robot, HOME[robot]) @ SE3.exp(np.array(tangent, dtype=float))
-        states[robot] = state_at(WORLD.cell.robots[robot], flange, HOME[robot])
+        states[robot] = reach_pose(WORLD.cell.robots[robot], flange, HOME[robot])
     return Sample(0, robots=states)
 
 
 def test_home_is_feasible():
     """Where the arms begin, everything is in order."""
-    assert feasible_in(SKETCH)(Sample(0, robots=HOME))
+    assert make_feasibility_check(SKETCH)(Sample(0, robots=HOME))
 
 
 @pytest.mark.parametrize(
@@ -40,8 +47,8 @@ def test_home_is_feasible():
 )
 def test_what_is_out_of_view(tangents):
     """A board that leaves the picture, or is seen too flat, is not in view."""
-    assert in_view(SKETCH, Sample(0, robots=HOME))
-    assert not in_view(SKETCH, moved(**tangents))
+    assert is_in_view(SKETCH, Sample(0, robots=HOME))
+    assert not is_in_view(SKETCH, moved(**tangents))
 
 
 def test_arms_that_meet():
@@ -60,8 +67,8 @@ def test_limits():
     """Joints beyond a limit are out."""
     joints = WORLD.home["eye"].copy()
     joints[2] = 3.2
-    assert within_limits(SKETCH, Sample(0, robots=HOME))
-    assert not within_limits(SKETCH, Sample(0, robots={**HOME, "eye": RobotState(joints_rad=joints)}))
+    assert is_within_limits(SKETCH, Sample(0, robots=HOME))
+    assert not is_within_limits(SKETCH, Sample(0, robots={**HOME, "eye": RobotState(joints_rad=joints)}))
 
 
 def test_arms_that_pass_through_one_another():
@@ -70,13 +77,13 @@ def test_arms_that_pass_through_one_another():
     swings = [RobotState(joints_rad=near["eye"].joints_rad + angle * np.eye(6)[0]) for angle in (-0.9, 0.9)]
     through = [Sample(k, robots={**near, "eye": swing}) for k, swing in zip((4, 7), swings, strict=True)]
     assert all(is_clear(SKETCH, end) for end in through)
-    assert not way_is_clear(SKETCH, *through)
-    assert unclear_ways(SKETCH, through[0].robots, through) == [7]
+    assert not is_path_clear(SKETCH, *through)
+    assert blocked_samples(SKETCH, through[0].robots, through) == [7]
 
 
 def test_a_short_way_at_home_is_clear():
     """As the arms begin, half a metre apart, a turn of the wrist is no danger; of poses nothing is known."""
     other = moved(eye=[0, 0, 0, 0, 0, 0.3])
-    assert way_is_clear(SKETCH, Sample(0, robots=HOME), other)
+    assert is_path_clear(SKETCH, Sample(0, robots=HOME), other)
     poses = Sample(1, robots={name: RobotState(SE3.identity()) for name in HOME})
-    assert way_is_clear(SKETCH, other, poses)
+    assert is_path_clear(SKETCH, other, poses)

@@ -9,9 +9,9 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Recording, Sample
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
-from basecal.planning.plan import MOST_SAMPLES, OUTLOOK, offered_stations, offers, outlook, plan_for_task
+from basecal.planning.plan import MOST_SAMPLES, OUTLOOK_COUNTS, draw_offers, offered_stations, outlook, plan_for_task
 from basecal.planning.prospects import sketches
-from basecal.planning.stations import SAMPLES
+from basecal.planning.stations import STATION_SAMPLES
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -92,8 +92,8 @@ def test_three_robots_are_planned_together():
 def test_candidates_may_be_offered(cell):
     """Chosen are those that are offered, and no others."""
     described, _, bare, calibration, point = cell
-    offered = offers(sketches(described, calibration), bare, 30)
-    found = plan_for_task(described, bare, calibration, point, count=8, offered=offered)
+    offered = draw_offers(sketches(described, calibration), bare, 30)
+    found = plan_for_task(described, bare, calibration, point, count=8, offers=offered)
     places = [sample.robots["hand"].base_from_flange.translation.tolist() for sample in offered[0][1]]
     assert all(sample.robots["hand"].base_from_flange.translation.tolist() in places for sample in found.samples)
 
@@ -103,7 +103,7 @@ def test_more_samples_bring_less_and_less(cell):
     """Errors fall with planned samples, beginning at what is recorded; 40 leave less than 12 at random do."""
     described, recording, _, calibration, point = cell
     told = outlook(described, recording, calibration, point)
-    assert [count for count, _ in told] == list(OUTLOOK)
+    assert [count for count, _ in told] == list(OUTLOOK_COUNTS)
     lengths = [length for _, length in told]
     assert lengths == sorted(lengths, reverse=True)
     now = plan_for_task(described, recording, calibration, point, tolerance_m=1.0)
@@ -117,12 +117,14 @@ def test_stations_of_shifts_are_planned_for_a_task(cell):
     described, _, bare, calibration, point = cell
     offered = offered_stations(described, bare, calibration)
     found = [
-        plan_for_task(described, bare, calibration, point, count=count, offered=offered, together=SAMPLES)
+        plan_for_task(described, bare, calibration, point, count=count, offers=offered, group_size=STATION_SAMPLES)
         for count in (28, 42)
     ]
     assert [len(plan.samples) for plan in found] == [28, 42]
-    for at in range(0, 42, SAMPLES):
-        station = found[1].samples[at : at + SAMPLES]
+    for at in range(0, 42, STATION_SAMPLES):
+        station = found[1].samples[at : at + STATION_SAMPLES]
         assert len({sample.robots["eye"].base_from_flange.translation.tobytes() for sample in station}) == 1
-        assert len({sample.robots["hand"].base_from_flange.translation.tobytes() for sample in station}) == SAMPLES
+        assert (
+            len({sample.robots["hand"].base_from_flange.translation.tobytes() for sample in station}) == STATION_SAMPLES
+        )
     assert found[1].expected_m < found[0].expected_m

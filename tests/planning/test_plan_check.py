@@ -12,12 +12,12 @@ from basecal.cell import Cell, CellCamera, KeepOut, Robot, RobotState, Sample, U
 from basecal.geometry import SE3
 from basecal.kinematics import read_chain
 from basecal.planning.clearance import path_length
-from basecal.planning.plan_check import SpeedLimits, check_plan, way_of
-from basecal.planning.sketch import Sketch, sketch_of
+from basecal.planning.plan_check import SpeedLimits, check_plan, timed_path
+from basecal.planning.sketch import Sketch, sketch_cell
 from shared.facing_arms import facing_arms
 
 WORLD = facing_arms("charuco")
-SKETCH = sketch_of(WORLD.cell)
+SKETCH = sketch_cell(WORLD.cell)
 HOME = {name: RobotState(joints_rad=joints) for name, joints in WORLD.home.items()}
 LIMITS = SpeedLimits(np.radians(30.0), 0.25)
 WILLING = dict.fromkeys(HOME, lambda state: "")
@@ -86,7 +86,7 @@ def test_a_controller_is_asked_for_every_sample():
 def test_boxes_are_kept_out_of_on_the_way_and_arms_may_stand_on_a_table():
     """A post between two samples is refused though both are clear of it; a table under the bases is not."""
     start, end = turned("eye", 0, -0.6, 1), turned("eye", 0, 0.6, 2)
-    middle = SKETCH.world_from(SKETCH.camera.name, turned("eye", 0, 0.0).robots).translation
+    middle = SKETCH.body_pose(SKETCH.camera.name, turned("eye", 0, 0.0).robots).translation
     alone = replace(WORLD.cell, keep_out={"post": box_at(middle)})
     before = {**HOME, **start.robots}
     found = check_plan(replace(SKETCH, cell=alone), before, [end], LIMITS, {"eye": lambda state: ""})
@@ -103,19 +103,19 @@ def points_of(robots):
     chain = WORLD.cell.robots["eye"].chain
     frames = [*chain.joint_frames(robots["eye"].joints_rad), chain.forward(robots["eye"].joints_rad)]
     return np.stack(
-        [*(frame.translation for frame in frames), SKETCH.world_from(SKETCH.camera.name, robots).translation]
+        [*(frame.translation for frame in frames), SKETCH.body_pose(SKETCH.camera.name, robots).translation]
     )
 
 
 def test_no_point_is_faster_than_allowed():
     """The speed of a way is that at which the fastest point of an arm moves as fast as it may; slow ways stay."""
     start, end = Sample(0, robots=HOME), turned("eye", 0, 0.5)
-    way = way_of(SKETCH, start, end, "eye", SpeedLimits(np.radians(30.0), 0.1))
+    way = timed_path(SKETCH, start, end, "eye", SpeedLimits(np.radians(30.0), 0.1))
     places = np.stack([points_of(turned("eye", 0, share * 0.5).robots) for share in np.linspace(0, 1, 400)])
     metres = np.linalg.norm(np.diff(places, axis=0), axis=-1).max() * 399 / 0.5
     assert way.joint_rad_s * metres == pytest.approx(0.1 / 1.02, rel=0.005)
     assert way.tool_m_s == pytest.approx(0.1)
-    wrist = way_of(SKETCH, start, turned("eye", 5, 0.5), "eye", LIMITS)
+    wrist = timed_path(SKETCH, start, turned("eye", 5, 0.5), "eye", LIMITS)
     assert wrist.joint_rad_s == pytest.approx(np.radians(30.0))
     assert wrist.tool_m_s < 0.25
 
@@ -125,11 +125,11 @@ def test_a_robot_without_kinematics_has_a_bound():
     bare = replace(WORLD.cell, robots={**WORLD.cell.robots, "eye": replace(WORLD.cell.robots["eye"], chain=None)})
     poses = [RobotState(SE3(np.eye(3), np.array([0.5, y, 0.0]))) for y in (0.0, 0.1)]
     start, end = (Sample(k, robots={"eye": pose}) for k, pose in enumerate(poses))
-    way = way_of(replace(SKETCH, cell=bare), start, end, "eye", LIMITS)
+    way = timed_path(replace(SKETCH, cell=bare), start, end, "eye", LIMITS)
     assert way.joint_rad_s == pytest.approx(0.25 / (3 * (np.hypot(0.5, 0.1) + 0.3)))
     assert way.tool_m_s == pytest.approx(0.25)
     stated = replace(bare, robots={**bare.robots, "eye": replace(bare.robots["eye"], reach_m=0.85)})
-    way = way_of(replace(SKETCH, cell=stated), start, end, "eye", LIMITS)
+    way = timed_path(replace(SKETCH, cell=stated), start, end, "eye", LIMITS)
     assert way.joint_rad_s == pytest.approx(0.25 / (3 * (0.85 + 0.3)))
 
 

@@ -8,18 +8,18 @@ import pytest
 from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
 WORLD = facing_arms()
-SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
+SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 
 
 def test_every_pose_is_feasible_and_they_differ():
     """Each passes what it was asked to, both arms turn by more than half a radian between some, numbers count up."""
-    feasible = feasible_in(SKETCH)
+    feasible = make_feasibility_check(SKETCH)
     plan = poses.plan(SKETCH, HOME, feasible, 12)
     assert [sample.sample for sample in plan] == list(range(12))
     assert all(map(feasible, plan))
@@ -37,7 +37,7 @@ def test_only_what_is_feasible_is_planned(monkeypatch):
 
     plan = poses.plan(SKETCH, HOME, narrow, 4)
     assert all(map(narrow, plan))
-    monkeypatch.setattr(poses, "_TRIES", 5)
+    monkeypatch.setattr(poses, "_SAMPLE_TRIES", 5)
     with pytest.raises(InputError, match="only 0 of 1 poses"):
         poses.plan(SKETCH, HOME, lambda sample: False, 1)
 
@@ -51,4 +51,4 @@ def test_the_way_is_short():
         joints = np.stack([np.concatenate([s.robots[r].joints_rad for r in ("eye", "hand")]) for s in samples])
         return np.abs(np.diff(joints, axis=0)).max(1).sum()
 
-    assert way(poses.in_order(SKETCH, HOME, shuffled)) < way(shuffled)
+    assert way(poses.order_samples(SKETCH, HOME, shuffled)) < way(shuffled)

@@ -11,7 +11,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Recording, Sample
 from basecal.errors import InputError
 from basecal.planning.candidates import candidates
-from basecal.planning.prospects import ASSUMED, prospects, sketches
+from basecal.planning.prospects import ASSUMED_NOISE, prospects, sketches
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -56,7 +56,7 @@ def test_without_observations_nothing_is_recorded(cell):
     assert prospect.recorded == frozenset()
     assert prospect.samples[0].sample == 12
     (group,) = prospect.problem.groups
-    assert group.measurement.weight.max() == pytest.approx(1 / ASSUMED.pixel_px)
+    assert group.measurement.weight.max() == pytest.approx(1 / ASSUMED_NOISE.pixel_px)
 
 
 def test_a_cell_without_guesses_needs_a_calibration(cell):

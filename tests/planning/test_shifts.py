@@ -10,18 +10,18 @@ import pytest
 from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning import shifts
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
 WORLD = facing_arms("led")
-SKETCH, HOME = sketch_of(WORLD.cell), home(WORLD)
+SKETCH, HOME = sketch_cell(WORLD.cell), home(WORLD)
 
 
 def test_stations_are_as_the_paper_has_them():
     """At each the camera looks straight at the light, and the light goes to both sides along its own axes."""
-    plan = shifts.plan(SKETCH, HOME, feasible_in(SKETCH), 14)
+    plan = shifts.plan(SKETCH, HOME, make_feasibility_check(SKETCH), 14)
     assert len(plan) == 14
     for station in (plan[:7], plan[7:]):
         light = SKETCH.camera_from_target(station[0]) @ np.zeros(3)

@@ -9,7 +9,7 @@ import pytest
 
 from basecal.cell import Sample, Unknown
 from basecal.errors import InputError
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
@@ -30,14 +30,14 @@ def with_truth(cell):
 
 def test_it_predicts_what_is_seen():
     """With the truth the board stands straight before the camera, 0.65 m away, as the cell was made."""
-    seen = sketch_of(with_truth(WORLD.cell)).camera_from_target(Sample(0, robots=home(WORLD)))
+    seen = sketch_cell(with_truth(WORLD.cell)).camera_from_target(Sample(0, robots=home(WORLD)))
     middle = seen @ WORLD.cell.targets["board"].target.points.mean(0)
     np.testing.assert_allclose(middle, [0, 0, 0.65], atol=1e-9)
 
 
 def test_guesses_will_do():
     """With what the cell states it is off by some centimetres, and says which arms move."""
-    sketch = sketch_of(WORLD.cell)
+    sketch = sketch_cell(WORLD.cell)
     middle = sketch.camera_from_target(Sample(0, robots=home(WORLD))) @ WORLD.cell.targets["board"].target.points.mean(
         0
     )
@@ -48,10 +48,10 @@ def test_guesses_will_do():
 def test_what_is_missing_is_named():
     """A base nobody guessed, and a cell without a target, are told with what to write."""
     with pytest.raises(InputError, match=r"give eye_base_from_hand_base a value, or .* `guess:"):
-        sketch_of(replace(WORLD.cell, bases={"hand": Unknown()}))
+        sketch_cell(replace(WORLD.cell, bases={"hand": Unknown()}))
     with pytest.raises(InputError, match="no camera with a target"):
-        sketch_of(replace(WORLD.cell, targets={}))
+        sketch_cell(replace(WORLD.cell, targets={}))
     with pytest.raises(InputError, match="wrist: a plan needs a lens"):
-        _ = sketch_of(
+        _ = sketch_cell(
             replace(WORLD.cell, cameras={"wrist": replace(WORLD.cell.cameras["wrist"], intrinsics=None)})
         ).lens

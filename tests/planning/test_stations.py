@@ -8,9 +8,9 @@ import pytest
 from basecal.cell import Calibration
 from basecal.errors import InputError
 from basecal.geometry import PoseEstimate
-from basecal.planning.feasible import feasible_in
+from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.prospects import sketches
-from basecal.planning.stations import SAMPLES, stations
+from basecal.planning.stations import STATION_SAMPLES, stations
 from basecal.simulation import Scenario, simulate
 
 
@@ -25,11 +25,11 @@ def test_stations_are_whole_and_can_be_taken():
     """Seven samples each, all feasible; several lengths of shift are among them."""
     sketch, taught = guessed()
     found = stations(sketch, taught)
-    feasible = feasible_in(sketch)
-    assert len(found) % SAMPLES == 0
+    feasible = make_feasibility_check(sketch)
+    assert len(found) % STATION_SAMPLES == 0
     assert all(map(feasible, found))
     first = [sketch.camera_from_target(sample).translation for sample in found]
-    lengths = [np.linalg.norm(first[k + 1] - first[k]) for k in range(0, len(first), SAMPLES)]
+    lengths = [np.linalg.norm(first[k + 1] - first[k]) for k in range(0, len(first), STATION_SAMPLES)]
     assert max(lengths) > 1.9 * min(lengths)
 
 

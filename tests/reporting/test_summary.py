@@ -10,7 +10,7 @@ import pytest
 
 from basecal.cell import BudgetEntry, Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Validation
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.summary import WIDTH, summary
+from basecal.reporting.summary import LINE_WIDTH, summary
 
 BASE = "eye_base_from_hand_base"
 LONG = "a_robot_with_a_name_that_tells_where_it_stands_and_whose_it_is_and_what_it_does_all_day_long_" * 2
@@ -104,7 +104,7 @@ def test_no_line_is_too_long(robots: tuple[str, ...], sigma: float, scale: float
     for verdict, found in (("good", ()), ("doubtful", findings)):
         made = replace(good(), verdict=verdict, transforms=transforms, findings=found)
         lines = summary(cell, made).splitlines()
-        assert max(map(len, lines)) <= WIDTH
+        assert max(map(len, lines)) <= LINE_WIDTH
         assert len(lines) <= 15 + (20 if found else 6)
         assert not re.search(r"nan|inf\b|e[-+]\d", " ".join(line for line in lines if line.startswith("  t ")))
 

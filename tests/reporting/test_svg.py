@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.reporting.svg import round_up, three_digits
+from basecal.reporting.svg import nice_ceiling, three_digits
 
 
 @pytest.mark.parametrize(
@@ -19,4 +19,4 @@ def test_numbers_are_read_without_exponents(value, shown):
 @pytest.mark.parametrize(("value", "above"), [(0.3, 0.5), (1.0, 1.0), (2.1, 2.5), (70.0, 100.0), (0.0, 1.0)])
 def test_round_numbers_are_not_below_a_value(value, above):
     """The next of 1, 2, 2.5 and 5 in its decade."""
-    assert round_up(value) == pytest.approx(above)
+    assert nice_ceiling(value) == pytest.approx(above)

@@ -17,7 +17,7 @@ import pytest
 from basecal.cell import KeepOut, RobotState, Sample
 from basecal.geometry import SE3
 from basecal.planning.plan_check import SpeedLimits, check_plan
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from shared.facing_arms import facing_arms
 
 pytestmark = pytest.mark.timed
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.timed
 pin = pytest.importorskip("pinocchio")
 
 WORLD = facing_arms("charuco")
-SKETCH = sketch_of(WORLD.cell)
+SKETCH = sketch_cell(WORLD.cell)
 CHAIN = WORLD.cell.robots["eye"].chain
 HOME = {name: RobotState(joints_rad=joints) for name, joints in WORLD.home.items()}
 LIMITS = SpeedLimits(np.radians(30.0), 0.25)

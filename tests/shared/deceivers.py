@@ -15,7 +15,7 @@ from basecal.estimation.start.closed_form import Loop
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
-from basecal.simulation.draw import in_ball
+from basecal.simulation.draw import draw_in_ball
 from tests.shared.random_starts import Trio, least_cost, least_value, random_rotations, random_trio
 
 POSITION_M = 2e-3
@@ -27,11 +27,11 @@ STARTS = 1000
 
 def _poses(rng: np.random.Generator, count: int, spread: float, axis: bool) -> SE3:
     """Flange poses turned by up to `spread` [rad], about one axis or all."""
-    turns = in_ball(rng, count, spread)
+    turns = draw_in_ball(rng, count, spread)
     if axis:
         turns = turns[:, :1] * np.array([0.0, 0.0, 1.0]) + 1e-3 * rng.standard_normal((count, 3))
     home = random_rotations(rng, 1)[0]
-    return SE3(rotation_exp(turns) @ home, in_ball(rng, count, 0.4))
+    return SE3(rotation_exp(turns) @ home, draw_in_ball(rng, count, 0.4))
 
 
 def _noisy(pose: SE3, rng: np.random.Generator, sigma: tuple[float, float]) -> SE3:
@@ -52,7 +52,7 @@ def adversarial(kind: str, seed: int) -> tuple[Problem, State, Loop, Array]:
     sigma = (noise * float(10 ** rng.uniform(-2, 0)), noise)
     axis = kind == "one axis"
     a, c = _poses(rng, count, spread, axis), _poses(rng, count, spread, axis)
-    x, y, z = (SE3(random_rotations(rng, 1)[0], in_ball(rng, 1, 0.5)[0]) for _ in range(3))
+    x, y, z = (SE3(random_rotations(rng, 1)[0], draw_in_ball(rng, 1, 0.5)[0]) for _ in range(3))
     if not dual:
         c, y = SE3.identity((count,)), SE3.identity()
     b = _noisy((a @ x).inverse() @ y @ c @ z, rng, sigma)
@@ -73,7 +73,7 @@ def _with_outliers(b: SE3, rng: np.random.Generator) -> SE3:
     wrong = rng.random(len(b)) < rng.uniform(0.05, 0.5)
     turned = random_rotations(rng, 1) if rng.random() < 0.5 else random_rotations(rng, len(b))
     rotation = np.where(wrong[:, None, None], b.rotation @ turned, b.rotation)
-    return SE3(rotation, b.translation + wrong[:, None] * in_ball(rng, len(b), 0.3))
+    return SE3(rotation, b.translation + wrong[:, None] * draw_in_ball(rng, len(b), 0.3))
 
 
 def _problem(a: SE3, b: SE3, c: SE3, weight: Array, dual: bool) -> Problem:

@@ -15,8 +15,8 @@ import numpy as np
 from basecal.cell import Recording
 from basecal.cell.files import read_recording, write_plan
 from basecal.planning import poses
-from basecal.planning.feasible import feasible_in
-from basecal.planning.sketch import sketch_of
+from basecal.planning.feasible import make_feasibility_check
+from basecal.planning.sketch import sketch_cell
 from tests.shared.running_cell import home, running
 
 TOLD = re.compile(r"sample (\d+): taken")
@@ -48,8 +48,12 @@ def kill_trial(folder: Path, samples: int, kills: int, seed: int) -> KillTrial:
     """A capture killed up to so often, resumed each time, beside one that nobody killed."""
     rng, done, lost, told = np.random.default_rng(seed), 0, 0, list[int]()
     with running(folder / "whole") as world:
-        sketch = sketch_of(world.cell)
-        write_plan(poses.plan(sketch, home(world), feasible_in(sketch), samples, seed), folder / "plan.jsonl", folder)
+        sketch = sketch_cell(world.cell)
+        write_plan(
+            poses.plan(sketch, home(world), make_feasibility_check(sketch), samples, seed),
+            folder / "plan.jsonl",
+            folder,
+        )
         began = time.monotonic()
         _run(_words(folder, "whole"), LONGEST_S)
         whole_s = time.monotonic() - began

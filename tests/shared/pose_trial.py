@@ -25,7 +25,7 @@ from basecal.cell import Cell, CellCamera, CellTarget, Driver, PixelObservation,
 from basecal.cell.cell import Intrinsics, Unknown
 from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3, Camera
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from basecal.vision.detectors import find
 from basecal.vision.draw.render import RenderSettings, render
 from tests.shared.picture_sources import PROCESSES, Arm, BufferingCapture, Path2, Scene, mjpeg_server, saving
@@ -164,7 +164,7 @@ def tried(source: Source, samples: int, seed: int) -> dict[str, Any]:
     rng, off, refused, reports = np.random.default_rng(seed), list[float](), list[str](), list[str]()
     began_s = time.monotonic()
     with tempfile.TemporaryDirectory() as name, _opened(source, cell, scene, Path(name), seed) as (rig, behind):
-        by = Taker(rig, sketch_of(cell), Path(name), CaptureSettings(1.0, 10.0, 6.0))
+        by = Taker(rig, sketch_cell(cell), Path(name), CaptureSettings(1.0, 10.0, 6.0))
         if hasattr(by, "report"):
             by = replace(by, report=reports.append)
         for number in range(samples):

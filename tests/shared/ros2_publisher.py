@@ -95,17 +95,17 @@ class Publisher:
         self.described.send(Message(data=chain_urdf(CHAIN, "base_link", "tool0")))
         self.stopped_ns = time.time_ns()
 
-    def now(self):
+    def time_s(self):
         return self.stopped_ns if self.frozen else time.time_ns()
 
     def send_joints(self):
-        stamp_ns = self.now()
+        stamp_ns = self.time_s()
         self.joints.send(joint_state(stamp_ns, JOINTS[:3] if self.partial else JOINTS))
         x = stamp_ns % 10**9 * 1e-9
         self.tf.send(Message(transforms=[transform(stamp_ns, "base_link", "link", x)]))
 
     def send_picture(self):
-        stamp_ns = self.now()
+        stamp_ns = self.time_s()
         self.images.send(picture(stamp_ns, self.width, self.height, self.ground))
         self.infos.send(camera_info(stamp_ns, self.width, self.height))
 

@@ -174,7 +174,7 @@ class Session:
     outputs: list[str] = field(default_factory=list)
     inputs: dict[int, list[str]] = field(default_factory=dict)
     every_s: float = TICK_S
-    started: bool = False
+    start: bool = False
     next_s: float = 0.0
 
     def answer(self, kind: int, payload: bytes) -> None:
@@ -196,7 +196,7 @@ class Session:
             self.answer(kind, bytes([recipe]) + ",".join(map(kind_of, self.inputs[recipe])).encode())
         elif kind in (START, PAUSE):
             self.answer(kind, b"\x01")
-            self.started = kind == START
+            self.start = kind == START
         elif kind == DATA:
             self.arm.heard_s = time.monotonic()
             names = self.inputs[payload[0]]
@@ -207,7 +207,7 @@ class Session:
 
     def tick(self, now_s: float) -> None:
         """Send the state where it is time for it."""
-        if self.started and now_s >= self.next_s and not self.arm.link_frozen:
+        if self.start and now_s >= self.next_s and not self.arm.link_frozen:
             self.next_s = max(self.next_s + max(self.every_s, self.arm.least_wait_s), now_s)
             layout = ">" + "".join(LAYOUT[kind_of(name)] for name in self.outputs)
             values = [value for name in self.outputs for value in self.arm.value(name)]

@@ -8,8 +8,8 @@ import pytest
 from basecal.cell.cell import WORLD
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.simulation.arms import joints_near, six_axis, with_arms
-from basecal.simulation.layout import layout_of
+from basecal.simulation.arms import six_axis, solve_joints, with_arms
+from basecal.simulation.layout import make_layout
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import draw_scene
 
@@ -43,26 +43,26 @@ def test_joints_are_found_for_poses_within_reach():
     """Those of poses a step away bring the flange there; of a pose two metres off none do, and that is said."""
     arm, step = six_axis(), 0.2 * rng().standard_normal((5, 6))
     wanted = arm.forward(HOME + step)
-    found, reached = joints_near(arm, wanted, HOME)
+    found, reached = solve_joints(arm, wanted, HOME)
     assert reached.all()
     np.testing.assert_allclose(arm.forward(found).matrix, wanted.matrix, atol=1e-8)
     far = SE3(wanted.rotation[:1], wanted.translation[:1] + np.array([2.0, 0, 0]))
-    assert not joints_near(arm, far, HOME)[1].any()
+    assert not solve_joints(arm, far, HOME)[1].any()
 
 
 def test_joints_beyond_their_limits_do_not_count():
     """The pose is reached, the limit is not kept."""
     arm = six_axis()
     high = HOME + np.array([2 * np.pi, 0, 0, 0, 0, 0])
-    assert joints_near(arm, arm.forward(HOME[None]), HOME)[1].all()
-    assert not joints_near(arm, arm.forward(high[None]), high)[1].any()
+    assert solve_joints(arm, arm.forward(HOME[None]), HOME)[1].all()
+    assert not solve_joints(arm, arm.forward(high[None]), high)[1].any()
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand", "two_cameras"])
 def test_views_of_the_homes_stay_as_they_were(layout):
     """Bases and what stands on the world move together; the first base is the world."""
     scenario = Scenario(layout=layout, joints=True)
-    before = draw_scene(scenario, layout_of(layout), np.random.default_rng(1))
+    before = draw_scene(scenario, make_layout(layout), np.random.default_rng(1))
     after, arms = with_arms(before, scenario, rng())
     for view in before.layout.groups[0]:
         np.testing.assert_allclose(
@@ -79,7 +79,7 @@ def test_views_of_the_homes_stay_as_they_were(layout):
 def test_a_light_on_the_world_stays_without_rotation():
     """Its mount is a point, whichever way the bases turned."""
     scenario = Scenario(layout="eye_in_hand", target="led", joints=True)
-    before = draw_scene(scenario, layout_of("eye_in_hand"), np.random.default_rng(1))
+    before = draw_scene(scenario, make_layout("eye_in_hand"), np.random.default_rng(1))
     after, _ = with_arms(before, scenario, rng())
     assert before.layout.targets["board"] == WORLD
     np.testing.assert_array_equal(after.mounts["board"].rotation, np.eye(3))
@@ -93,7 +93,7 @@ def test_true_arms_differ_by_the_sigmas_asked_for():
     """Offsets, links and compliances of 40 arms have their sigmas to a fifth; without any the arm is as stated."""
     scenario = Scenario(joints=True, joint_offset_rad=0.01, link_error=(1e-3, 2e-3), compliance=1e-4)
     drawn = np.random.default_rng(0)
-    scene = draw_scene(scenario, layout_of("dual"), np.random.default_rng(1))
+    scene = draw_scene(scenario, make_layout("dual"), np.random.default_rng(1))
     arms = [arm for _ in range(20) for arm in with_arms(scene, scenario, drawn)[1].values()]
     sizes = {kind: np.stack([arm.true.of(kind) for arm in arms]) for kind in ("joint_offsets", "deflection")}
     links = np.stack([arm.true.of("link_parameters") for arm in arms])
@@ -107,6 +107,6 @@ def test_true_arms_differ_by_the_sigmas_asked_for():
 
 def test_several_homes_suit_no_arms():
     """The layout is named, and what to do."""
-    scene = draw_scene(Scenario(layout="chain"), layout_of("chain"), rng())
+    scene = draw_scene(Scenario(layout="chain"), make_layout("chain"), rng())
     with pytest.raises(InputError, match="'chain' has robots with several homes"):
         with_arms(scene, Scenario(layout="chain"), rng())

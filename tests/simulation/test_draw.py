@@ -18,7 +18,7 @@ def rng():
 
 def test_a_ball_is_filled_evenly(rng):
     """Half the radius holds an eighth of 8,000 vectors (sigma 0.4 %), none is outside, and their mean is the centre."""
-    vectors = draw.in_ball(rng, 8000, 2.0)
+    vectors = draw.draw_in_ball(rng, 8000, 2.0)
     length = np.linalg.norm(vectors, axis=1)
     assert length.max() <= 2.0
     assert np.mean(length < 1.0) == pytest.approx(1 / 8, abs=0.015)

@@ -7,14 +7,14 @@ from typing import get_args
 import pytest
 
 from basecal.cell.cell import WORLD
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.scenario import LayoutName
 
 
 @pytest.mark.parametrize("name", get_args(LayoutName))
 def test_every_plan_is_whole(name):
     """Whatever is seen has a carrier that exists, every camera and target is in a view, and every robot moves."""
-    plan = layout_of(name)
+    plan = make_layout(name)
     views = [view for group in plan.groups for view in group]
     assert {camera for camera, _ in views} == plan.cameras.keys()
     assert {target for _, target in views} == plan.targets.keys()
@@ -34,14 +34,14 @@ def test_every_plan_is_whole(name):
 )
 def test_ends_are_carried_as_the_name_says(name, camera_on, target_on):
     """By the carrier of the first view's camera and target."""
-    plan = layout_of(name)
+    plan = make_layout(name)
     camera, target = plan.groups[0][0]
     assert (plan.carrier(camera), plan.carrier(target)) == (camera_on, target_on)
 
 
 def test_a_chain_is_a_ring_of_as_many_robots():
     """Each sees the next, the last the first; one pair after another, its eye first."""
-    plan = layout_of("chain", 4)
+    plan = make_layout("chain", 4)
     assert plan.robots == ("r1", "r2", "r3", "r4")
     assert [plan.movers(group) for group in plan.groups] == [("r1", "r2"), ("r2", "r3"), ("r3", "r4"), ("r4", "r1")]
     assert plan.groups[-1] == (("camera4", "board1"),)
@@ -49,6 +49,6 @@ def test_a_chain_is_a_ring_of_as_many_robots():
 
 def test_movers_are_named_once_and_cameras_first():
     """Two cameras see one board on the world: their robots, in the order of the views."""
-    plan = layout_of("two_cameras")
+    plan = make_layout("two_cameras")
     assert plan.movers(plan.groups[0]) == ("left", "right")
-    assert layout_of("dual").movers(layout_of("dual").groups[0]) == ("eye", "hand")
+    assert make_layout("dual").movers(make_layout("dual").groups[0]) == ("eye", "hand")

@@ -10,7 +10,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.numerics.batch import concatenate
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import draw_motions, points_in_camera, seen_points, visible
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import draw_scene, front
@@ -20,7 +20,7 @@ VIEW = ("wrist", "board")
 
 
 def scene_of(scenario):
-    return draw_scene(scenario, layout_of(scenario.layout, scenario.robots), np.random.default_rng(1))
+    return draw_scene(scenario, make_layout(scenario.layout, scenario.robots), np.random.default_rng(1))
 
 
 def drawn(scenario, scene=None):
@@ -64,7 +64,7 @@ def test_a_board_is_seen_from_its_front_and_not_too_flat(angle_deg, seen):
 
     turn = SE3.from_rotvec(np.radians([angle_deg, 0, 0]), np.zeros(3)).rotation @ front(board).T
     camera_from_board = SE3(turn, np.array([0, 0, 2.5]) - turn @ board.points.mean(0))
-    eye = scene.world_from("wrist", scene.homes[0])
+    eye = scene.body_pose("wrist", scene.homes[0])
     hand = scene.bases["hand"].inverse() @ eye @ camera_from_board @ scene.mounts["board"].inverse()
     states = {"eye": scene.homes[0]["eye"][None], "hand": hand[None]}
     assert seen_points(scene, scenario, VIEW, states).all() == seen

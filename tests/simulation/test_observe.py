@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import draw_motions, points_in_camera, seen_points
 from basecal.simulation.observe import observe
 from basecal.simulation.scenario import Scenario
@@ -16,7 +16,7 @@ VIEW = ("wrist", "board")
 
 def observed(scenario):
     """The scene, the motion, and what is seen in it."""
-    scene = draw_scene(scenario, layout_of(scenario.layout), np.random.default_rng(1))
+    scene = draw_scene(scenario, make_layout(scenario.layout), np.random.default_rng(1))
     (motion,) = draw_motions(scene, scenario, np.random.default_rng(2), {})
     return scene, motion, observe(motion, scene, scenario, np.random.default_rng(3))
 

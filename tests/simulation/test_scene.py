@@ -11,7 +11,7 @@ from basecal.cell.cell import WORLD
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3
 from basecal.simulation.draw import rotations
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import seen_points
 from basecal.simulation.scenario import LayoutName, Scenario
 from basecal.simulation.scene import as_point, draw_scene, front, is_flat
@@ -19,7 +19,7 @@ from basecal.simulation.scene import as_point, draw_scene, front, is_flat
 
 def scene_of(seed=0, **fields):
     scenario = Scenario(**fields)
-    return draw_scene(scenario, layout_of(scenario.layout, scenario.robots), np.random.default_rng(seed))
+    return draw_scene(scenario, make_layout(scenario.layout, scenario.robots), np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("layout", get_args(LayoutName))
@@ -59,9 +59,9 @@ def test_a_thing_is_where_its_carrier_is():
     scene = scene_of(layout="eye_in_hand")
     home = scene.homes[0]
     expected = scene.bases["arm"] @ home["arm"] @ scene.mounts["wrist"]
-    np.testing.assert_allclose(scene.world_from("wrist", home).matrix, expected.matrix)
+    np.testing.assert_allclose(scene.body_pose("wrist", home).matrix, expected.matrix)
     assert scene.layout.targets["board"] == WORLD
-    assert scene.world_from("board", home) is scene.mounts["board"]
+    assert scene.body_pose("board", home) is scene.mounts["board"]
     np.testing.assert_allclose(
         scene.camera_from_target(("wrist", "board"), home).matrix, (expected.inverse() @ scene.mounts["board"]).matrix
     )

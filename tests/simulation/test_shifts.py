@@ -57,7 +57,10 @@ def test_the_cell_states_all_but_the_base():
 
 def test_noise_has_its_sigma_and_its_seed():
     """Stated where there is any; one seed draws the same again."""
-    exact, noisy, again = recorded(two_sided=True), *(recorded(two_sided=True, pixel_px=0.5, seed=3) for _ in range(2))
+    exact, noisy, again = (
+        recorded(is_two_sided=True),
+        *(recorded(is_two_sided=True, pixel_px=0.5, seed=3) for _ in range(2)),
+    )
     assert exact.cell.pixel_px is None
     assert noisy.cell.pixel_px == 0.5
     off = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.simulation.arms import with_arms
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
@@ -15,7 +15,7 @@ from basecal.simulation.stated_cell import stated_cell, truth
 def told(seed=0, **fields):
     """The scene and the cell as stated."""
     scenario = Scenario(**fields)
-    scene = draw_scene(scenario, layout_of(scenario.layout), np.random.default_rng(1))
+    scene = draw_scene(scenario, make_layout(scenario.layout), np.random.default_rng(1))
     scene, arms = with_arms(scene, scenario, np.random.default_rng(2)) if scenario.joints else (scene, {})
     return scene, stated_cell(scene, scenario, np.random.default_rng(seed), arms)
 

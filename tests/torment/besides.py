@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from basecal.acquisition.capture import PLAN, unfinished
+from basecal.acquisition.capture import PLAN_FILE, remaining_samples
 from basecal.acquisition.drivers.simulated import SimulatedCamera, SimulatedRobot
 from basecal.cell import Cell
 from basecal.cell.files import read_cell, read_plan
 from basecal.errors import InputError
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.protocol import Connection, decoded, encoded
+from basecal.simulation.running.protocol import Connection, decode, encode
 from basecal.simulation.running.server import CellServer
 from basecal.simulation.running.two_arms import two_arms
 from basecal.studies.chunk import chunk_path, keep_chunk, packed, read_chunk, worked
@@ -113,9 +113,9 @@ def ask_damaged(chance: Random, folder: Path) -> str:
 
     def ask() -> None:
         nonlocal came
-        said = decoded(encoded(server.answer(line)))
+        said = decode(encode(server.answer(line)))
         came = "answered" if said["ok"] else "refused"
-        if not decoded(encoded(server.answer(encoded({"token": _TOKEN, "do": "state", "robot": "hand"}))))["ok"]:
+        if not decode(encode(server.answer(encode({"token": _TOKEN, "do": "state", "robot": "hand"}))))["ok"]:
             raise Fell(f"answers no more after {line!r}")
 
     of_reader(ask)
@@ -203,8 +203,8 @@ def read_damaged_capture(chance: Random, folder: Path) -> str:
         (folder / "recording" / name).write_bytes(content)
 
     def read() -> None:
-        left = unfinished(folder, example())
-        planned = read_plan(folder / PLAN, folder, example())
+        left = remaining_samples(folder, example())
+        planned = read_plan(folder / PLAN_FILE, folder, example())
         if not {sample.sample for sample in left} <= {sample.sample for sample in planned}:
             raise Fell("what was never planned is to be taken")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.vision import decoder
-from basecal.vision.decoder import decoded
+from basecal.vision.decoder import decode
 from quick import quick
 from vision_scenes import TARGETS, scene
 
@@ -19,20 +19,20 @@ JPEG = bytes(cv2.imencode(".jpg", PHOTO, [cv2.IMWRITE_JPEG_QUALITY, 90])[1])
 
 def test_nothing_amiss(capfd: pytest.CaptureFixture[str]) -> None:
     """A sound image has nothing amiss, and nothing is printed."""
-    assert decoded(JPEG).amiss == ""
-    assert decoded(JPEG[:-2] + bytes(20) + JPEG[-2:]).amiss == ""  # padded before its end, as some cameras do
+    assert decode(JPEG).amiss == ""
+    assert decode(JPEG[:-2] + bytes(20) + JPEG[-2:]).amiss == ""  # padded before its end, as some cameras do
     assert capfd.readouterr() == ("", "")
 
 
 def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> None:
     """Of JPEGs with bytes lost or zeroed, no picture that differs visibly passes for sound, and nothing is printed."""
-    rng, sound, silent = np.random.default_rng(0), decoded(JPEG).pixels, 0
+    rng, sound, silent = np.random.default_rng(0), decode(JPEG).pixels, 0
     assert sound is not None
     for k in range(40):
         at = int(rng.integers(700, len(JPEG) - 3000))
         lost = JPEG[:at] + JPEG[at + int(rng.integers(1, 2000)) :]
         zeroed = JPEG[:at] + bytes(200) + JPEG[at + 200 :]
-        pixels, amiss = decoded((lost, zeroed)[k % 2])
+        pixels, amiss = decode((lost, zeroed)[k % 2])
         differs = (
             pixels is None or pixels.shape != sound.shape or (np.abs(pixels.astype(int) - sound) > 30).mean() > 1e-3
         )
@@ -48,7 +48,7 @@ def test_a_stream_that_comes_out_short_is_damaged() -> None:
     def comes_out_short(at: int) -> bool:
         changed = data.copy()
         changed[at] ^= 16
-        pixels, amiss = decoded(changed.tobytes())
+        pixels, amiss = decode(changed.tobytes())
         return "extraneous bytes before marker 0xd9" in amiss and pixels is not None
 
     assert any(comes_out_short(at) for at in range(2000, len(JPEG) - 100, 397))
@@ -56,7 +56,7 @@ def test_a_stream_that_comes_out_short_is_damaged() -> None:
 
 def test_complaint_in_words() -> None:
     """What is amiss is told without the library's own prefix."""
-    assert decoded(JPEG[:20000] + JPEG[-2:]).amiss == "premature end of data segment"
+    assert decode(JPEG[:20000] + JPEG[-2:]).amiss == "premature end of data segment"
 
 
 def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
@@ -67,16 +67,16 @@ def test_what_others_write_is_passed_on(monkeypatch: pytest.MonkeyPatch, capfd: 
         return PHOTO
 
     monkeypatch.setattr(decoder.cv2, "imdecode", imdecode)
-    assert decoded(JPEG).amiss == "bad Huffman code"
+    assert decode(JPEG).amiss == "bad Huffman code"
     assert capfd.readouterr().err == "a bar at 40 %\n"
 
 
 def test_nothing_of_the_decoders_is_passed_on(capfd: pytest.CaptureFixture[str]) -> None:
     """OpenCV's errors of several lines and libjpeg's warnings reach no terminal, and a warning is nothing amiss."""
     at = JPEG.index(b"JFIF\0") + 5
-    assert decoded(JPEG[:at] + b"\x10\x4a" + JPEG[at + 2 :]).amiss == ""
-    assert decoded(b"BM" + bytes(40)).pixels is None
-    assert decoded(b"P5\n24 18\n255\n").pixels is None
+    assert decode(JPEG[:at] + b"\x10\x4a" + JPEG[at + 2 :]).amiss == ""
+    assert decode(b"BM" + bytes(40)).pixels is None
+    assert decode(b"P5\n24 18\n255\n").pixels is None
     assert capfd.readouterr() == ("", "")
 
 
@@ -87,11 +87,11 @@ def test_damaged_webp_is_told(quality: int) -> None:
     pictures = [PHOTO, np.full_like(PHOTO, 90), rng.integers(0, 256, (90, 70, 3)).astype(np.uint8)]
     for picture in [*pictures, np.where(np.indices((64, 64)).sum(0) < 30, 20, 230).astype(np.uint8)]:
         data = bytes(cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
-        assert decoded(data).amiss == ""
+        assert decode(data).amiss == ""
     sound = bytes(cv2.imencode(".webp", PHOTO, [cv2.IMWRITE_WEBP_QUALITY, quality])[1])
-    undamaged = decoded(sound).pixels
+    undamaged = decode(sound).pixels
     for at in rng.integers(40, len(sound), 40):
         damaged = sound[:at] + bytes([sound[at] ^ 0x55]) + sound[at + 1 :]
-        pixels, amiss = decoded(damaged)
+        pixels, amiss = decode(damaged)
         silent += pixels is not None and not amiss and not np.array_equal(pixels, undamaged)
     assert silent <= 2

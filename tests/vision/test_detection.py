@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.vision.detection import checked, eight_bit, found, full_scale
+from basecal.vision.detection import check_image, eight_bit, full_scale, make_detection
 
 
 def test_ids_rise() -> None:
     """Points come in the order of their ids, each with its own pixel and sigma; without any there is no detection."""
-    detection = found(np.array([7, 2, 5]), np.array([[7.0, 0], [2, 0], [5, 0]]), np.array([0.7, 0.2, 0.5]))
+    detection = make_detection(np.array([7, 2, 5]), np.array([[7.0, 0], [2, 0], [5, 0]]), np.array([0.7, 0.2, 0.5]))
     assert detection is not None
     np.testing.assert_array_equal(detection.ids, [2, 5, 7])
     np.testing.assert_array_equal(detection.pixels[:, 0], [2, 5, 7])
     np.testing.assert_array_equal(detection.sigma_px, [0.2, 0.5, 0.7])
-    assert found(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0)) is None
+    assert make_detection(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0)) is None
 
 
 @pytest.mark.parametrize(
@@ -44,4 +44,4 @@ def test_eight_bits_stay() -> None:
 def test_what_is_no_image(image: Any) -> None:
     """Colour, other types and nothing at all are named errors."""
     with pytest.raises(InputError, match=r"expected \(h, w\) of uint8 or uint16"):
-        checked(image)
+        check_image(image)

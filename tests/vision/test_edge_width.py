@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.geometry import SE3
-from basecal.vision.draw.motion_blur import smeared
+from basecal.vision.draw.motion_blur import blur_motion
 from basecal.vision.draw.render import RenderSettings, expose, radiance
 from basecal.vision.edge_width import edge_width
 from shared.facing_arms import facing_arms
@@ -19,7 +19,7 @@ PIXELS = LENS.project(AT @ BOARD.points)
 
 def width(way=(0.0, 0.0), **settings):
     chosen = RenderSettings(**settings)
-    return edge_width(expose(smeared(radiance(LENS, [(BOARD, AT)], chosen), np.array(way)), chosen, 0), PIXELS)
+    return edge_width(expose(blur_motion(radiance(LENS, [(BOARD, AT)], chosen), np.array(way)), chosen, 0), PIXELS)
 
 
 def test_a_sharp_board_has_narrow_edges():

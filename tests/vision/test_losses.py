@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.vision.losses import Searched, lost_images, why_none
+from basecal.vision.losses import Searched, explain_no_target, lost_images
 from vision_scenes import TARGETS, scene
 
 
@@ -59,11 +59,11 @@ def test_why_there_is_nothing(tmp_path: Path) -> None:
     """Known where images cannot be used or show something else; not where one shows a target."""
     board = {"board": TARGETS["charuco"]}
     cv2.imwrite(str(tmp_path / "0.png"), np.full((480, 640), 128, np.uint8))
-    assert why_none(searched(0, 1), board, tmp_path) == ""
+    assert explain_no_target(searched(0, 1), board, tmp_path) == ""
     cv2.imwrite(str(tmp_path / "0.png"), scene(TARGETS["legacy"]))
-    assert "write dictionary: DICT_5X5_50" in why_none(searched(0, 1), board, tmp_path)
-    assert why_none(searched(1, 1), board, tmp_path) == ""
-    assert why_none([], board, tmp_path) == ""
+    assert "write dictionary: DICT_5X5_50" in explain_no_target(searched(0, 1), board, tmp_path)
+    assert explain_no_target(searched(1, 1), board, tmp_path) == ""
+    assert explain_no_target([], board, tmp_path) == ""
 
 
 def test_what_is_there_instead(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.vision.draw.render import RenderSettings, expose, radiance
-from basecal.vision.picture_motion import picture_shift, shift_between, small
+from basecal.vision.picture_motion import picture_shift, reduce_picture, shift_between
 from shared.facing_arms import facing_arms
 
 WORLD = facing_arms()
@@ -43,4 +43,4 @@ def test_nothing_to_see_and_other_sizes():
     plain = np.full((240, 320), 100, dtype=np.uint8)
     assert picture_shift(plain, plain) == 0.0
     with pytest.raises(InputError, match="not of one camera"):
-        shift_between(small(plain), small(plain[:200]))
+        shift_between(reduce_picture(plain), reduce_picture(plain[:200]))

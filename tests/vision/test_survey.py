@@ -14,8 +14,8 @@ from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3
-from basecal.vision.detectors import find, what_is_there
-from basecal.vision.survey import blurred
+from basecal.vision.detectors import describe_other_targets, find
+from basecal.vision.survey import describe_blur
 from quick import quick
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
@@ -84,13 +84,13 @@ def test_what_else_is_named(case: str) -> None:
     printed, stated, words = CASES[case]
     images = [shrunk(scene(TARGETS[printed], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
     assert all(find(image, stated) is None for image in images)
-    assert what_is_there(images, stated) == words
+    assert describe_other_targets(images, stated) == words
 
 
 def test_ids_beyond_the_board() -> None:
     """Markers of the right dictionary and no corner: which are there is told, and which the board has."""
     far = apriltag_target("DICT_4X4_50", [(40 + k, 0.1, SE3(np.eye(3), np.array([0.15 * k, 0, 0]))) for k in range(2)])
-    words = what_is_there([scene(far)], TARGETS["charuco"])
+    words = describe_other_targets([scene(far)], TARGETS["charuco"])
     assert words is not None
     assert words.startswith("markers 40, 41 of DICT_4X4_50 are there, the board stated has 0 to 16: count its squares")
 
@@ -99,7 +99,7 @@ def test_ids_beyond_the_board() -> None:
 def test_markers_where_none_are_stated(kind: str) -> None:
     """A board with markers is of another kind."""
     images = [shrunk(scene(TARGETS["charuco"], pose=pose), 2) for pose in (STRAIGHT, LEANT)]
-    words = what_is_there(images, TARGETS[kind])
+    words = describe_other_targets(images, TARGETS[kind])
     assert words is not None
     assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
 
@@ -108,12 +108,12 @@ def test_markers_where_none_are_stated(kind: str) -> None:
 def test_blur_is_named_with_its_width(blur_px: float) -> None:
     """Within a third; what is read although it is blurred, and noise, are not called blurred."""
     sharp = [scene(TARGETS["charuco"], pose=pose) for pose in (STRAIGHT, LEANT)]
-    words = blurred([cv2.GaussianBlur(image, (0, 0), blur_px) for image in sharp])
+    words = describe_blur([cv2.GaussianBlur(image, (0, 0), blur_px) for image in sharp])
     assert words is not None
     assert float(words.split("about ")[1].split()[0]) == pytest.approx(blur_px, rel=0.34)
     assert "look at focus" in words
-    assert blurred(sharp) is None
-    assert blurred([cv2.GaussianBlur(image, (0, 0), 2.5) for image in sharp]) is None
+    assert describe_blur(sharp) is None
+    assert describe_blur([cv2.GaussianBlur(image, (0, 0), 2.5) for image in sharp]) is None
 
 
 @pytest.mark.parametrize("kind", list(TARGETS))
@@ -121,14 +121,14 @@ def test_nothing_is_made_up(kind: str) -> None:
     """In clutter nothing is named, and in the dark that it is dark."""
     specks = (gaussian_filter(np.random.default_rng(k).normal(0, 1, (120, 160)), 3.0) for k in range(2))
     clutter = [np.clip(128 + 800 * each, 0, 255).astype(np.uint8) for each in specks]
-    assert what_is_there(clutter, TARGETS[kind]) is None
+    assert describe_other_targets(clutter, TARGETS[kind]) is None
     dark = [image // 40 for image in clutter]
-    words = what_is_there(dark, TARGETS[kind])
+    words = describe_other_targets(dark, TARGETS[kind])
     assert words is not None
     assert words.startswith("the images are dark: 99 % of their pixels are below level 7 of 255; more light")
 
 
 def test_lights_and_no_images() -> None:
     """Of lights nothing else is known, nor of no image at all."""
-    assert what_is_there([np.full((50, 50), 100, np.uint8)], led_target()) is None
-    assert what_is_there([], TARGETS["tags"]) is None
+    assert describe_other_targets([np.full((50, 50), 100, np.uint8)], led_target()) is None
+    assert describe_other_targets([], TARGETS["tags"]) is None

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding
 from basecal.errors import NotObservable
-from basecal.estimation.axis_shift.stations import Station, find_stations, for_task, fused
+from basecal.estimation.axis_shift.stations import Station, base_for_task, find_stations, fuse_bases
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.start.first_state import lenses
@@ -17,10 +17,10 @@ from basecal.geometry.rotation import lengths
 
 _ASSUMED_PX = 0.3  # [px] of a light's centre where no noise is stated: that of a plain centroid
 _STEP_PX = 1e-3  # [px] of the central difference, whose error is of its square
-_SYSTEMATIC = 2.0  # sigmas of the noise, above which the neglected depth is worth a warning
+_SYSTEMATIC_SIGMAS = 2.0  # sigmas of the noise, above which the neglected depth is worth a warning
 
 
-def stations_of(problem: Problem, cell: Cell) -> list[Station]:
+def find_pair_stations(problem: Problem, cell: Cell) -> list[Station]:
     """The stations of a recording that belong to one pair of robots.
 
     Raises:
@@ -44,15 +44,15 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     names = [name for name in cell.asked if name in {cell.base_name(r) for r in cell.robots}]
     if len(names) != 1:
         raise NotObservable("the axis-shift method finds the base of one robot from another's camera: ask for one base")
-    stations = stations_of(problem, cell)
+    stations = find_pair_stations(problem, cell)
     sigma = cell.pixel_px or _ASSUMED_PX
-    base, weights = chosen(stations, settings)
+    base, weights = choose_base(stations, settings)
     random, systematic = _errors(stations, weights, sigma)
-    found = [*findings, *_of_stations(stations)]
+    found = [*findings, *_station_findings(stations)]
     if cell.pixel_px is None:
         what = f"noise.pixel_px is not stated; {_ASSUMED_PX} px are assumed for the covariance."
         found.append(Finding("axis-shift-station", "info", (), what, ("State noise.pixel_px in cell.yaml.",)))
-    found += _of_neglected_depth(random, systematic)
+    found += _depth_findings(random, systematic)
     covariance = random + np.outer(systematic, systematic)
     inverted = problem.groups[0].hand.robot == cell.reference
     estimate = PoseEstimate(base, covariance)
@@ -68,15 +68,15 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     )
 
 
-def chosen(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
+def choose_base(stations: Sequence[Station], settings: Settings) -> tuple[SE3, Array]:
     """The base for the task, and the weights of the stations in it."""
     bases = [s.base() for s in stations]
     depth = np.array([np.linalg.norm(s.camera_from_light().translation) for s in stations])
     weights = (np.array([s.length for s in stations]) / depth) ** 2
     if settings.task_point is None:
-        return fused(bases, list(weights)), weights / weights.sum()
+        return fuse_bases(bases, list(weights)), weights / weights.sum()
     task = np.array(settings.task_point)
-    base = for_task(stations, task, nearest=settings.station_choice == "nearest")
+    base = base_for_task(stations, task, is_nearest=settings.station_choice == "nearest")
     lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
     distance = np.maximum(lengths(lights - task), 1e-6)
     near = (distance == distance.min()).astype(np.float64)
@@ -100,7 +100,7 @@ def _errors(stations: Sequence[Station], weights: Array, sigma_px: float) -> tup
     return random, systematic
 
 
-def _of_stations(stations: Sequence[Station]) -> list[Finding]:
+def _station_findings(stations: Sequence[Station]) -> list[Finding]:
     found = []
     for station in stations:
         base = station.base()
@@ -112,9 +112,9 @@ def _of_stations(stations: Sequence[Station]) -> list[Finding]:
     return found
 
 
-def _of_neglected_depth(random: Array, systematic: Array) -> list[Finding]:
+def _depth_findings(random: Array, systematic: Array) -> list[Finding]:
     sigma = np.sqrt(np.diag(random))
-    if np.all(np.abs(systematic) <= _SYSTEMATIC * sigma):
+    if np.all(np.abs(systematic) <= _SYSTEMATIC_SIGMAS * sigma):
         return []
     shift, turn = 1e3 * np.linalg.norm(systematic[:3]), np.degrees(np.linalg.norm(systematic[3:]))
     what = f"The closed form moves the base by about {shift:.2g} mm and {turn:.2g} deg."

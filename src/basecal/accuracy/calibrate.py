@@ -14,7 +14,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.estimation.settings import DEFAULT, LOG, Settings
 
-_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
+_LOG_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
 
 
 class Stage(NamedTuple):
@@ -27,7 +27,7 @@ class Stage(NamedTuple):
     run: Callable[[Case], Case]
 
 
-READING = (
+READING_STAGES = (
     Stage("", reading.place_task),
     Stage("clocks", reading.estimate_clocks),
     Stage("problem", reading.screen_units),
@@ -35,13 +35,13 @@ READING = (
     Stage("problem", reading.check_input),
     Stage("", reading.shift_axes),
 )
-SOLVING = (
+SOLVING_STAGES = (
     Stage("", solving.solve_all),
     Stage("conventions", solving.screen_conventions),
     Stage("", solving.leave_outliers_out),
     Stage("", solving.widen_lenses),
 )
-JUDGING = (
+JUDGING_STAGES = (
     Stage("", solving.refuse_unexplained),
     Stage("stated sigmas", judging.screen_stated_sigmas),
     Stage("robot model", judging.choose_kinematics),
@@ -70,21 +70,21 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
         InputError: if the cell contradicts the recording, or a task point is named and nothing is placed for it.
         NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
     """
-    read = _run(READING, Case(cell, recording, settings))
-    solved, astray = _run(SOLVING, read), list[Finding]()
+    read = _run_stages(READING_STAGES, Case(cell, recording, settings))
+    solved, astray = _run_stages(SOLVING_STAGES, read), list[Finding]()
     if settings.start == "guess" and not solving.is_explained(solved):
-        solved = _run(SOLVING, replace(read, settings=replace(settings, start="closed")))
+        solved = _run_stages(SOLVING_STAGES, replace(read, settings=replace(settings, start="closed")))
         astray.append(guess_led_astray())
-    calibration = _run(JUDGING, solved).calibration
+    calibration = _run_stages(JUDGING_STAGES, solved).calibration
     assert calibration is not None
     calibration = replace(calibration, findings=(*calibration.findings, *astray))
     LOG.info("verdict: %s", calibration.verdict)
     for finding in calibration.findings:
-        LOG.log(_LEVELS[finding.severity], "%s: %s", finding.code, finding.message)
+        LOG.log(_LOG_LEVELS[finding.severity], "%s: %s", finding.code, finding.message)
     return calibration
 
 
-def _run(stages: Sequence[Stage], case: Case) -> Case:
+def _run_stages(stages: Sequence[Stage], case: Case) -> Case:
     """A case after these stages, or after the first that ends it."""
     for stage in stages:
         if case.is_ended:

@@ -9,7 +9,7 @@ from basecal.estimation.certificate.certificate import certify
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 
-_ROUNDS = 3  # better optima to go to, one after another: each lowers the cost
+_CERTIFICATE_ROUNDS = 3  # better optima to go to, one after another: each lowers the cost
 
 
 def certified(solution: Solution, settings: Settings) -> tuple[Solution, Certificate | None]:
@@ -20,7 +20,7 @@ def certified(solution: Solution, settings: Settings) -> tuple[Solution, Certifi
     if not (settings.certify or solution.disputed):
         return solution, None
     best, found = solution, certify(solution)
-    for _ in range(_ROUNDS):
+    for _ in range(_CERTIFICATE_ROUNDS):
         if found.better is None:
             break
         best = replace(solve_from(best.problem, found.better, settings, best.findings), disputed=best.disputed)

@@ -12,7 +12,7 @@ from scipy.special import chdtrc
 from basecal.cell import Calibration
 from basecal.numerics.spectral import spectrum
 
-LEVEL = 5e-3
+SIGNIFICANCE_LEVEL = 5e-3
 """The chance by which two calibrations of the same cell are said to disagree."""
 
 _ROUNDING = 1e-12  # [m, rad] between transforms that have no sigma and are equal
@@ -65,7 +65,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     found = {name: _difference(first, second, name) for name in common}
     chances = [each.chance for each in found.values() if each.chance is not None]
     moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in found.values())
-    alike = all(len(chances) * chance >= LEVEL for chance in chances)
+    alike = all(len(chances) * chance >= SIGNIFICANCE_LEVEL for chance in chances)
     only = {name: 0 for name in first.transforms if name not in common}
     only |= {name: 1 for name in second.transforms if name not in common}
     files = sorted(first.inputs.keys() | second.inputs.keys())

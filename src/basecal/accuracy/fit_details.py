@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from basecal.accuracy.closed_form_beside import ClosedFormBeside, closed_form_beside
-from basecal.accuracy.residuals.fitted_again import fitted_again
+from basecal.accuracy.closed_form_comparison import ClosedFormComparison, compare_closed_form
+from basecal.accuracy.residuals.evaluation import evaluate_recording
 from basecal.accuracy.residuals.point_residuals import PointResiduals, residuals_of_points
 from basecal.accuracy.residuals.view_poses import ViewPoses, view_poses
 from basecal.accuracy.task.expected_error import ExpectedError, expected_errors
@@ -26,7 +26,7 @@ class FitDetails:
     points: tuple[PointResiduals, ...] = ()
     views: tuple[ViewPoses, ...] = ()
     errors: tuple[ExpectedError, ...] = ()
-    closed_form: ClosedFormBeside | None = None
+    closed_form: ClosedFormComparison | None = None
 
 
 def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> FitDetails:
@@ -35,10 +35,10 @@ def fit_details(cell: Cell, recording: Recording, calibration: Calibration) -> F
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    fitted = fitted_again(cell, recording, calibration)
+    fitted = evaluate_recording(cell, recording, calibration)
     return FitDetails(
         residuals_of_points(cell, calibration, fitted),
         view_poses(fitted),
         expected_errors(cell, calibration, fitted),
-        closed_form_beside(cell, recording, calibration),
+        compare_closed_form(cell, recording, calibration),
     )

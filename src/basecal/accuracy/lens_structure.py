@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
-from basecal.accuracy.residuals.fit import view_alone
+from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.accuracy.significance import SIGNIFICANCE
-from basecal.accuracy.widening import step_between
+from basecal.accuracy.widening import solution_step
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
@@ -24,10 +24,10 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, Camera
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_TERMS = 5  # of the fourth power of the squared radius, and of its first two along either side of the image
-_FAMILIES = (0,), (1, 2, 3, 4)  # each is tested for itself: those along the sides trade with centre and mount
+_TERM_COUNT = 5  # of the fourth power of the squared radius, and of its first two along either side of the image
+_TERM_FAMILIES = (0,), (1, 2, 3, 4)  # each is tested for itself: those along the sides trade with centre and mount
 _FEWEST_VIEWS = 10  # which tell how far they differ to a fifth
-_AT_A_TIME = 400  # views whose derivatives are held at once: more take memory that no cache holds
+_CHUNK_VIEWS = 400  # views whose derivatives are held at once: more take memory that no cache holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +73,12 @@ def _of_camera(solution: Solution, name: str, settings: Settings) -> LensStructu
 
 def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
     """Sizes (q,) of the families of terms that chance does not make, the likeliest first; and that chance."""
-    size, chance, used, open_families = np.zeros(_TERMS), 1.0, np.zeros(0, dtype=np.int64), list(_FAMILIES)
+    size, chance, used, open_families = np.zeros(_TERM_COUNT), 1.0, np.zeros(0, dtype=np.int64), list(_TERM_FAMILIES)
     while open_families:
         known = np.concatenate([own, other[..., used]], axis=-1)
         tried = [_estimated(residual, known, other[..., list(family)]) for family in open_families]
         best = min(range(len(tried)), key=lambda k: tried[k][1])
-        if tried[best][1] > SIGNIFICANCE / len(_FAMILIES):
+        if tried[best][1] > SIGNIFICANCE / len(_TERM_FAMILIES):
             break
         chance = min(chance, tried[best][1])
         used = np.append(used, open_families.pop(best))
@@ -86,12 +86,12 @@ def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
     return size, chance
 
 
-def _estimated(residual: Array, known: Array, columns: Array) -> tuple[Array, float]:
+def _estimated(residual: Array, known_columns: Array, columns: Array) -> tuple[Array, float]:
     """Sizes (k,) of columns (n, r, k), with the known ones projected out, and the chance of what they explain."""
-    flat = known.reshape(-1, known.shape[-1])
+    flat = known_columns.reshape(-1, known_columns.shape[-1])
     inverse = spectrum(flat.T @ flat).inverse
-    left = residual - known @ (inverse @ (flat.T @ residual.ravel()))
-    columns = columns - known @ (inverse @ (flat.T @ columns.reshape(len(flat), -1)))
+    left = residual - known_columns @ (inverse @ (flat.T @ residual.ravel()))
+    columns = columns - known_columns @ (inverse @ (flat.T @ columns.reshape(len(flat), -1)))
     turned = columns.mT
     scores, each = (turned @ left[..., None])[..., 0], turned @ columns
     size = spectrum(each.sum(0)).inverse @ scores.sum(0)
@@ -126,11 +126,11 @@ def _alone(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement,
     """The views of a group that give a pose, and these poses, so many at a time as a cache holds."""
     measurement = group.measurement
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
-    alone, enough = view_alone(solution.state, group, predicted)
+    alone, enough = single_view_pose(solution.state, group, predicted)
     if not isinstance(measurement, PixelMeasurement):
         return []
     rows = np.flatnonzero(enough)
-    parts = (rows[at : at + _AT_A_TIME] for at in range(0, len(rows), _AT_A_TIME))
+    parts = (rows[at : at + _CHUNK_VIEWS] for at in range(0, len(rows), _CHUNK_VIEWS))
     return [(measurement.take(part), alone[part]) for part in parts]
 
 
@@ -150,24 +150,26 @@ class _Projected(NamedTuple):
     in_pixels: Array
 
 
-def _projected(few: PixelMeasurement, alone: SE3, camera: Camera) -> _Projected:
-    p_in_camera = few.in_camera(alone)
+def _projected(measurement: PixelMeasurement, alone: SE3, camera: Camera) -> _Projected:
+    p_in_camera = measurement.in_camera(alone)
     pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
-    weight = np.where(np.isnan(pixels).any(-1), 0.0, few.weight)
+    weight = np.where(np.isnan(pixels).any(-1), 0.0, measurement.weight)
     bent = np.where(weight[..., None, None] > 0, _bending(camera, p_in_camera), 0.0)
-    columns = np.concatenate([_by_pose(by_point, alone, few.points_in_target), by_lens, bent], axis=-1)
+    columns = np.concatenate([_by_pose(by_point, alone, measurement.points_in_target), by_lens, bent], axis=-1)
     weighted = np.nan_to_num(columns) * weight[..., None, None]
-    residual = -np.nan_to_num(pixels - few.pixels) * weight[..., None]
-    n, r = len(alone), 2 * few.pixels.shape[1]
+    residual = -np.nan_to_num(pixels - measurement.pixels) * weight[..., None]
+    n, r = len(alone), 2 * measurement.pixels.shape[1]
     basis, _ = np.linalg.qr(weighted[..., :6].reshape(n, r, 6))
     rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
     rest = rest - basis @ (basis.mT @ rest)
-    return _Projected(rest[..., 0], rest[..., 1:-_TERMS], rest[..., -_TERMS:], bent.reshape(n, r, _TERMS))
+    return _Projected(
+        rest[..., 0], rest[..., 1:-_TERM_COUNT], rest[..., -_TERM_COUNT:], bent.reshape(n, r, _TERM_COUNT)
+    )
 
 
-def _by_pose(by_point: Array, alone: SE3, points: Array) -> Array:
+def _by_pose(point_jacobian: Array, alone: SE3, points: Array) -> Array:
     """Pixels' derivatives to the tangent of camera_from_target, (n, p, 2, 6), of those to points in the camera."""
-    by_translation = by_point @ alone.rotation[:, None]
+    by_translation = point_jacobian @ alone.rotation[:, None]
     by_rotation = np.cross(np.broadcast_to(points[:, None], (*by_translation.shape[1:3], 3)), by_translation)
     return np.concatenate([by_translation, by_rotation], axis=-1)
 
@@ -197,4 +199,4 @@ def _moved(solution: Solution, name: str, size: Array, settings: Settings) -> Ar
         groups.append(group)
     problem = solution.problem.with_groups(groups)
     after = solve_from(replace(problem, held=True), solution.state, replace(settings, robot_noise="stated"))
-    return step_between(solution, after) if after.converged else np.zeros(problem.width)
+    return solution_step(solution, after) if after.converged else np.zeros(problem.width)

@@ -31,7 +31,7 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     if cell.correlated_px is not None:
         used["correlated_px"] = cell.correlated_px
     if noise.estimated:
-        used["cameras"] = _of_cameras(recording, solution)
+        used["cameras"] = _camera_noise(recording, solution)
     stated = {name: robot.noise for name, robot in cell.robots.items() if robot.noise is not None}
     used["robots"] = {
         name: {"sigma_t_m": sigma[:3].tolist(), "sigma_r_rad": sigma[3:].tolist()}
@@ -62,7 +62,7 @@ def _freedoms(solution: Solution) -> float:
     return float(max(equations - solution.problem.width, 1))
 
 
-def _of_cameras(recording: Recording, solution: Solution) -> dict[str, dict[str, Any]]:
+def _camera_noise(recording: Recording, solution: Solution) -> dict[str, dict[str, Any]]:
     noise, found = solution.noise, dict[str, dict[str, Any]]()
     for group in solution.problem.groups:
         counts = group.measurement.counts()

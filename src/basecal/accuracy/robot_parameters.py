@@ -17,7 +17,7 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import BoolArray
 from basecal.numerics.spectral import spectrum
 
-_TOUCHES = 1e-3  # component of a null vector, above which a column has a part in it
+_NULL_SHARE = 1e-3  # component of a null vector, above which a column has a part in it
 
 
 def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]]:
@@ -32,16 +32,16 @@ def robot_parameters(solution: Solution) -> dict[str, dict[str, RobotParameters]
             if kind not in model.columns:
                 continue
             if each.is_by_joint:
-                of = _by_joint(solution, model, kind, hidden)
+                of = _parameters_by_joint(solution, model, kind, hidden)
             elif not np.any(hidden[solution.problem.columns[f"{model.robot}_{kind}"]]):
-                of = _together(solution, model, kind)
+                of = _joint_parameters(solution, model, kind)
             else:
                 continue
             found.setdefault(kind, {})[model.robot] = of
     return found
 
 
-def kinematics_of(cell: Cell, calibration: Calibration) -> dict[str, Kinematics]:
+def calibrated_kinematics(cell: Cell, calibration: Calibration) -> dict[str, Kinematics]:
     """The kinematics that a calibration gives the robots, by robot; what is not known stands at zero.
 
     Raises:
@@ -58,7 +58,7 @@ def kinematics_of(cell: Cell, calibration: Calibration) -> dict[str, Kinematics]
     return kinematics
 
 
-def _together(solution: Solution, model: RobotModel, kind: str) -> RobotParameters:
+def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> RobotParameters:
     """Values that are seen together, from all of their columns."""
     where, basis = solution.problem.columns[f"{model.robot}_{kind}"], model.columns[kind].basis
     values = solution.state.kinematics(model).of(kind)
@@ -67,12 +67,12 @@ def _together(solution: Solution, model: RobotModel, kind: str) -> RobotParamete
     return RobotParameters((), values, sigma, np.ones(values.shape, dtype=bool))
 
 
-def _by_joint(solution: Solution, model: RobotModel, kind: str, hidden: BoolArray) -> RobotParameters:
+def _parameters_by_joint(solution: Solution, model: RobotModel, kind: str, unobserved: BoolArray) -> RobotParameters:
     """A value for each joint, their covariance, and which are seen; NaN where nothing is known."""
     n, where = model.chain.n, solution.problem.columns[f"{model.robot}_{kind}"]
     basis, prior = model.columns[kind]
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
-    known = ~hidden[where]
+    known = ~unobserved[where]
     joints = basis.argmax(axis=0)[known]
     values[joints] = solution.state.kinematics(model).of(kind)[joints]
     covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]
@@ -90,4 +90,4 @@ def _touched_by_null_space(solution: Solution) -> BoolArray:
         return np.zeros(solution.problem.width, dtype=bool)
     hessian = linearise(solution.problem, solution.state).hessian
     of = spectrum(hessian)
-    return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=1, initial=0.0) > _TOUCHES)
+    return np.asarray(np.abs(of.vectors[:, ~of.held]).max(axis=1, initial=0.0) > _NULL_SHARE)

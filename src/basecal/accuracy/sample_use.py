@@ -19,12 +19,12 @@ class SampleUse:
 
 def sample_use(recording: Recording, calibration: Calibration) -> SampleUse:
     """What a calibration used of a recording: a view is left out whole, or it counts."""
-    views, left_out = calibration.residuals.per_sample, views_left_out(calibration)
+    views, left_out = calibration.residuals.per_sample, outlier_views(calibration)
     used = [view for view in views if view not in left_out]
     return SampleUse(len({view.sample for view in used}), len(recording.samples), len(used), len(views))
 
 
-def views_left_out(calibration: Calibration) -> frozenset[SampleResidual]:
+def outlier_views(calibration: Calibration) -> frozenset[SampleResidual]:
     """The views that are outliers as a whole."""
     whole = {
         (outlier.sample, outlier.camera, outlier.target) for outlier in calibration.outliers or () if not outlier.ids

@@ -34,8 +34,8 @@ class ContradictedSigma:
     """Sigmas that were stated, and are not so.
 
     Attributes:
-        about: The camera, or the robot, whose they are; "" of all together.
-        of_robot: Whether that is a robot, whose poses they are of.
+        model: The camera, or the robot, whose they are; "" of all together.
+        is_robot: Whether that is a robot, whose poses they are of.
         ratio: True sigma over the stated one, estimated.
         chance: Of residuals as small, or as large, where the sigmas are true.
     """
@@ -46,7 +46,7 @@ class ContradictedSigma:
     chance: float
 
     @property
-    def too_small(self) -> bool:
+    def is_too_small(self) -> bool:
         """Whether the residuals are larger than stated."""
         return self.ratio > 1
 
@@ -61,7 +61,7 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
     problem = solution.noise.held_by(solution.problem)
     about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
     sums: dict[tuple[str, bool], list[float]] = {}
-    for name, of_robot, squares, freedoms in (*_of_views(about), *_of_shared_stops(about)):
+    for name, of_robot, squares, freedoms in (*_view_squares(about), *_stop_squares(about)):
         total = sums.setdefault((name, of_robot), [0.0, 0.0])
         total[0] += squares
         total[1] += freedoms
@@ -69,29 +69,29 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
     counts = [(g.camera, name) for g in problem.groups for name, count in g.measurement.counts().items() if count]
     unstated = {camera for camera, name in counts if name != "stated"}
     stated |= {key: s for key, s in sums.items() if not key[1] and key[0] not in unstated}
-    found = [f for (name, of_robot), s in stated.items() if (f := _judged(name, of_robot, *s)) is not None]
+    found = [f for (name, of_robot), s in stated.items() if (f := _judge_sigma(name, of_robot, *s)) is not None]
     if not found and len(stated) == len(sums) > 1:
-        found = [f for f in [_judged("", False, solution.cost, solution.dof)] if f is not None]
+        found = [f for f in [_judge_sigma("", False, solution.cost, solution.dof)] if f is not None]
     return tuple(sorted(found, key=lambda f: -abs(np.log(f.ratio))))
 
 
-def _judged(name: str, of_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
+def _judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
     if freedoms < _FEWEST_FREEDOMS:
         return None
     tail = chdtrc if squares > freedoms else chdtr
     chance = float(tail(freedoms, squares))
     ratio = float(np.sqrt(max(squares, 1e-300) / freedoms))
-    return ContradictedSigma(name, of_robot, ratio, chance) if chance < SIGNIFICANCE else None
+    return ContradictedSigma(name, is_robot, ratio, chance) if chance < SIGNIFICANCE else None
 
 
-def _of_views(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
+def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
     """Of each camera, and of each robot with stops that single views have: squares, and their mean."""
-    for k, group in enumerate(about.problem.groups):
-        private = about.normal.views[k].private
-        at = about.state.camera_from_target(group, about.problem.stops)
-        lens = group.camera in about.problem.columns
-        view = group.measurement.linearise(at, about.state.cameras.get(group.camera), lens)
-        shake = about.problem.shake(group)
+    for k, group in enumerate(model.problem.groups):
+        private = model.normal.views[k].private
+        at = model.state.camera_from_target(group, model.problem.stops)
+        lens = group.camera in model.problem.columns
+        view = group.measurement.linearise(at, model.state.cameras.get(group.camera), lens)
+        shake = model.problem.shake(group)
         view = view if shake is None else ViewInformation(*without_motion(*view, shake))
         by_error = np.zeros((*view.gradient.shape, 6 * len(private)))
         for i, of in enumerate(private):
@@ -100,45 +100,45 @@ def _of_views(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
         own = np.linalg.inv(np.eye(by_error.shape[-1]) + transposed @ view.information @ by_error)
         back = own @ transposed @ view.information
         carried = np.eye(view.gradient.shape[-1]) - by_error @ back
-        posterior = carried @ about.spread[k] @ carried.mT + by_error @ own @ transposed
+        posterior = carried @ model.spread[k] @ carried.mT + by_error @ own @ transposed
         determined = float(np.einsum("nij,nji->", posterior, view.information))
         count = sum(group.measurement.counts().values())
         yield group.camera, False, float(view.cost.sum()), count - determined
-        errors = own + back @ about.spread[k] @ back.mT
+        errors = own + back @ model.spread[k] @ back.mT
         for i, of in enumerate(private):
             if len(of.view):
                 known = np.diagonal(errors, axis1=-2, axis2=-1)[of.view, 6 * i : 6 * i + 6]
-                squares = float(np.sum(about.state.stop_errors[of.stop] ** 2))
-                yield about.problem.stops.robot[of.stop[0]], True, squares, float(np.sum(1 - known))
+                squares = float(np.sum(model.state.stop_errors[of.stop] ** 2))
+                yield model.problem.stops.robot[of.stop[0]], True, squares, float(np.sum(1 - known))
 
 
-def _of_shared_stops(about: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
+def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
     """Of each stop that several views share, its robot: squares, and their mean."""
-    system = about.normal.system
+    system = model.normal.system
     if system is None:
         return
-    which = np.flatnonzero(about.problem.shared_stops >= 0)
+    which = np.flatnonzero(model.problem.shared_stops >= 0)
     number = np.arange(len(which))
-    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
-    covariance = spectrum(about.normal.hessian).inverse
+    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, model.problem.width)
+    covariance = spectrum(model.normal.hessian).inverse
     known = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
     left = 6 - np.trace(known, axis1=-2, axis2=-1)
-    squares = np.sum(about.state.stop_errors[which] ** 2, -1)
+    squares = np.sum(model.state.stop_errors[which] ** 2, -1)
     for stop, square, freedoms in zip(which, squares, left, strict=True):
-        yield about.problem.stops.robot[stop], True, float(square), float(freedoms)
+        yield model.problem.stops.robot[stop], True, float(square), float(freedoms)
 
 
 def without_contradicted(
-    robust: RobustSolution, found: Sequence[ContradictedSigma], settings: Settings
+    robust: RobustSolution, contradictions: Sequence[ContradictedSigma], settings: Settings
 ) -> RobustSolution:
     """The solution with the sigmas estimated that are larger than stated; as it is where there are none.
 
     Args:
         robust: With the sigmas as stated.
-        found: The sigmas that the residuals contradict.
+        contradictions: The sigmas that the residuals contradict.
         settings: How to solve; where robots are to be taken as stated, only what was seen is estimated.
     """
-    small = [f for f in found if f.too_small]
+    small = [f for f in contradictions if f.is_too_small]
     if not small:
         return robust
     solution = robust.solution

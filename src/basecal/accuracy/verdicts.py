@@ -13,14 +13,14 @@ from basecal.cell.calibration import Verdict
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import ViewGroup
 
-_OF_ITSELF = {"weak-direction", "unobservable-direction", "prior-dominated"}
+_OWN_TRANSFORM_CODES = {"weak-direction", "unobservable-direction", "prior-dominated"}
 """Codes of findings about how well a transform is known, which says nothing against others."""
 
-_WORST: tuple[Verdict, ...] = ("refused", "doubtful", "good")
+_VERDICT_ORDER: tuple[Verdict, ...] = ("refused", "doubtful", "good")
 _BY_SEVERITY: Mapping[str, Verdict] = {"error": "refused", "warning": "doubtful", "info": "good"}
 
 
-def verdict_of(findings: Sequence[Finding]) -> Verdict:
+def judge_findings(findings: Sequence[Finding]) -> Verdict:
     """`refused` with an error among the findings, `doubtful` with a warning, else `good`."""
     severities = {f.severity for f in findings}
     return "refused" if "error" in severities else "doubtful" if "warning" in severities else "good"
@@ -39,15 +39,15 @@ def transform_verdicts(problem: Problem, names: Iterable[str], findings: Sequenc
     return {name: _verdict(name, parts, known, findings) for name in names}
 
 
-def _verdict(name: str, parts: Sequence[set[str]], known: set[str], findings: Sequence[Finding]) -> Verdict:
-    own = next((part for part in parts if name in part), known)
-    found = {_BY_SEVERITY[each.severity] for each in findings if _concerns(each, name, own, known)}
-    return next((verdict for verdict in _WORST if verdict in found), "good")
+def _verdict(name: str, parts: Sequence[set[str]], names: set[str], findings: Sequence[Finding]) -> Verdict:
+    own = next((part for part in parts if name in part), names)
+    found = {_BY_SEVERITY[each.severity] for each in findings if _concerns(each, name, own, names)}
+    return next((verdict for verdict in _VERDICT_ORDER if verdict in found), "good")
 
 
-def _concerns(finding: Finding, name: str, own: set[str], known: set[str]) -> bool:
-    about = known.intersection(finding.about)
-    if finding.code in _OF_ITSELF and about:
+def _concerns(finding: Finding, name: str, own: set[str], names: set[str]) -> bool:
+    about = names.intersection(finding.about)
+    if finding.code in _OWN_TRANSFORM_CODES and about:
         return name in about
     return not about or not about.isdisjoint(own)
 

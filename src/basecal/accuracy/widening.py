@@ -12,24 +12,24 @@ from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 
-def step_between(before: Solution, after: Solution) -> Array:
+def solution_step(first: Solution, second: Solution) -> Array:
     """The step from one solution to another in the columns of transforms and lenses, (p,); 0 in all others."""
-    step = np.zeros(before.problem.width)
-    for name, where in before.problem.columns.items():
-        if name in before.state.transforms:
-            tangent = (before.state.transforms[name].inverse() @ after.state.transforms[name]).log()
+    step = np.zeros(first.problem.width)
+    for name, where in first.problem.columns.items():
+        if name in first.state.transforms:
+            tangent = (first.state.transforms[name].inverse() @ second.state.transforms[name]).log()
             step[where] = tangent[: where.stop - where.start]
-        elif name in before.state.cameras:
-            step[where] = after.state.cameras[name].parameters - before.state.cameras[name].parameters
+        elif name in first.state.cameras:
+            step[where] = second.state.cameras[name].parameters - first.state.cameras[name].parameters
     return step
 
 
-def largest(solution: Solution, moves: Sequence[Array]) -> Array:
+def largest_shift(solution: Solution, moves: Sequence[Array]) -> Array:
     """Of several shifts of the columns, each (p,), the one that is largest in units of the covariance."""
     known = spectrum(solution.covariance)
     return max(moves, key=lambda moved: float(known.mahalanobis_squared(moved)))
 
 
-def widened(solution: Solution, moved: Array) -> Solution:
+def widen(solution: Solution, shift: Array) -> Solution:
     """A solution whose covariance covers the answer with columns that are so much aside, (p,), too."""
-    return replace(solution, covariance=solution.covariance + np.outer(moved, moved))
+    return replace(solution, covariance=solution.covariance + np.outer(shift, shift))

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from basecal.acquisition.coverage import Coverage, coverage_of
-from basecal.acquisition.freedrive import Key, Led, led_elsewhere
+from basecal.acquisition.coverage import Coverage, measure_coverage
+from basecal.acquisition.freedrive import Key, Led, wait_for_led_arms
 from basecal.acquisition.running.background import BackgroundCheck
 from basecal.acquisition.running.check import Doubt
 from basecal.acquisition.stillness import Unfit
@@ -25,10 +25,10 @@ from basecal.cell.format.writing import append_durably
 from basecal.errors import InputError
 from basecal.vision.detect import detect
 
-PLAN = Path("recording", "plan.jsonl")
+PLAN_FILE = Path("recording", "plan.jsonl")
 """What is to be captured, with the numbers that samples then have."""
 
-GIVEN_UP = Path("recording", "given_up.jsonl")
+ABANDONED_FILE = Path("recording", "given_up.jsonl")
 """Samples of the plan that could not be taken, and why."""
 
 Replan = Callable[[Sequence[Sample], Sequence[Sample]], Sequence[Sample]]
@@ -43,9 +43,9 @@ class Step:
 
     Attributes:
         sample: Its number.
-        why_not: Why it was given up, in words; empty where it was taken.
-        taken: How many samples there are now.
-        planned: How many the plan has.
+        reason: Why it was given up, in words; empty where it was taken.
+        samples: How many samples there are now.
+        planned_count: How many the plan has.
         coverage: Of all of them.
         sigma: Of the requested transform, 3-D norms [m] and [rad] as in the report; None while a direction is open.
         doubts: What disagrees, as far as it was not reported before.
@@ -60,35 +60,35 @@ class Step:
     doubts: tuple[Doubt, ...] = ()
 
 
-def unfinished(folder: Path, cell: Cell) -> tuple[Sample, ...]:
+def remaining_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     """Samples of a plan in a cell's folder that are still to be taken; none where there is no plan."""
-    if not (folder / PLAN).exists():
+    if not (folder / PLAN_FILE).exists():
         return ()
-    done = {sample.sample for sample in _taken(folder, cell)} | _given_up(folder)
-    return tuple(sample for sample in read_plan(folder / PLAN, folder, cell) if sample.sample not in done)
+    done = {sample.sample for sample in _recorded_samples(folder, cell)} | _abandoned_numbers(folder)
+    return tuple(sample for sample in read_plan(folder / PLAN_FILE, folder, cell) if sample.sample not in done)
 
 
-def finished(folder: Path, cell: Cell) -> int | None:
+def finished_count(folder: Path, cell: Cell) -> int | None:
     """Number of samples recorded, if there is a plan of which none is left to be taken; else None."""
-    if not (folder / PLAN).exists() or unfinished(folder, cell):
+    if not (folder / PLAN_FILE).exists() or remaining_samples(folder, cell):
         return None
-    return len(_taken(folder, cell))
+    return len(_recorded_samples(folder, cell))
 
 
 def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sample, ...]:
     """Samples as they are to be taken, numbered beyond what the recording has, stored in the cell's folder."""
-    numbers = [sample.sample for sample in _taken(folder, cell)]
-    first = max([*numbers, *_given_up(folder)], default=-1) + 1
+    numbers = [sample.sample for sample in _recorded_samples(folder, cell)]
+    first = max([*numbers, *_abandoned_numbers(folder)], default=-1) + 1
     plan = tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
-    write_plan(plan, folder / PLAN, folder)
+    write_plan(plan, folder / PLAN_FILE, folder)
     return plan
 
 
-def capture(by: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> Iterator[Step]:
+def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> Iterator[Step]:
     """Take the samples of a plan, one after another; each has become what is told when it is told.
 
     Args:
-        by: What takes them.
+        taker: What takes them.
         plan: What is to be taken.
         replan: What else is to be taken instead of what is left, after each sample; nothing changes where None.
 
@@ -98,38 +98,38 @@ def capture(by: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> 
         InputError: if a file cannot be written, or no camera has a driver.
         DriverError: if a robot or camera does not answer.
     """
-    with BackgroundCheck(by.sketch.cell) as check:
-        captured = _begun(by, len(plan), check)
+    with BackgroundCheck(taker.sketch.cell) as check:
+        captured = _begin_capture(taker, len(plan), check)
         led_from: dict[str, RobotState] = {}
         left = list(plan)
         while left:
             wanted, why_not = left.pop(0), ""
             try:
-                led_from = led_elsewhere(by.rig, led_from, by.settings.lead_patience_s)
-                found = by.take(wanted, captured.undoubted)
+                led_from = wait_for_led_arms(taker.rig, led_from, taker.settings.lead_patience_s)
+                found = taker.take(wanted, captured.trusted_samples)
             except Unfit as why:
                 why_not = str(why)
                 told = {**sample_to_dict(wanted, ""), "why": why_not}
-                append_durably(by.folder / GIVEN_UP, json.dumps(told) + "\n", within=by.folder)
+                append_durably(taker.folder / ABANDONED_FILE, json.dumps(told) + "\n", within=taker.folder)
             else:
-                append_sample(by.folder, replace(found, observations=()))
+                append_sample(taker.folder, replace(found, observations=()))
                 captured.add(found)
             if replan is not None:
-                by.tell("planning anew")
-                instead = replan(captured.taken, given_up(by.folder, by.sketch.cell))
-                left = list(store_plan(by.folder, by.sketch.cell, instead))
+                taker.tell("planning anew")
+                instead = replan(captured.taken, abandoned_samples(taker.folder, taker.sketch.cell))
+                left = list(store_plan(taker.folder, taker.sketch.cell, instead))
                 captured.planned = len(captured.taken) + len(left)
             step = captured.step(wanted.sample, why_not, is_last=not left)
             if replan is None:
-                left = captured.repeated(step, plan, left)
+                left = captured.repeat_doubtful(step, plan, left)
             yield step
 
 
-def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
+def capture_led(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
     """Take samples where a person leads the arms to: each time they are held still, or a key is pressed.
 
     Args:
-        by: What takes them.
+        taker: What takes them.
         samples: After how many it ends.
         key: The key that was pressed since it was last asked.
 
@@ -137,18 +137,18 @@ def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
         InputError: if a file cannot be written, or no camera has a driver.
         DriverError: if a robot or camera does not answer.
     """
-    with BackgroundCheck(by.sketch.cell) as check:
-        captured = _begun(by, samples, check)
+    with BackgroundCheck(taker.sketch.cell) as check:
+        captured = _begin_capture(taker, samples, check)
         last = max((sample.sample for sample in captured.taken), default=-1)
         number, end = last + 1, last + 1 + samples
-        led = Led(by.rig, key, by.tell)
+        led = Led(taker.rig, key, taker.tell)
         while number < end and led.wait():
             try:
-                found = by.take(Sample(number), captured.undoubted)
+                found = taker.take(Sample(number), captured.trusted_samples)
             except Unfit as why:
                 yield captured.step(number, str(why))
                 continue
-            append_sample(by.folder, replace(found, observations=()))
+            append_sample(taker.folder, replace(found, observations=()))
             captured.add(found)
             yield captured.step(number, is_last=number + 1 == end)
             number += 1
@@ -157,16 +157,16 @@ def capture_led(by: Taker, samples: int, key: Key) -> Iterator[Step]:
 class _Captured:
     """Samples taken so far, and what they say."""
 
-    def __init__(self, by: Taker, planned: int, taken: Sequence[Sample], check: BackgroundCheck) -> None:
+    def __init__(self, taker: Taker, planned_count: int, samples: Sequence[Sample], check: BackgroundCheck) -> None:
         self.taken: list[Sample] = []
-        self.planned = planned
-        self._by, self._check = by, check
+        self.planned = planned_count
+        self._by, self._check = taker, check
         self._doubted: set[int] = set()
-        for sample in taken:
+        for sample in samples:
             self.add(sample)
 
     @property
-    def undoubted(self) -> list[Sample]:
+    def trusted_samples(self) -> list[Sample]:
         """Samples that need not be taken again."""
         return [sample for sample in self.taken if sample.sample not in self._doubted]
 
@@ -175,13 +175,13 @@ class _Captured:
         self.taken.append(sample)
         self._check.add(sample)
 
-    def step(self, sample: int, why_not: str = "", is_last: bool = False) -> Step:
+    def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
         """What there is to tell once a sample is taken, or is not and why."""
         waits = is_last or self._by.settings.waits_for_check
-        covered, checked = coverage_of(self._by.sketch, self.taken), self._check.found(waits)
-        return Step(sample, why_not, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
+        covered, checked = measure_coverage(self._by.sketch, self.taken), self._check.found(waits)
+        return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
-    def repeated(self, step: Step, plan: Sequence[Sample], left: Sequence[Sample]) -> list[Sample]:
+    def repeat_doubtful(self, step: Step, plan: Sequence[Sample], left: Sequence[Sample]) -> list[Sample]:
         """What is left, after the samples of a step's doubts that are worth taking again."""
         again = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
         number = max(sample.sample for sample in (*plan, *self.taken, *left)) + 1
@@ -191,31 +191,31 @@ class _Captured:
         return [*(replace(sample, sample=number + k) for k, sample in enumerate(places)), *left]
 
 
-def _begun(by: Taker, planned: int, check: BackgroundCheck) -> _Captured:
-    if not by.rig.cameras:
+def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Captured:
+    if not taker.rig.cameras:
         raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
-    recording = Recording(_taken(by.folder, by.sketch.cell), folder=str(by.folder))
-    return _Captured(by, planned, detect(by.sketch.cell, recording).samples, check)
+    recording = Recording(_recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
+    return _Captured(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
 
 
-def _taken(folder: Path, cell: Cell) -> tuple[Sample, ...]:
+def _recorded_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     has_journal = (folder / "recording" / "samples.jsonl").exists()
     return read_recording(folder, cell).samples if has_journal else ()
 
 
-def given_up(folder: Path, cell: Cell) -> tuple[Sample, ...]:
+def abandoned_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     """Samples that could not be taken, with where robots should have been."""
     lines = [{key: line[key] for key in ("sample", "robots")} for line in _lines(folder) if line.get("robots")]
-    return planned([json.dumps(line).encode() for line in lines], folder / GIVEN_UP, folder, cell)
+    return planned([json.dumps(line).encode() for line in lines], folder / ABANDONED_FILE, folder, cell)
 
 
-def _given_up(folder: Path) -> set[int]:
+def _abandoned_numbers(folder: Path) -> set[int]:
     return {int(line["sample"]) for line in _lines(folder)}
 
 
 def _lines(folder: Path) -> Iterator[dict[str, Any]]:
     """What was given up, but for a line that is cut off or damaged: its sample is tried again."""
-    path = folder / GIVEN_UP
+    path = folder / ABANDONED_FILE
     for line in read_bounded(path, _LARGEST_BYTES).splitlines() if path.exists() else []:
         try:
             told = json.loads(line)

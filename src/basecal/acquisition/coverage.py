@@ -11,11 +11,13 @@ from basecal.cell import CandidateObservation, PixelObservation, Sample
 from basecal.geometry import Array, BoolArray
 from basecal.planning.sketch import Sketch
 
-GRID = (4, 6)
+COVERAGE_GRID = (4, 6)
 """Rows and columns into which a picture is divided."""
 
-_ENOUGH_RAD = np.radians(15.0)  # of turn between samples about an axis, below which a person is told to turn further
-_SOONEST = 5  # samples, before which nothing is said
+_ENOUGH_TURN_RAD = np.radians(
+    15.0
+)  # of turn between samples about an axis, below which a person is told to turn further
+_FEWEST_SAMPLES = 5  # samples, before which nothing is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +25,7 @@ class Coverage:
     """What samples cover.
 
     Attributes:
-        cells: Where in the picture points were seen, of `GRID`.
+        cells: Where in the picture points were seen, of `COVERAGE_GRID`.
         turned_rad: Between which angles each arm was turned about its flange's axes, (3,) by robot [rad].
     """
 
@@ -37,18 +39,18 @@ class Coverage:
 
     def advice(self, samples: int) -> str:
         """What to do to see more; empty where there is nothing to say."""
-        if samples < _SOONEST:
+        if samples < _FEWEST_SAMPLES:
             return ""
         for robot, turned in self.turned_rad.items():
             axis = int(np.argmin(turned))
-            if turned[axis] < _ENOUGH_RAD:
+            if turned[axis] < _ENOUGH_TURN_RAD:
                 return f"turn {robot} further about {'xyz'[axis]}"
         return ""
 
 
-def coverage_of(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
+def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
     """What samples cover, of the camera and the robots of a sketch."""
-    cells = np.zeros(GRID, dtype=bool)
+    cells = np.zeros(COVERAGE_GRID, dtype=bool)
     size = sketch.lens.size_px
     for sample in samples:
         for seen in sample.observations:
@@ -57,8 +59,8 @@ def coverage_of(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
                 and isinstance(seen, PixelObservation | CandidateObservation)
                 and seen.camera == sketch.view[0]
             ):
-                at = seen.pixels[:, ::-1] / np.array(size[::-1]) * GRID
-                rows, columns = np.clip(at.astype(int), 0, np.array(GRID) - 1).T
+                at = seen.pixels[:, ::-1] / np.array(size[::-1]) * COVERAGE_GRID
+                rows, columns = np.clip(at.astype(int), 0, np.array(COVERAGE_GRID) - 1).T
                 cells[rows, columns] = True
     turned = {}
     for robot in sketch.movers:
@@ -68,7 +70,7 @@ def coverage_of(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
     return Coverage(cells, turned)
 
 
-def alike(sketch: Sketch, sample: Sample, others: Sequence[Sample], m: float, rad: float) -> int | None:
+def find_equal_sample(sketch: Sketch, sample: Sample, others: Sequence[Sample], m: float, rad: float) -> int | None:
     """The number of another sample with all arms within so much of this one; None where there is none."""
     for other in others:
         away = []

@@ -10,24 +10,24 @@ import numpy as np
 from basecal.acquisition.driver import Freedrives, Moves, Robot
 from basecal.acquisition.freshness import Patience
 from basecal.acquisition.rig import Rig
-from basecal.acquisition.states import vector_of
+from basecal.acquisition.states import state_vector
 from basecal.acquisition.stillness import wait_until_led
 from basecal.acquisition.taking import Tell
 from basecal.cell import RobotState
 from basecal.geometry import Array
 
-TAKE, END = " ", "q"
+TAKE_KEY, END_KEY = " ", "q"
 """Keys: take a sample now, and end."""
 
 _HOLD_S = 0.8  # of rest, after which a sample is due: shorter, a person who thinks would take some
-_REST = 1e-3  # [rad, m] by which arms that are held still may move
-_AWAY = 0.03  # [rad, m] from where the last sample was due: nearer it is no new place
+_REST_TOLERANCE = 1e-3  # [rad, m] by which arms that are held still may move
+_LEAST_MOTION = 0.03  # [rad, m] from where the last sample was due: nearer it is no new place
 
 Key = Callable[[], str]
 """The key that was pressed since it was last asked; empty where none was."""
 
 
-def led_elsewhere(rig: Rig, before: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
+def wait_for_led_arms(rig: Rig, states: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
     """Where arms that a person leads have come to: of those that are live, but are not sent.
 
     Raises:
@@ -36,12 +36,12 @@ def led_elsewhere(rig: Rig, before: Mapping[str, RobotState], patience_s: float)
     led = {name: robot for name, robot in rig.robots.items() if robot.is_live and not isinstance(robot, Moves)}
     if not led:
         return {}
-    with _free(led.values()):
-        wait_until_led(led, before, patience_s, rig.arms.note)
+    with _release_arms(led.values()):
+        wait_until_led(led, states, patience_s, rig.arms.note)
     return {name: robot.state().state for name, robot in led.items()}
 
 
-def _free(robots: Iterable[Robot]) -> ExitStack:
+def _release_arms(robots: Iterable[Robot]) -> ExitStack:
     """Lets arms be led, where their drivers can do that, until it is closed."""
     with ExitStack() as held:
         for robot in robots:
@@ -54,8 +54,8 @@ def _free(robots: Iterable[Robot]) -> ExitStack:
 class Led:
     """A person who leads the live robots of a rig; where drivers can do that, arms are free until a sample is due."""
 
-    def __init__(self, rig: Rig, key: Key, tell: Tell) -> None:
-        self._rig, self._key, self._tell = rig, key, tell
+    def __init__(self, rig: Rig, key: Key, report: Tell) -> None:
+        self._rig, self._key, self._tell = rig, key, report
         self._last: Array | None = None
 
     def wait(self) -> bool:
@@ -68,9 +68,9 @@ class Led:
         """
         live = {name: robot for name, robot in self._rig.robots.items() if robot.is_live}
         if not live:
-            return self._key() != END
+            return self._key() != END_KEY
         self._tell("lead the arms to a new place and hold them still, or press space; q ends")
-        with _free(live.values()):
+        with _release_arms(live.values()):
             return self._is_due(live)
 
     def _is_due(self, live: Mapping[str, Robot]) -> bool:
@@ -79,14 +79,14 @@ class Led:
             readings = [robot.state() for robot in live.values()]
             for name, reading in zip(live, readings, strict=True):
                 self._rig.arms.note(name, reading)
-            now = np.concatenate([vector_of(reading.state) for reading in readings])
-            if at is None or np.abs(now - at).max() > _REST:
+            now = np.concatenate([state_vector(reading.state) for reading in readings])
+            if at is None or np.abs(now - at).max() > _REST_TOLERANCE:
                 at, held = now, Patience(_HOLD_S)
             is_held = held.is_over(readings[0].stamp_s)
             key = self._key()
-            is_new = self._last is None or bool(np.abs(now - self._last).max() > _AWAY)
-            if key == TAKE or (is_new and is_held):
+            is_new = self._last is None or bool(np.abs(now - self._last).max() > _LEAST_MOTION)
+            if key == TAKE_KEY or (is_new and is_held):
                 self._last = now
                 return True
-            if key == END:
+            if key == END_KEY:
                 return False

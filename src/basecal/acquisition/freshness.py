@@ -17,7 +17,7 @@ STALE_S = 1.0
 
 _POLL_S = 5e-4  # between looks at what a client's own thread receives: a quarter of the shortest period, 2 ms
 _SUSTAINED_S = 5.0  # of waiting, over which the rate is measured
-_STATES = round(_SUSTAINED_S * LEAST_HZ)
+_RATE_STATES = round(_SUSTAINED_S * LEAST_HZ)
 
 Given = TypeVar("Given")
 
@@ -26,14 +26,14 @@ class Stale(Exception):
     """Nothing new came; the caller says what to do about it."""
 
 
-def next_of(newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given:
-    """What `newer` gives, once it gives something.
+def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given:
+    """What `read_newer` gives, once it gives something.
 
     Raises:
         Stale: if it gives nothing for so long [s].
     """
     until = time.monotonic() + wait_s
-    while (given := newer()) is None:
+    while (given := read_newer()) is None:
         if time.monotonic() > until:
             raise Stale
         time.sleep(_POLL_S)
@@ -48,7 +48,7 @@ class Waits:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._waits_s: deque[float] = deque(maxlen=_STATES + 1)
+        self._waits_s: deque[float] = deque(maxlen=_RATE_STATES + 1)
 
     def forget(self) -> None:
         """Begin again, after a connection that was lost."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.states import vector_of
+from basecal.acquisition.states import state_vector
 from basecal.errors import DriverError
 
-_MOST_RAD = 1e3  # of a joint: 159 turns, more than any counter of turns
-_MOST_M = 1e3  # of a flange from its base
-_ROTATION = 1e-3  # by which a rotation matrix may miss orthonormality: printed numbers are rounded
+_LARGEST_JOINT_RAD = 1e3  # of a joint: 159 turns, more than any counter of turns
+_LARGEST_DISTANCE_M = 1e3  # of a flange from its base
+_ROTATION_TOLERANCE = 1e-3  # by which a rotation matrix may miss orthonormality: printed numbers are rounded
 
 
 def check_reading(name: str, reading: Reading) -> None:
@@ -29,7 +29,7 @@ def check_reading(name: str, reading: Reading) -> None:
 def _problem(reading: Reading) -> str:
     if (reading.state.joints_rad is None) == (reading.state.base_from_flange is None):
         return "expected joints or a pose of the flange, one of them"
-    values = vector_of(reading.state)
+    values = state_vector(reading.state)
     if not np.isfinite(reading.stamp_s):
         return f"its stamp is {reading.stamp_s}"
     if not values.size:
@@ -38,8 +38,8 @@ def _problem(reading: Reading) -> str:
         return f"a number is not finite: {values}"
     if reading.state.joints_rad is not None:
         worst = int(np.argmax(np.abs(values)))
-        return f"joint {worst + 1} is at {values[worst]:.3g} rad" if abs(values[worst]) > _MOST_RAD else ""
-    if (distance_m := float(np.abs(values[:3]).max())) > _MOST_M:
+        return f"joint {worst + 1} is at {values[worst]:.3g} rad" if abs(values[worst]) > _LARGEST_JOINT_RAD else ""
+    if (distance_m := float(np.abs(values[:3]).max())) > _LARGEST_DISTANCE_M:
         return f"the flange is {distance_m:.3g} m from its base"
     rotation = values[3:].reshape(3, 3)
-    return "" if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION else "its rotation is none"
+    return "" if np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_TOLERANCE else "its rotation is none"

@@ -11,18 +11,18 @@ from dataclasses import dataclass, replace
 
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
-from basecal.acquisition.coverage import alike
+from basecal.acquisition.coverage import find_equal_sample
 from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
 from basecal.errors import BasecalError, InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import Array
-from basecal.planning.plan import Offer, Plan, offered_stations, offers, plan_for_task
+from basecal.planning.plan import Offer, Plan, draw_offers, offered_stations, plan_for_task
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch, View
-from basecal.planning.stations import SAMPLES
+from basecal.planning.stations import STATION_SAMPLES
 
-OFFERED = 240
+OFFERED_SAMPLES = 240
 """Candidates, drawn once: planning among them takes a fraction of a second while the arms stand."""
 
 _FEWEST_SOLVED = 8  # samples: of fewer, noise that is estimated says next to nothing
@@ -48,61 +48,61 @@ class Replanner:
     home: Sample
     offered: Mapping[View, Sequence[Sample]]
 
-    def plan(self, taken: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
+    def plan(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
         """What is still to be taken, in order.
 
         Args:
-            taken: What was, with what was seen.
+            samples: What was, with what was seen.
             bad: What could not be.
 
         Raises:
             InputError: if nothing is left to choose from.
         """
-        calibration = _so_far(self.cell, taken)
+        calibration = _current_calibration(self.cell, samples)
         offered: list[Offer] = []
         for sketch in sketches(self.cell, calibration):
-            left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, taken, bad)]
+            left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, samples, bad)]
             offered += [(sketch, left)] if left else []
         if not offered:
             raise InputError("nothing is left to choose from: teach another pose, and capture again")
-        recording = _with_home(self.home, taken)
-        return plan_for_task(self.cell, recording, calibration, self.points_m, self.tolerance_m, offered=offered)
+        recording = _with_home(self.home, samples)
+        return plan_for_task(self.cell, recording, calibration, self.points_m, self.tolerance_m, offers=offered)
 
 
 def replanner(
     cell: Cell,
-    taken: Sequence[Sample],
+    samples: Sequence[Sample],
     home: Mapping[str, RobotState],
     points_m: Array,
     tolerance_m: float,
-    planned: Sequence[Sample] = (),
+    plan_samples: Sequence[Sample] = (),
     seed: int = 0,
 ) -> Replanner:
     """What plans anew, with candidates near where the robots are and were.
 
     Args:
         cell: The cell.
-        taken: What was recorded already.
+        samples: What was recorded already.
         home: Where the robots are.
         points_m: (n, 3) the task in the reference's base [m].
         tolerance_m: The error that 95 of 100 there are to stay below [m].
-        planned: Samples that are offered besides, of the first camera and target.
+        plan_samples: Samples that are offered besides, of the first camera and target.
         seed: Of the draws.
 
     Raises:
         InputError: if there is no candidate, or a transform has no guess.
     """
     at_home = Sample(0, robots=home)
-    known = sketches(cell, _so_far(cell, taken))
-    drawn = offers(known, _with_home(at_home, taken), OFFERED, seed)
-    offered = {sketch.view: list(samples) for sketch, samples in drawn}
+    known = sketches(cell, _current_calibration(cell, samples))
+    drawn = draw_offers(known, _with_home(at_home, samples), OFFERED_SAMPLES, seed)
+    offered = {sketch.view: list(offers) for sketch, offers in drawn}
     first = next(iter(offered))
-    return Replanner(cell, points_m, tolerance_m, at_home, {**offered, first: [*offered[first], *planned]})
+    return Replanner(cell, points_m, tolerance_m, at_home, {**offered, first: [*offered[first], *plan_samples]})
 
 
 def stations_for_task(
     cell: Cell,
-    taken: Sequence[Sample],
+    samples: Sequence[Sample],
     home: Mapping[str, RobotState],
     points_m: Array,
     tolerance_m: float | None,
@@ -113,7 +113,7 @@ def stations_for_task(
 
     Args:
         cell: The cell.
-        taken: What was recorded already.
+        samples: What was recorded already.
         home: Where the robots are.
         points_m: (n, 3) the task in the reference's base [m].
         tolerance_m: The error that 95 of 100 there are to stay below [m]; None where only `count` says how many.
@@ -123,30 +123,30 @@ def stations_for_task(
     Raises:
         InputError: if no station can be shifted from, or a transform has no guess.
     """
-    calibration, recording = _so_far(cell, taken), _with_home(Sample(0, robots=home), taken)
+    calibration, recording = _current_calibration(cell, samples), _with_home(Sample(0, robots=home), samples)
     offered = offered_stations(cell, recording, calibration, seed)
     return plan_for_task(
-        cell, recording, calibration, points_m, tolerance_m, count, seed, offered=offered, together=SAMPLES
+        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
     )
 
 
-def _with_home(home: Sample, taken: Sequence[Sample]) -> Recording:
+def _with_home(home: Sample, samples: Sequence[Sample]) -> Recording:
     """What was taken, after where the robots were to begin with."""
-    number = max((sample.sample for sample in taken), default=-1) + 1
-    return Recording((replace(home, sample=number), *taken))
+    number = max((sample.sample for sample in samples), default=-1) + 1
+    return Recording((replace(home, sample=number), *samples))
 
 
-def _is_settled(sketch: Sketch, sample: Sample, taken: Sequence[Sample], bad: Sequence[Sample]) -> bool:
+def _is_settled(sketch: Sketch, sample: Sample, samples: Sequence[Sample], bad: Sequence[Sample]) -> bool:
     """Whether a sample was taken, or is near one that could not be."""
-    near = ((taken, _SAME_M, _SAME_RAD), (bad, _NEAR_M, _NEAR_RAD))
-    return any(alike(sketch, sample, others, m, rad) is not None for others, m, rad in near)
+    near = ((samples, _SAME_M, _SAME_RAD), (bad, _NEAR_M, _NEAR_RAD))
+    return any(find_equal_sample(sketch, sample, others, m, rad) is not None for others, m, rad in near)
 
 
-def _so_far(cell: Cell, taken: Sequence[Sample]) -> Calibration | None:
+def _current_calibration(cell: Cell, samples: Sequence[Sample]) -> Calibration | None:
     """What the samples say of transforms and noise; None while they leave any direction open."""
-    if sum(bool(sample.observations) for sample in taken) < _FEWEST_SOLVED:
+    if sum(bool(sample.observations) for sample in samples) < _FEWEST_SOLVED:
         return None
-    recording = Recording(tuple(taken))
+    recording = Recording(tuple(samples))
     try:
         solution = solve(cell, recording, Settings(robot_noise="estimated"))
     except BasecalError:

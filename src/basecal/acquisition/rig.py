@@ -12,15 +12,15 @@ from typing import Literal
 
 from basecal.acquisition.driver import Camera, ChecksGoals, DriverKind, Moves, Place, Robot, StopGuarantee
 from basecal.acquisition.drivers.registry import driver_kind, driver_names
-from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.feed import feed_camera
 from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
 from basecal.acquisition.supervision.signals import routed_signals
 from basecal.cell import Cell, Driver, RobotState
 from basecal.errors import DatasetError, UsageError, nearest
 
-_STOP_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
-_CLOSE_S = 0.5  # that a camera or robot may take to close: its stream may hang
+_STOP_TIMEOUT_S = 1.0  # that all stops may take together; a supervised arm has 0.3 s, and is then cut off
+_CLOSE_TIMEOUT_S = 0.5  # that a camera or robot may take to close: its stream may hang
 
 _Openers = Mapping[str, tuple[DriverKind, Place]]
 
@@ -43,7 +43,7 @@ class Rig:
 
     def stop(self) -> None:
         """Stop every robot that moves, all at once, whatever any of them answers."""
-        _all_at_once([robot.stop for robot in movers(self).values()], _STOP_S)
+        _call_in_parallel([robot.stop for robot in movers(self).values()], _STOP_TIMEOUT_S)
 
 
 @contextmanager
@@ -70,11 +70,11 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
             robots: dict[str, Robot] = {name: kind.robot(place) for name, (kind, place) in here.items()}
             motion = ArmMotion()
             cameras = {
-                name: fed(name, kind.camera(place), motion)
+                name: feed_camera(name, kind.camera(place), motion)
                 for name, (kind, place) in _places(cell, folder, "cameras").items()
             }
             here_closes = [*(robot.close for robot in robots.values()), *(camera.close for camera in cameras.values())]
-            opened.callback(_all_at_once, here_closes, _CLOSE_S)
+            opened.callback(_call_in_parallel, here_closes, _CLOSE_TIMEOUT_S)
             robots |= supervisor[0].opened() if alone else {}
             guarantees = {name: kind.stop_guarantee for name, (kind, _) in places.items()}
             rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees)
@@ -85,7 +85,7 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
                 raise
         finally:
             for arms in supervisor:
-                arms.leave_main_thread_alone()
+                arms.stop_interrupting()
 
 
 def movers(rig: Rig) -> dict[str, Moves]:
@@ -93,7 +93,7 @@ def movers(rig: Rig) -> dict[str, Moves]:
     return {name: robot for name, robot in rig.robots.items() if isinstance(robot, Moves)}
 
 
-def asks_of(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], str]]:
+def goal_checks(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], str]]:
     """What asks each robot's controller why it would not go somewhere; one that cannot be asked never refuses."""
     return {
         name: robot.goal_refusal if isinstance(robot, ChecksGoals) else lambda state: ""
@@ -101,28 +101,28 @@ def asks_of(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], st
     }
 
 
-def check_guarantees(rig: Rig, accepts_none: bool) -> None:
+def check_guarantees(rig: Rig, is_none_accepted: bool) -> None:
     """Check that every arm that is sent stops if this program fails, or that the person accepts that it does not.
 
     Raises:
         UsageError: if neither.
     """
     loose = [name for name in movers(rig) if rig.guarantees.get(name) == "none"]
-    if loose and not accepts_none:
+    if loose and not is_none_accepted:
         raise UsageError(
             f"{loose[0]}: no watchdog stops this arm. If this program or the network fails, it finishes its move. "
             f"Add --accept-no-watchdog to move it all the same, with a hand on the emergency stop."
         )
 
 
-def _all_at_once(calls: list[Callable[[], None]], most_s: float) -> None:
+def _call_in_parallel(calls: list[Callable[[], None]], most_s: float) -> None:
     """Make calls in threads of their own, each until it returns or the time [s] is over; errors are of no use here."""
 
-    def quietly(call: Callable[[], None]) -> None:
+    def call_silently(call: Callable[[], None]) -> None:
         with suppress(Exception):
             call()
 
-    threads = [threading.Thread(target=quietly, args=(call,), daemon=True) for call in calls]
+    threads = [threading.Thread(target=call_silently, args=(call,), daemon=True) for call in calls]
     for thread in threads:
         thread.start()
     until = time.monotonic() + most_s
@@ -145,13 +145,13 @@ def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"]) -> 
     return found
 
 
-def _kind(driver: Driver, where: str, folder: Path, section: Literal["robots", "cameras"]) -> DriverKind:
+def _kind(driver: Driver, field: str, folder: Path, section: Literal["robots", "cameras"]) -> DriverKind:
     kind = driver_kind(driver.kind)
     if kind is None:
         known = driver_names()
         message = f"no driver {driver.kind!r}{nearest(driver.kind, known)}; there are: {', '.join(known)}"
-        raise DatasetError(str(folder / "cell.yaml"), message, field=where)
+        raise DatasetError(str(folder / "cell.yaml"), message, field=field)
     if (kind.open_robot if section == "robots" else kind.open_camera) is None:
         message = f"driver {driver.kind!r} is for {'cameras' if section == 'robots' else 'robots'} only"
-        raise DatasetError(str(folder / "cell.yaml"), message, field=where)
+        raise DatasetError(str(folder / "cell.yaml"), message, field=field)
     return kind

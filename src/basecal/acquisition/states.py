@@ -11,7 +11,7 @@ ARRIVED_RAD_M = 2e-3
 """Distance from its goal at which an arm counts as arrived: controllers round, and some stop a little short."""
 
 
-def vector_of(state: RobotState) -> Array:
+def state_vector(state: RobotState) -> Array:
     """Joints [rad], or position [m] and rotation matrix of a pose."""
     if state.joints_rad is not None:
         return state.joints_rad
@@ -22,4 +22,4 @@ def vector_of(state: RobotState) -> Array:
 
 def has_arrived(state: RobotState, goal: RobotState) -> bool:
     """Whether an arm is where it was sent."""
-    return bool(np.abs(vector_of(state) - vector_of(goal)).max() < ARRIVED_RAD_M)
+    return bool(np.abs(state_vector(state) - state_vector(goal)).max() < ARRIVED_RAD_M)

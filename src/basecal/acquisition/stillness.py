@@ -12,20 +12,20 @@ import numpy as np
 from basecal.acquisition.driver import Camera, Picture, Reading, Robot
 from basecal.acquisition.freshness import Patience
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import has_arrived, vector_of
+from basecal.acquisition.states import has_arrived, state_vector
 from basecal.cell import RobotState
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 from basecal.vision.detectors import LIGHT, find
-from basecal.vision.picture_motion import Levels, shift_between, small
+from basecal.vision.picture_motion import Levels, reduce_picture, shift_between
 
-_WINDOW = 12  # states that are looked at: a tenth of a second of most controllers
+_WINDOW_STATES = 12  # states that are looked at: a tenth of a second of most controllers
 _STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
-_BEYOND_NOISE = 4.0  # sigmas of that difference, where states are noisy
-_ELSEWHERE_RAD_M = 2e-3  # from where a person began to lead an arm
+_NOISE_SIGMAS = 4.0  # sigmas of that difference, where states are noisy
+_LED_RAD_M = 2e-3  # from where a person began to lead an arm
 _STILL_PX = 0.1  # by which a picture may differ from those before it
-_PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
+_STILL_PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
 
 
 Note = Callable[[str, Reading], None]
@@ -60,7 +60,7 @@ def wait_for_arms(
     Raises:
         Moving: if one is still moving then.
     """
-    latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW) for name in robots}
+    latest: dict[str, deque[Reading]] = {name: deque(maxlen=_WINDOW_STATES) for name in robots}
     waited = Patience(patience_s)
     while True:
         for name, robot in robots.items():
@@ -83,7 +83,7 @@ def _checked_state(name: str, robot: Robot) -> Reading:
 
 def wait_until_led(
     robots: Mapping[str, Robot],
-    before: Mapping[str, RobotState],
+    states: Mapping[str, RobotState],
     patience_s: float,
     note: Note = lambda name, reading: None,
 ) -> None:
@@ -91,7 +91,7 @@ def wait_until_led(
 
     Args:
         robots: Those that are led, by name.
-        before: Where they were; of one that is not there, every place is another.
+        states: Where they were; of one that is not there, every place is another.
         patience_s: How long, by the states' own stamps; by this machine's clock while these stand still.
         note: Takes account of each state.
 
@@ -101,35 +101,37 @@ def wait_until_led(
     waited = Patience(patience_s)
     while True:
         here = wait_for_arms(robots, {}, patience_s, note)
-        known = [name for name in robots if name in before]
-        moved_by = [np.abs(vector_of(here[name].state) - vector_of(before[name])).max() for name in known]
-        if all(distance > _ELSEWHERE_RAD_M for distance in moved_by):
+        known = [name for name in robots if name in states]
+        moved_by = [np.abs(state_vector(here[name].state) - state_vector(states[name])).max() for name in known]
+        if all(distance > _LED_RAD_M for distance in moved_by):
             return
         if waited.is_over(next(iter(here.values())).stamp_s):
             raise Moving(f"arm not led to another place: {', '.join(robots)}")
 
 
 def _is_still(readings: Sequence[Reading], goal: RobotState | None) -> bool:
-    if len(readings) < _WINDOW:
+    if len(readings) < _WINDOW_STATES:
         return False
-    values = np.stack([vector_of(reading.state) for reading in readings])
-    half = _WINDOW // 2
+    values = np.stack([state_vector(reading.state) for reading in readings])
+    half = _WINDOW_STATES // 2
     between = np.abs(values[half:].mean(0) - values[:half].mean(0))
     noise = np.diff(values, axis=0).std(0) / np.sqrt(2)
-    if np.any(between > np.maximum(_STILL_RAD_M, _BEYOND_NOISE * noise * np.sqrt(2 / half))):
+    if np.any(between > np.maximum(_STILL_RAD_M, _NOISE_SIGMAS * noise * np.sqrt(2 / half))):
         return False
     return goal is None or has_arrived(_mean(readings).state, goal)
 
 
 def _mean(readings: Sequence[Reading]) -> Reading:
     last = readings[-1]
-    values = np.stack([vector_of(reading.state) for reading in readings]).mean(0)
+    values = np.stack([state_vector(reading.state) for reading in readings]).mean(0)
     if last.state.joints_rad is not None:
         return Reading(last.stamp_s, RobotState(joints_rad=values))
     return Reading(last.stamp_s, RobotState(SE3(nearest_rotation(values[3:].reshape(3, 3)), values[:3])))
 
 
-def picture_after(camera: Camera, after_s: float, patience_s: float, report: Report = lambda words: None) -> Picture:
+def wait_for_picture_after(
+    camera: Camera, after_s: float, patience_s: float, report: Report = lambda words: None
+) -> Picture:
     """The next picture that was exposed after an instant.
 
     Args:
@@ -173,15 +175,15 @@ def wait_for_picture(
     """
 
     def look() -> _Look:
-        return _look(picture_after(camera, after_s, patience_s, report), targets)
+        return _look(wait_for_picture_after(camera, after_s, patience_s, report), targets)
 
     looks = [look()]
     if not camera.is_live:
         return looks[0].picture
     began, still = looks[0].picture.stamp_s, 0
-    while still < _PICTURES - 1:
-        looks = [*looks[1 - _PICTURES :], look()]
-        moves = any(_moved(before, looks[-1]) for before in looks[:-1])
+    while still < _STILL_PICTURES - 1:
+        looks = [*looks[1 - _STILL_PICTURES :], look()]
+        moves = any(_has_moved(before, looks[-1]) for before in looks[:-1])
         still = 0 if moves else still + 1
         if moves and looks[-1].picture.stamp_s - began > patience_s:
             raise Moving("picture still moving: something shakes, or somebody walks through the picture")
@@ -199,11 +201,13 @@ class _Look:
 
 def _look(picture: Picture, targets: Sequence[Target]) -> _Look:
     found = [find(picture.grey, target) for target in targets if target.found_by == LIGHT]
-    return _Look(picture, small(picture.grey), tuple(None if each is None else each.pixels[0] for each in found))
+    return _Look(
+        picture, reduce_picture(picture.grey), tuple(None if each is None else each.pixels[0] for each in found)
+    )
 
 
-def _moved(before: _Look, after: _Look) -> bool:
-    for one, other in zip(before.lights, after.lights, strict=True):
+def _has_moved(states: _Look, second: _Look) -> bool:
+    for one, other in zip(states.lights, second.lights, strict=True):
         if one is not None and other is not None and np.linalg.norm(other - one) > _STILL_PX:
             return True
-    return shift_between(before.small, after.small) > _STILL_PX
+    return shift_between(states.small, second.small) > _STILL_PX

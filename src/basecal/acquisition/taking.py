@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.acquisition.coverage import alike
+from basecal.acquisition.coverage import find_equal_sample
 from basecal.acquisition.driver import Grey, Moves, Switches
 from basecal.acquisition.pictures.sharpness import Sharpness
-from basecal.acquisition.rig import Rig, asks_of, movers
-from basecal.acquisition.stillness import Moving, Report, Unfit, picture_after, wait_for_arms, wait_for_picture
+from basecal.acquisition.rig import Rig, goal_checks, movers
+from basecal.acquisition.stillness import Moving, Report, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
 from basecal.cell.format.writing import write_whole
 from basecal.planning.plan_check import SpeedLimits, check_plan
@@ -26,14 +26,14 @@ from basecal.vision.image_file import png_bytes
 Tell = Callable[[str], None]
 """Is told what is done now, in words."""
 
-_ALIKE_M, _ALIKE_RAD = 2e-3, 2e-3  # between samples that say nearly the same
+_EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # between samples that say nearly the same
 TOOL_M_S = 0.25
 """Speed of the fastest point of an arm unless somebody states another: that of collaborative and of manual operation.
 
 Source: ISO 10218-1, reduced speed control.
 """
 
-_ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
+_REST_ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
 
 
 @dataclass(frozen=True)
@@ -77,27 +77,27 @@ class Taker:
     report: Report = lambda words: None
     sharpness: Sharpness = field(default_factory=Sharpness)
 
-    def take(self, wanted: Sample, taken: Sequence[Sample]) -> Sample:
+    def take(self, target_sample: Sample, samples: Sequence[Sample]) -> Sample:
         """A sample with its pictures on the disk, and what is seen in them.
 
         Args:
-            wanted: Its number, and where robots are sent; those it does not name stay where they are.
-            taken: Those that there are.
+            target_sample: Its number, and where robots are sent; those it does not name stay where they are.
+            samples: Those that there are.
 
         Raises:
             Unfit: if it cannot be used.
             DriverError: if a robot or camera does not answer.
         """
-        patience_s = self.settings.patience_s + _send(self, wanted)
-        for _ in range(_ATTEMPTS - 1):
+        patience_s = self.settings.patience_s + _send(self, target_sample)
+        for _ in range(_REST_ATTEMPTS - 1):
             try:
-                return _take(self, wanted, taken, patience_s)
+                return _take_sample(self, target_sample, samples, patience_s)
             except Moving as why:
                 self.tell(f"{why}; once more")
-        return _take(self, wanted, taken, patience_s)
+        return _take_sample(self, target_sample, samples, patience_s)
 
 
-def _send(by: Taker, wanted: Sample) -> float:
+def _send(taker: Taker, target_sample: Sample) -> float:
     """Send the arms, once the sample and the way to it are checked and every controller accepts its goal.
 
     Returns:
@@ -107,18 +107,20 @@ def _send(by: Taker, wanted: Sample) -> float:
         Unfit: if one of them is refused; nothing is sent then.
         DriverError: if a robot does not answer.
     """
-    by.tell(f"sample {wanted.sample}: arms move" if wanted.robots else f"sample {wanted.sample}")
-    sent = {name: robot for name, robot in movers(by.rig).items() if name in wanted.robots}
+    taker.tell(
+        f"sample {target_sample.sample}: arms move" if target_sample.robots else f"sample {target_sample.sample}"
+    )
+    sent = {name: robot for name, robot in movers(taker.rig).items() if name in target_sample.robots}
     if not sent:
         return 0.0
-    here = {name: robot.state().state for name, robot in by.rig.robots.items() if robot.is_live or name in sent}
-    limits = SpeedLimits(by.settings.speed_rad_s, by.settings.tool_m_s)
-    found = check_plan(by.sketch, here, [wanted], limits, asks_of(sent))
+    here = {name: robot.state().state for name, robot in taker.rig.robots.items() if robot.is_live or name in sent}
+    limits = SpeedLimits(taker.settings.speed_rad_s, taker.settings.tool_m_s)
+    found = check_plan(taker.sketch, here, [target_sample], limits, goal_checks(sent))
     if found.refusals:
         raise Unfit(f"{found.refusals[0].what}; nothing was sent")
     for way in found.ways:
-        sent[way.robot].move(wanted.robots[way.robot], way.joint_rad_s)
-    return max(_turn_rad(here[way.robot], wanted.robots[way.robot]) / way.joint_rad_s for way in found.ways)
+        sent[way.robot].move(target_sample.robots[way.robot], way.joint_rad_s)
+    return max(_turn_rad(here[way.robot], target_sample.robots[way.robot]) / way.joint_rad_s for way in found.ways)
 
 
 def _turn_rad(start: RobotState, end: RobotState) -> float:
@@ -128,26 +130,26 @@ def _turn_rad(start: RobotState, end: RobotState) -> float:
     return float(np.abs(end.joints_rad - start.joints_rad).max())
 
 
-def _take(by: Taker, wanted: Sample, taken: Sequence[Sample], patience_s: float) -> Sample:
-    rig, sketch, folder, settings = by.rig, by.sketch, by.folder, by.settings
-    goals = {name: state for name, state in wanted.robots.items() if isinstance(rig.robots.get(name), Moves)}
+def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample], patience_s: float) -> Sample:
+    rig, sketch, folder, settings = taker.rig, taker.sketch, taker.folder, taker.settings
+    goals = {name: state for name, state in target_sample.robots.items() if isinstance(rig.robots.get(name), Moves)}
     before = wait_for_arms(rig.robots, goals, patience_s, rig.arms.note)
     rested_s = time.monotonic()
-    by.tell(f"sample {wanted.sample}: waiting for a still picture")
-    shots = {name: _shot(by, name, rested_s) for name in rig.cameras}
+    taker.tell(f"sample {target_sample.sample}: waiting for a still picture")
+    shots = {name: _take_shot(taker, name, rested_s) for name in rig.cameras}
     rig.arms.forget()
     # After the picture they are nearer to where they were in it, since the last of a way is slow.
     live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
     stamp_s = next(iter(shots.values())).stamp_s
-    by.tell(f"sample {wanted.sample}: looking for the target")
-    sample = Sample(wanted.sample, stamp_s, states, (), *_written(folder, wanted.sample, shots))
-    like = alike(sketch, sample, taken, _ALIKE_M, _ALIKE_RAD)
+    taker.tell(f"sample {target_sample.sample}: looking for the target")
+    sample = Sample(target_sample.sample, stamp_s, states, (), *_write_shots(folder, target_sample.sample, shots))
+    like = find_equal_sample(sketch, sample, samples, _EQUAL_M, _EQUAL_RAD)
     if like is not None:
         raise Unfit(f"too like sample {like}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]
-    _check_seen(by, seen, shots)
+    _check_visibility(taker, seen, shots)
     return seen
 
 
@@ -160,26 +162,30 @@ class _Shot:
     background: Grey | None
 
 
-def _shot(by: Taker, name: str, rested_s: float) -> _Shot:
-    camera, targets, patience_s = by.rig.cameras[name], targets_before(by.sketch.cell, name), by.settings.patience_s
-    picture = wait_for_picture(camera, targets, patience_s, rested_s, by.report)
+def _take_shot(taker: Taker, name: str, rested_s: float) -> _Shot:
+    camera, targets, patience_s = (
+        taker.rig.cameras[name],
+        visible_targets(taker.sketch.cell, name),
+        taker.settings.patience_s,
+    )
+    picture = wait_for_picture(camera, targets, patience_s, rested_s, taker.report)
     if not (isinstance(camera, Switches) and any(target.found_by == LIGHT for target in targets)):
         return _Shot(picture.stamp_s, picture.grey, None)
     camera.light(False)
     try:
-        background = picture_after(camera, time.monotonic(), patience_s, by.report).grey
+        background = wait_for_picture_after(camera, time.monotonic(), patience_s, taker.report).grey
     finally:
         camera.light(True)
     return _Shot(picture.stamp_s, picture.grey, background)
 
 
-def targets_before(cell: Cell, camera: str) -> list[Target]:
+def visible_targets(cell: Cell, camera: str) -> list[Target]:
     """Targets that a camera may see: those that do not hang on the same body."""
     on = cell.cameras[camera].on
     return [each.target for each in cell.targets.values() if each.on != on and each.target is not None]
 
 
-def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
+def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
     """Paths of the pictures and of those without the light, by camera; all of them are on the disk."""
     images, background = {}, {}
     for camera, shot in shots.items():
@@ -192,7 +198,7 @@ def _written(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dic
     return images, background
 
 
-def _check_seen(by: Taker, sample: Sample, shots: Mapping[str, _Shot]) -> None:
+def _check_visibility(taker: Taker, sample: Sample, shots: Mapping[str, _Shot]) -> None:
     """Whether each camera sees a target, sharply.
 
     Raises:
@@ -203,10 +209,10 @@ def _check_seen(by: Taker, sample: Sample, shots: Mapping[str, _Shot]) -> None:
         if not seen:
             raise Unfit(f"target not seen by {camera}")
         for each in seen:
-            shape = by.sketch.cell.targets[each.target].target
+            shape = taker.sketch.cell.targets[each.target].target
             if isinstance(each, CandidateObservation | PixelObservation) and shape is not None and shape.sheets:
                 width = edge_width(shot.grey, each.pixels)
                 points = shape.points[each.ids] if isinstance(each, PixelObservation) else shape.points
                 view = (camera, each.target)
-                if width is not None and by.sharpness.is_blurred(view, width, each.pixels, points):
+                if width is not None and taker.sharpness.is_blurred(view, width, each.pixels, points):
                     raise Unfit(f"too blurred: edges of {each.target} are {width.wide_px:.1f} px wide")

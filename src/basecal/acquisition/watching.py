@@ -10,7 +10,7 @@ from basecal.acquisition.driver import Camera, ChecksGoals, Freedrives, Grey, Mo
 from basecal.acquisition.rig import Rig
 from basecal.cell import RobotState
 
-_LINES = 8  # of what has become of samples
+_LINE_COUNT = 8  # of what has become of samples
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Sigma:
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
+class Snapshot:
     """A capture at an instant.
 
     Attributes:
@@ -57,10 +57,10 @@ class Watch:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._glance = Glance()
+        self._glance = Snapshot()
 
     @property
-    def glance(self) -> Glance:
+    def snapshot(self) -> Snapshot:
         """The capture as it is now."""
         with self._lock:
             return self._glance
@@ -78,14 +78,14 @@ class Watch:
             sigmas = before.sigmas
             if step.sigma is not None and not step.why_not:
                 sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
-            said = (*before.said, line, *(doubt.message for doubt in step.doubts))[-_LINES:]
+            said = (*before.said, line, *(doubt.message for doubt in step.doubts))[-_LINE_COUNT:]
             doubts = (*before.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
             self._glance = replace(before, step=step, sigmas=sigmas, said=said, doubts=doubts)
 
     def report(self, words: str) -> None:
         """Note what a person should know."""
         with self._lock:
-            self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINES:])
+            self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINE_COUNT:])
 
     def show(self, camera: str, grey: Grey) -> None:
         """Note a picture."""
@@ -105,7 +105,7 @@ class Watch:
             self._glance = replace(self._glance, doing=words, is_over=True)
 
 
-def watched(rig: Rig, watch: Watch) -> Rig:
+def watch_rig(rig: Rig, watch: Watch) -> Rig:
     """A rig whose cameras show every picture that is asked of them, and whose robots show where they are."""
     cameras = {
         name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)

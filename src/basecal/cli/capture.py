@@ -167,9 +167,9 @@ def capture(
 
 def _sketch(cell: Path) -> Sketch:
     from basecal.cell.files import read_cell
-    from basecal.planning.sketch import sketch_of
+    from basecal.planning.sketch import sketch_cell
 
-    return sketch_of(read_cell(cell))
+    return sketch_cell(read_cell(cell))
 
 
 def _checked(

@@ -35,14 +35,14 @@ def capture_plan(
     more: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
     """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
-    from basecal.acquisition.capture import unfinished
+    from basecal.acquisition.capture import remaining_samples
     from basecal.cell.files import read_plan
     from basecal.errors import nearest
-    from basecal.planning.feasible import feasible_in
+    from basecal.planning.feasible import make_feasibility_check
 
     if replanned is not None:
         return replanned.samples, True
-    left = unfinished(folder, sketch.cell)
+    left = remaining_samples(folder, sketch.cell)
     if left:
         return left, False
     seed += _finished(folder, sketch, samples, more)
@@ -57,7 +57,7 @@ def capture_plan(
     home = {name: robot.state().state for name, robot in rig.robots.items()}
     if shifts is not None:
         return shifts.planned(sketch.cell, folder, home, samples, seed), True
-    return PATTERNS[pattern].plan(sketch, home, feasible_in(sketch), samples, seed), True
+    return PATTERNS[pattern].plan(sketch, home, make_feasibility_check(sketch), samples, seed), True
 
 
 def _finished(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
@@ -66,9 +66,9 @@ def _finished(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
     Raises:
         UsageError: if the plan is finished, and nobody asks for more samples.
     """
-    from basecal.acquisition.capture import finished
+    from basecal.acquisition.capture import finished_count
 
-    recorded = finished(folder, sketch.cell)
+    recorded = finished_count(folder, sketch.cell)
     if recorded is None:
         return 0
     if not more:
@@ -89,12 +89,12 @@ def checked_plan(
         limits: How fast.
         asks_controllers: Whether controllers are asked, too: some run a program for that.
     """
-    from basecal.acquisition.rig import asks_of, movers
+    from basecal.acquisition.rig import goal_checks, movers
     from basecal.planning.plan_check import check_plan
 
     sent = movers(rig)
     home = {name: robot.state().state for name, robot in rig.robots.items() if robot.is_live or name in sent}
-    return check_plan(sketch, home, plan, limits, asks_of(sent if asks_controllers else dict.fromkeys(sent)))
+    return check_plan(sketch, home, plan, limits, goal_checks(sent if asks_controllers else dict.fromkeys(sent)))
 
 
 def refuse(found: PlanCheck, samples: int) -> None:

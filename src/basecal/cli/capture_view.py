@@ -36,9 +36,9 @@ class CaptureView:
 
     def rig(self, rig: Rig) -> Rig:
         """A rig whose pictures are shown."""
-        from basecal.acquisition.watching import watched
+        from basecal.acquisition.watching import watch_rig
 
-        return watched(rig, self.watch)
+        return watch_rig(rig, self.watch)
 
     def tell(self, words: str) -> None:
         """Tell what is done now."""
@@ -77,9 +77,9 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
     watch = Watch()
     with ExitStack() as shown:
         if web:
-            from basecal.reporting.live.page import served
+            from basecal.reporting.live.page import serve_page
 
-            say(f"the capture is shown at {shown.enter_context(served(watch, cell, port))}", sys.stderr)
+            say(f"the capture is shown at {shown.enter_context(serve_page(watch, cell, port))}", sys.stderr)
         live = [*(each.is_live for each in rig.robots.values()), *(each.is_live for each in rig.cameras.values())]
         is_asked = not all(live)
         is_seen = is_terminal(sys.stdout) and not quiet and not is_asked
@@ -89,7 +89,9 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
 
             from basecal.reporting.live.terminal import terminal_view
 
-            shown.enter_context(Live(get_renderable=lambda: terminal_view(watch.glance), refresh_per_second=_A_SECOND))
+            shown.enter_context(
+                Live(get_renderable=lambda: terminal_view(watch.snapshot), refresh_per_second=_A_SECOND)
+            )
         yield CaptureView(watch, key, not is_seen and not quiet)
         watch.end("over")
 

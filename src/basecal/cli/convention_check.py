@@ -25,9 +25,9 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
     Returns:
         Whether it was certainly read otherwise than it was meant.
     """
-    from basecal.accuracy.at_the_door.quick_look import QuickLook, looked_at, quick_look
+    from basecal.accuracy.input_screening.quick_look import QuickLook, preview_samples, quick_look
 
-    few = looked_at(recording)
+    few = preview_samples(recording)
     try:
         if any(sample.images for sample in few.samples):
             from basecal.vision.detect import detect

@@ -18,11 +18,11 @@ Step = Callable[[int, int], None]
 
 def detected_recording(folder: Path, cell: Cell) -> Recording:
     """The recording of a cell's folder with what is detected in its images; a bar shows how far the detection is."""
-    from basecal.accuracy.at_the_door.images import worth_searching
+    from basecal.accuracy.input_screening.images import needs_search
     from basecal.cell.files import read_recording
 
     recording = read_recording(folder, cell)
-    if not worth_searching(cell, recording):
+    if not needs_search(cell, recording):
         return recording
     from basecal.vision.detect import detect
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_origin
 
 from cyclopts import App, Parameter
 
-from basecal.accuracy.at_the_door.importing import import_into
+from basecal.accuracy.input_screening.importing import import_into
 from basecal.cli.convention_check import say_conventions
 from basecal.cli.detected import counting
 from basecal.cli.next_step import next_step

@@ -41,15 +41,15 @@ def ros2_cell(domain: int | None, robots: Mapping[str, str], fields: Mapping[str
         DriverError: if nobody sends anything.
         InputError: if no robot is found in it.
     """
-    from basecal.acquisition.ros2.dds import domain_of
-    from basecal.acquisition.ros2.heard import heard, survey_of_what_runs
+    from basecal.acquisition.ros2.dds import choose_domain
+    from basecal.acquisition.ros2.listening import listen_to_topics, survey_of_what_runs
     from basecal.cell.files import cell_from_dict
     from basecal.cell.format.yaml_text import yaml_text
     from basecal.exchange.bags.choice import chosen
     from basecal.exchange.bags.entry import bag_entry, urdf_name
     from basecal.exchange.bags.sources import Asked, ByJoints
 
-    bag = heard(domain_of(domain), LISTEN_S)
+    bag = listen_to_topics(choose_domain(domain), LISTEN_S)
     say(f"messages heard in {LISTEN_S:g} s:")
     for topic in sorted(bag.topics.values()):
         say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")

@@ -74,11 +74,11 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
         calibration,
         stored.details,
         title=os.fsencode(cell_name).decode(errors="replace"),
-        made=_made(stored.run),
+        time=_made(stored.run),
         run=stored.run.name,
         notes=notes,
         outlook=() if stored.changed else _outlook(cell, stored.recording, calibration),
-        verified=[each for each in read_verifications(stored.run.parent.parent) if each.run == stored.run.name],
+        verifications=[each for each in read_verifications(stored.run.parent.parent) if each.run == stored.run.name],
     )
     write_whole(path, html, within=stored.run.parent.parent)
     return path
@@ -102,7 +102,7 @@ def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequ
 
 def print_page_path(run: Path) -> None:
     """Print to stderr where the page of a run is; from here where the line is too long else."""
-    from basecal.reporting.summary import WIDTH
+    from basecal.reporting.summary import LINE_WIDTH
 
     if sys.stderr is not None:
         path = str(run / FILE)
@@ -111,7 +111,7 @@ def print_page_path(run: Path) -> None:
         except (OSError, ValueError):  # there is no working folder, or it is on another drive
             from_here = path
         line = f"page: {path}"
-        say(line if len(line) <= WIDTH else f"page: {min(path, from_here, key=len)}", sys.stderr)
+        say(line if len(line) <= LINE_WIDTH else f"page: {min(path, from_here, key=len)}", sys.stderr)
 
 
 def _made(run: Path) -> datetime | None:

@@ -113,13 +113,13 @@ def _planned(
 ) -> Plan:
     """Samples all around, or whole stations of programmed shifts."""
     from basecal.planning.plan import offered_stations, plan_for_task
-    from basecal.planning.stations import SAMPLES
+    from basecal.planning.stations import STATION_SAMPLES
 
     if pattern == "poses":
         return plan_for_task(cell, recording, calibration, points_m, tolerance_m, count, seed)
     offered = offered_stations(cell, recording, calibration, seed)
     return plan_for_task(
-        cell, recording, calibration, points_m, tolerance_m, count, seed, offered=offered, together=SAMPLES
+        cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
     )
 
 

@@ -36,17 +36,17 @@ def publish_transforms(calibration: Calibration, cell: Cell, transform: str | No
         FrameNotFound: if there is no such transform.
         MissingExtra: if cyclonedds or rosbags is not installed.
     """
-    from basecal.acquisition.ros2.dds import domain_of
-    from basecal.acquisition.ros2.static_frames import TOPIC, send_static
+    from basecal.acquisition.ros2.dds import choose_domain
+    from basecal.acquisition.ros2.static_frames import STATIC_TOPIC, send_static
     from basecal.errors import RefusedCalibration
     from basecal.exchange.exports.choice import chosen_transforms
 
     if calibration.verdict == "refused":
         raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
-    found, where = chosen_transforms(calibration, cell, transform), domain_of(domain)
+    found, where = chosen_transforms(calibration, cell, transform), choose_domain(domain)
     sender = send_static(where, [(one.parent, one.child, one.estimate.mean) for one in found])
     for one in found:
-        say(f"on {TOPIC} in domain {where}: {one.parent} to {one.child}")
+        say(f"on {STATIC_TOPIC} in domain {where}: {one.parent} to {one.child}")
     if calibration.verdict == "doubtful":
         say("basecal: warning: the calibration is doubtful: look at its report", sys.stderr)
     say("sent, also to those who come later, until Ctrl-C")

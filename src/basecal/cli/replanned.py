@@ -59,7 +59,7 @@ class Replanned:
     ) -> None:
         import numpy as np
 
-        from basecal.acquisition.capture import given_up
+        from basecal.acquisition.capture import abandoned_samples
         from basecal.acquisition.replanning import replanner
         from basecal.cell.files import read_plan
         from basecal.planning.plan import MOST_SAMPLES
@@ -71,10 +71,10 @@ class Replanned:
         self._taken = taken = taken_so_far(folder, sketch.cell)
         home = {name: robot.state().state for name, robot in rig.robots.items()}
         offered = () if plan is None else read_plan(plan, folder, sketch.cell)
-        self._tolerance_m, self._before, self._most = task.tolerance_m, len(taken), most or MOST_SAMPLES
+        self._tolerance_m, self._preceding_records, self._most = task.tolerance_m, len(taken), most or MOST_SAMPLES
         points = np.array(task.points_m)
         self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
-        self._given_up = [*given_up(folder, sketch.cell)]
+        self._given_up = [*abandoned_samples(folder, sketch.cell)]
         self.samples = self(taken, self._given_up)
 
     def leave_out(self, refused: Sequence[Sample]) -> Sequence[Sample]:
@@ -85,7 +85,7 @@ class Replanned:
     def __call__(self, taken: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
         """What is still to be taken, no more than is left of the most."""
         self._latest = self._replanner.plan(taken, bad)
-        self._left = max(self._most - (len(taken) - self._before), 0)
+        self._left = max(self._most - (len(taken) - self._preceding_records), 0)
         self.samples = self._latest.samples[: self._left]
         return self.samples
 

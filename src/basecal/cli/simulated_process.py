@@ -58,7 +58,7 @@ def run_process(
         try:
             server.serve_forever(poll_interval=0.1)
         finally:
-            server.rest()
+            server.refuse_requests()
             server.plant.close()
             (folder / ADDRESS_FILE).unlink(missing_ok=True)
     return 0
@@ -90,11 +90,11 @@ def simulated_process(folder: Path, target: str, seed: int = 0, faults: Sequence
 
 def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:
     from basecal.simulation.running.two_arms import two_arms
-    from basecal.simulation.running.world_file import read_world, write_truth_of, write_world
+    from basecal.simulation.running.world_file import read_world, write_world, write_world_truth
 
     if (folder / "cell.yaml").exists():
         world = read_world(folder, faults)
-        write_truth_of(world, folder)
+        write_world_truth(world, folder)
         return world
     if target in ("pose", "points3d"):
         raise InputError(f"a running cell gives pictures; {target!r} is not seen in them: choose a target that is")
@@ -111,9 +111,9 @@ def _draws_surroundings(renderer: RendererName) -> bool:
     """
     if renderer == "analytic":
         return False
-    from basecal.simulation.surroundings.graphics import why_none
+    from basecal.simulation.surroundings.graphics import missing_graphics
 
-    why = why_none()
+    why = missing_graphics()
     if why is not None and renderer == "mujoco":
         raise InputError(why)
     if why is not None:

@@ -99,13 +99,13 @@ def _verified(cell: Path, described: Cell, run: Path, new: Recording) -> Verific
     """What new samples say of a run, appended to the cell's verifications."""
     from datetime import UTC, datetime
 
-    from basecal.accuracy.drift.history import past_verification
+    from basecal.accuracy.drift.history import record_verification
     from basecal.accuracy.drift.verify import verify as verified
     from basecal.cell.files import append_verification, read_calibration
 
     found = verified(described, read_calibration(run), new)
     name = (run if run.is_dir() else run.parent).resolve().name
-    append_verification(cell, past_verification(found, datetime.now(UTC), name))
+    append_verification(cell, record_verification(found, datetime.now(UTC), name))
     return found
 
 

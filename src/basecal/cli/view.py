@@ -33,7 +33,7 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
     """
     from basecal.cell.files import read_calibration, read_cell, run_folder, runs_of
     from basecal.estimation.streams.streams import synchronous
-    from basecal.reporting.viewing.page import Viewed, served
+    from basecal.reporting.viewing.page import Viewed, serve_view
 
     described, runs = read_cell(cell), runs_of(cell)
     if not runs:
@@ -41,7 +41,7 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
     latest = read_calibration(run_folder(cell, runs[0]))
     recording = synchronous(described, detected_recording(cell, described), latest)
     viewed = Viewed(described, recording, cell, runs, lambda name: read_calibration(run_folder(cell, name)))
-    with served(viewed, port) as address:
+    with serve_view(viewed, port) as address:
         say(f"{address}\nopen this in a browser; Ctrl-C ends it")
         Event().wait()
     return 0

@@ -11,7 +11,7 @@ from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
 from basecal.effects.faces.views import Views, carried
 from basecal.geometry import Array
-from basecal.geometry.rotation import hat
+from basecal.geometry.rotation import cross_matrix
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
@@ -29,8 +29,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
 def _moves(views: Views, k: int, robot: str) -> Array:
     pose = views.recorded_pose(k, robot)
     turns = np.zeros((len(pose), 6, 3))
-    turns[:, 3:] = hat(pose.translation)
-    return views.by_flange(k, robot) @ pose.inverse().adjoint() @ turns
+    turns[:, 3:] = cross_matrix(pose.translation)
+    return views.flange_jacobian(k, robot) @ pose.inverse().adjoint() @ turns
 
 
 def words(found: FoundEffect) -> Words:

@@ -31,7 +31,7 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
 
     def by_time(views: Views, k: int, robot: str) -> Array:
         """How views of a group move by the unit of time of a robot, (n, 6, 1)."""
-        return views.by_flange(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
+        return views.flange_jacobian(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
         arms = [[r for r in paths if g.end_of(r)] if g.camera == camera else [] for g in groups]
@@ -66,6 +66,6 @@ EFFECT = Effect(
         "size": "basecal.estimation.noise.hyperpriors: jitter of stamps",
         "unknown": "basecal.accuracy.clocks",
         "random": "basecal.estimation.streams.jitter",
-        "map": "basecal.accuracy.clocks.settle widens the answer by it",
+        "map": "basecal.accuracy.clocks.correction widens the answer by it",
     },
 )

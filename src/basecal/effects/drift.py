@@ -22,7 +22,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
         """How views of a group move, (n, 6, 6)."""
         if not views.depends(k, name):
             return None
-        return share[views.rank(views.groups[k])][:, None, None] * views.by_frame(k, name)
+        return share[views.rank(views.groups[k])][:, None, None] * views.frame_jacobian(k, name)
 
     for name in views.frames:
         yield one_candidate("drift", name, "", tuple(by_time(k, name) for k in range(len(views.groups))))

@@ -13,7 +13,7 @@ from basecal.effects.faces.views import Views
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each fixed base and mount, by any tangent."""
     for name in views.fixed:
-        moves = (views.by_frame(k, name) if views.depends(k, name) else None for k in range(len(views.groups)))
+        moves = (views.frame_jacobian(k, name) if views.depends(k, name) else None for k in range(len(views.groups)))
         yield one_candidate("fixed-contradicted", name, "", tuple(moves))
 
 

@@ -23,7 +23,7 @@ def _moves(views: Views, k: int, robot: str) -> Array:
     pose = views.recorded_pose(k, robot)
     outward = np.zeros((len(views.groups[k]), 6, 1))
     outward[:, :3] = pose.rotation.mT @ pose.translation[..., None]
-    return views.by_flange(k, robot) @ outward
+    return views.flange_jacobian(k, robot) @ outward
 
 
 def words(found: FoundEffect) -> Words:

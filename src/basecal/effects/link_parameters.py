@@ -47,12 +47,12 @@ def columns(chain: SerialChain, stated: Stated) -> Columns:
 
 def moved(chain: SerialChain, values: Array) -> SerialChain:
     """The chain with its origins moved."""
-    return chain.moved(values) if np.any(values) else chain
+    return chain.perturb_links(values) if np.any(values) else chain
 
 
 def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     """Of the flange to each origin."""
-    links = posture.true.by_links
+    links = posture.true.link_derivative
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
     turned = by_link @ right_jacobian(values)[..., None, :, :, :]
     return np.asarray(np.swapaxes(turned, -2, -3).reshape(links.shape))
@@ -95,7 +95,7 @@ def entry(values: Array) -> str:
 
 def shared_errors(posture: Posture) -> SharedErrors:
     """A shift and a rotation of each origin, and of the tip."""
-    return SharedErrors(posture.true.by_links, np.tile(np.repeat([False, True], 3), posture.chain.n + 1))
+    return SharedErrors(posture.true.link_derivative, np.tile(np.repeat([False, True], 3), posture.chain.n + 1))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:

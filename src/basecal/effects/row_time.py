@@ -28,7 +28,7 @@ EFFECT = Effect(
         "statement": "basecal.cell.schema.rolling_shutter",
         "size": "basecal.cell.schema.rolling_shutter: stated with its sigma",
         "unknown": "basecal.accuracy.clocks",
-        "words": "basecal.accuracy.clocks.settle",
+        "words": "basecal.accuracy.clocks.correction",
     },
     absent={
         "random": "a camera has one row time for all images",

@@ -30,7 +30,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
         if not views.depends(k, name):
             return None
         is_after = views.rank(views.groups[k])[:, None] >= splits
-        return np.asarray(is_after[..., None, None] * views.by_frame(k, name)[:, None])
+        return np.asarray(is_after[..., None, None] * views.frame_jacobian(k, name)[:, None])
 
     for name in views.frames:
         moves = tuple(after(k, name) for k in range(len(views.groups)))

@@ -13,7 +13,7 @@ from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import Words
 from basecal.effects.faces.target_parameter import TargetParameter
 from basecal.geometry import Array
-from basecal.geometry.rotation import hat
+from basecal.geometry.rotation import cross_matrix
 from basecal.numerics.spectral import dimension, least_norm, principal_axes
 
 _BOW = 3e-3  # one sigma of a coefficient, of the half size: the middle of the 0.1 to 0.6 % of printed boards
@@ -57,7 +57,7 @@ def _unit_point_shifts(points_in_target: Array) -> Array:
     """Each coordinate of each point alone, the rigid motions projected out, (p, 3, 3p) [m per sigma]."""
     centred = points_in_target - points_in_target.mean(0)
     count = len(points_in_target)
-    rigid = np.concatenate([np.broadcast_to(np.eye(3), (count, 3, 3)), hat(centred)], -1).reshape(3 * count, 6)
+    rigid = np.concatenate([np.broadcast_to(np.eye(3), (count, 3, 3)), cross_matrix(centred)], -1).reshape(3 * count, 6)
     onto = np.linalg.qr(rigid)[0]
     half = float(np.linalg.norm(centred, axis=1).max())
     return np.asarray(_POINT * half * (np.eye(3 * count) - onto @ onto.T)).reshape(count, 3, 3 * count)

@@ -8,12 +8,12 @@ import numpy as np
 
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import InputError
-from basecal.estimation.axis_shift.stations import find_stations, fused
+from basecal.estimation.axis_shift.stations import find_stations, fuse_bases
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
 from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
-from basecal.estimation.observability.observability import Observability, observability_of, sparse_observability
+from basecal.estimation.observability.observability import Observability, analyse_observability, sparse_observability
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
@@ -173,7 +173,7 @@ def solve_at_mode(
         if end.sparse is not None:
             seen = sparse_observability(problem, end.state, end.sparse, noise.factor)
         if seen is None:
-            seen = observability_of(problem, end.state, end.normal.hessian, noise.factor)
+            seen = analyse_observability(problem, end.state, end.normal.hessian, noise.factor)
     covariance = seen.inverse * min(noise.factor, _LARGEST_FACTOR)
     return Solution(problem, end.state, covariance, seen, noise, end.cost, dof, end.converged, findings)
 
@@ -220,7 +220,7 @@ def shifted_state(problem: Problem, cell: Cell) -> State:
         raise InputError("start 'axis-shift' needs the lens of every camera: state its intrinsics")
     cameras = lenses(problem, cell)
     stations = find_stations(problem, cameras)
-    eye_base_from_hand_base = fused([s.base() for s in stations], [1.0] * len(stations))
+    eye_base_from_hand_base = fuse_bases([s.base() for s in stations], [1.0] * len(stations))
     transforms = {name: unknown.mean or SE3.identity() for name, unknown in problem.unknowns.items()}
     group = next(g for g in problem.groups if (g.camera, g.target) == (stations[0].camera, stations[0].target))
     placed = group.placed_base(eye_base_from_hand_base, transforms, transforms)

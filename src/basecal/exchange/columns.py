@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, listed
-from basecal.fields.problems import short
+from basecal.fields.problems import shorten
 from basecal.geometry import Array
 
 
@@ -103,7 +103,7 @@ def _numbers(path: str, line: int, row: Sequence[str], header: Sequence[str]) ->
         try:
             numbers.append(float(cell))
         except ValueError:
-            raise DatasetError(path, f"{short(cell)} is not a number", line, name) from None
+            raise DatasetError(path, f"{shorten(cell)} is not a number", line, name) from None
         if not abs(numbers[-1]) <= _LARGEST:
-            raise DatasetError(path, f"{short(cell)} is not finite, or beyond {_LARGEST:g}", line, name)
+            raise DatasetError(path, f"{shorten(cell)} is not finite, or beyond {_LARGEST:g}", line, name)
     return numbers

@@ -11,8 +11,8 @@ from typing import Any
 
 from basecal.cell.format.yaml_text import LARGEST_BYTES, parse_yaml, read_text
 from basecal.errors import DatasetError, InputError, listed, nearest
-from basecal.fields.problems import Loc, field_name, line_of, short
-from basecal.fields.values import LARGEST
+from basecal.fields.problems import Loc, field_name, line_number, shorten
+from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3
 
 _END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS ends every message that it prints with one
@@ -36,7 +36,7 @@ class Field:
 
     def error(self, message: str) -> DatasetError:
         """What is wrong here, to be raised."""
-        return DatasetError(self.path, message, line_of(self.loc, self.lines), field_name(self.loc) or None)
+        return DatasetError(self.path, message, line_number(self.loc, self.lines), field_name(self.loc) or None)
 
     def first(self, *names: str) -> Field | None:
         """The first of these fields that is written; None where none is, or this is no mapping."""
@@ -52,7 +52,7 @@ class Field:
         if (found := self.first(*names)) is not None:
             return found
         if not isinstance(self.data, dict):
-            raise self.error(f"is {short(self.data)}, expected a mapping with {names[0]!r}")
+            raise self.error(f"is {shorten(self.data)}, expected a mapping with {names[0]!r}")
         there = [name for name in self.data if self.data[name] is not None]
         raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {listed(there)}")
 
@@ -63,7 +63,7 @@ class Field:
             DatasetError: if it is no list, or an empty one.
         """
         if not isinstance(self.data, list) or not self.data:
-            found = "an empty list" if self.data == [] else short(self.data)
+            found = "an empty list" if self.data == [] else shorten(self.data)
             raise self.error(f"is {found}, expected a list of {kind}")
         return [Field(self.path, item, self.lines, (*self.loc, i)) for i, item in enumerate(self.data)]
 
@@ -74,7 +74,7 @@ class Field:
             DatasetError: if it is none.
         """
         if not isinstance(self.data, str):
-            raise self.error(f"is {short(self.data)}, expected text")
+            raise self.error(f"is {shorten(self.data)}, expected text")
         return self.data
 
     def yes(self) -> bool:
@@ -84,7 +84,7 @@ class Field:
             DatasetError: if it is neither.
         """
         if not isinstance(self.data, int) or self.data not in (0, 1):
-            raise self.error(f"is {short(self.data)}, expected true or false")
+            raise self.error(f"is {shorten(self.data)}, expected true or false")
         return bool(self.data)
 
     def number(self) -> float:
@@ -96,9 +96,9 @@ class Field:
         data = self.data
         is_number = isinstance(data, int | float) and not isinstance(data, bool)
         if not is_number or (isinstance(data, float) and not math.isfinite(data)):
-            raise self.error(f"is {short(data)}, expected a number")
-        if abs(data) > LARGEST:
-            raise self.error(f"is {short(data)}, beyond {LARGEST:g}")
+            raise self.error(f"is {shorten(data)}, expected a number")
+        if abs(data) > LARGEST_VALUE:
+            raise self.error(f"is {shorten(data)}, beyond {LARGEST_VALUE:g}")
         return float(data)
 
     def whole(self, low: int = 1) -> int:
@@ -109,7 +109,7 @@ class Field:
         """
         number = self.number()
         if number != int(number) or number < low:
-            raise self.error(f"is {short(self.data)}, expected a whole number from {low}")
+            raise self.error(f"is {shorten(self.data)}, expected a whole number from {low}")
         return int(number)
 
     def numbers(self, *counts: int) -> list[float]:

@@ -15,7 +15,7 @@ from numpy.lib import format as npy
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, listed
-from basecal.fields.problems import CAUSE, short
+from basecal.fields.problems import CAUSE_LENGTH, shorten
 from basecal.geometry import Array
 
 LARGEST_BYTES = 2**27
@@ -54,7 +54,7 @@ def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
     except DatasetError:
         raise
     except (ValueError, EOFError, RuntimeError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})") from None
+        raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE_LENGTH]})") from None
 
 
 def _unpacked(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
@@ -87,13 +87,13 @@ def _numbers(name: str, key: str, file: IO[bytes], size: int) -> Array:
         read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, by_columns, dtype = read_header(file)
     except _HEADER_ERRORS as error:
-        raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE]})", field=key) from None
+        raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE_LENGTH]})", field=key) from None
     if dtype.kind not in "iuf":
         kind = DatasetError if dtype.hasobject else _NotNumbers
-        raise kind(name, f"not a NumPy archive of numbers: holds {short(str(dtype))}, expected numbers", field=key)
+        raise kind(name, f"not a NumPy archive of numbers: holds {shorten(str(dtype))}, expected numbers", field=key)
     count = math.prod(shape)
     if min(shape, default=0) < 0 or not count * dtype.itemsize <= min(size, LARGEST_BYTES):
-        raise DatasetError(name, f"a header of shape {short(list(shape))} does not suit {size} bytes", field=key)
+        raise DatasetError(name, f"a header of shape {shorten(list(shape))} does not suit {size} bytes", field=key)
     content = file.read(count * dtype.itemsize)
     if len(content) != count * dtype.itemsize:
         raise DatasetError(name, "is cut off", field=key)

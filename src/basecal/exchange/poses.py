@@ -14,8 +14,8 @@ import numpy as np
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.columns import MOST_POSES, read_columns, text_of
 from basecal.exchange.npz import read_arrays
-from basecal.fields.problems import short
-from basecal.fields.values import LARGEST
+from basecal.fields.problems import shorten
+from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
 LengthUnit = Literal["m", "mm"]
@@ -87,8 +87,8 @@ def _each(
             found.append(make(row))
         except InputError as error:
             raise DatasetError(path, str(error), *where(i)) from None
-        if not np.all(np.abs(found[-1].translation) <= LARGEST):
-            raise DatasetError(path, f"a translation is beyond {LARGEST:g}: is this the length unit?", *where(i))
+        if not np.all(np.abs(found[-1].translation) <= LARGEST_VALUE):
+            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *where(i))
     return SE3.stack(found)
 
 
@@ -111,7 +111,7 @@ def _from_text(path: str) -> tuple[Array, Sequence[int]]:
         try:
             values.extend([float(word) for word in words])
         except ValueError:
-            raise DatasetError(path, f"not a row of numbers: {short(' '.join(words))}", number) from None
+            raise DatasetError(path, f"not a row of numbers: {shorten(' '.join(words))}", number) from None
         lines.append(number)
     if not lines or len(lines) % 4:
         raise DatasetError(path, f"{len(lines)} rows of numbers, expected 4 for every 4x4 matrix, at least one matrix")

@@ -10,7 +10,7 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.euler import rpy_of_rotation
-from basecal.kinematics import SerialChain, parse_chain, way_names
+from basecal.kinematics import SerialChain, parse_chain, path_joint_names
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -69,7 +69,7 @@ def corrected_urdf(
     for name, move in zip(chain.joint_names, joint_moves, strict=True):
         _move(by_name[name], move)
     if np.any(tip_move.log()):
-        last = way_names(text, base_link, flange_link)[-1]
+        last = path_joint_names(text, base_link, flange_link)[-1]
         if last in chain.joint_names:
             raise InputError(
                 f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}: "

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from basecal.errors import DatasetError
 
 Loc = tuple[str | int, ...]
-SHORT = 60
+SHORT_LENGTH = 60
 """Characters of a value in a message: what a line still has room for."""
 
-CAUSE = 200
+CAUSE_LENGTH = 200
 """Characters of another library's message, of which the first say what is wrong."""
 
 _HUGE_BITS = 64  # of a whole number that is not written out
@@ -32,7 +32,7 @@ def field_name(loc: Loc) -> str:
     return text.removeprefix(".")
 
 
-def short(value: Any) -> str:
+def shorten(value: Any) -> str:
     """A value in a few characters, whatever it is."""
     if isinstance(value, dict):
         return "a mapping"
@@ -41,10 +41,10 @@ def short(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > _HUGE_BITS:
         return "a huge integer"
     text = repr(value)
-    return text if len(text) <= SHORT else f"{text[:SHORT]}..."
+    return text if len(text) <= SHORT_LENGTH else f"{text[:SHORT_LENGTH]}..."
 
 
-def line_of(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
+def line_number(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
     """Line of a place, or of the nearest thing around it that is written."""
     for end in range(len(loc), -1, -1):
         if loc[:end] in lines:
@@ -54,7 +54,7 @@ def line_of(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
 
 def dataset_error(path: str, problems: Iterable[Problem], lines: Mapping[Loc, int]) -> DatasetError:
     """One error that tells every problem on a line of its own, in the order of the file."""
-    distinct = {(line_of(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
+    distinct = {(line_number(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
     errors = [
         DatasetError(path, problem.message, line or None, field or None)
         for (line, field, _), problem in sorted(distinct.items(), key=lambda item: item[0])

@@ -13,10 +13,10 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic import field_validator as checks
 
 from basecal.errors import nearest
-from basecal.fields.problems import SHORT, short
+from basecal.fields.problems import SHORT_LENGTH, shorten
 from basecal.geometry import SE3
 
-LARGEST = 1e6
+LARGEST_VALUE = 1e6
 """Of any number, [m, px, rad]: a thousand kilometres; its square times any number of samples is far from overflow."""
 
 SMALLEST_LENGTH_M, LARGEST_LENGTH_M = 1e-6, 1e3
@@ -25,8 +25,8 @@ SMALLEST_LENGTH_M, LARGEST_LENGTH_M = 1e-6, 1e3
 SMALLEST_SIGMA = 1e-12
 """[m, px, rad]: below what any instrument has; the inverse of its square is far from overflow."""
 
-_NO_TURN = 1e-9  # of a rotation matrix from the identity: beyond the digits in which it was written
-_TURN_RAD = 2 * np.pi * 1.001  # [rad] with room for the digits in which a turn was written
+_IDENTITY_TOLERANCE = 1e-9  # of a rotation matrix from the identity: beyond the digits in which it was written
+_FULL_TURN_RAD = 2 * np.pi * 1.001  # [rad] with room for the digits in which a turn was written
 _ROTATIONS = ("q_xyzw", "rotvec_rad", "rpy_deg")
 
 
@@ -39,7 +39,7 @@ def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
         values = [value] * (count or 1) if single else value
         if count not in (None, len(values)) or not values or not all(map(_is_sigma, values)):
             many = "a list of them" if count is None else f"{count} of them"
-            raise ValueError(f"expected one positive number or {many}, got {short(value) if single else value}")
+            raise ValueError(f"expected one positive number or {many}, got {shorten(value) if single else value}")
         return [float(v) for v in values]
 
     return check
@@ -47,12 +47,12 @@ def _sigmas(count: int | None) -> Callable[[Any], list[float]]:
 
 def _sigma(value: Any) -> Any:
     if not _is_sigma(value):
-        raise ValueError(f"expected a positive number, got {short(value)}")
+        raise ValueError(f"expected a positive number, got {shorten(value)}")
     return value
 
 
 def _is_sigma(value: Any) -> bool:
-    return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST
+    return isinstance(value, int | float) and value is not True and SMALLEST_SIGMA <= value <= LARGEST_VALUE
 
 
 def known_names(kind: str, names: tuple[str, ...]) -> AfterValidator:
@@ -61,7 +61,9 @@ def known_names(kind: str, names: tuple[str, ...]) -> AfterValidator:
     def check(name: str) -> str:
         """The name, if it is known."""
         if name not in names:
-            raise ValueError(f"no {kind} {name[:SHORT]!r}{nearest(name[:SHORT], names)}; there are: {', '.join(names)}")
+            raise ValueError(
+                f"no {kind} {name[:SHORT_LENGTH]!r}{nearest(name[:SHORT_LENGTH], names)}; there are: {', '.join(names)}"
+            )
         return name
 
     return AfterValidator(check)
@@ -72,9 +74,9 @@ def empty(value: Any) -> Any:
     return {} if value is None else value
 
 
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Number = Annotated[float, Field(ge=-LARGEST_VALUE, le=LARGEST_VALUE)]
 Length = Annotated[float, Field(ge=SMALLEST_LENGTH_M, le=LARGEST_LENGTH_M)]
-Pixels = Annotated[float, Field(gt=0, le=LARGEST)]
+Pixels = Annotated[float, Field(gt=0, le=LARGEST_VALUE)]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Sigma = Annotated[float, BeforeValidator(_sigma)]
 Sigma2 = Annotated[list[float], BeforeValidator(_sigmas(2))]
@@ -84,15 +86,15 @@ Status = Literal["fixed", "prior", "free"]
 _Row = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 
-_TWO = Field(min_length=2, max_length=2)
+_PAIR = Field(min_length=2, max_length=2)
 MOST_POINTS = 1000
 """Squares along a side, or tags of a target: more than any detector finds."""
 
-_MOST_SIDE = 100_000  # [px] of an image, ten times what sensors have
+_LARGEST_SIDE_PX = 100_000  # [px] of an image, ten times what sensors have
 # Two whole numbers: the sides of an image [px], squares or corners along both sides of a board.
-ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=_MOST_SIDE)]], _TWO]
-Squares = Annotated[list[Annotated[int, Field(ge=3, le=MOST_POINTS)]], _TWO]
-Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _TWO]
+ImageSize = Annotated[list[Annotated[int, Field(ge=1, le=_LARGEST_SIDE_PX)]], _PAIR]
+Squares = Annotated[list[Annotated[int, Field(ge=3, le=MOST_POINTS)]], _PAIR]
+Corners = Annotated[list[Annotated[int, Field(ge=2, le=MOST_POINTS)]], _PAIR]
 
 
 class Entry(BaseModel):
@@ -119,15 +121,15 @@ class PoseEntry(Entry):
 
     @checks("rotvec_rad")
     @classmethod
-    def _within_a_turn(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None and (length := float(np.linalg.norm(value))) > _TURN_RAD:
+    def _check_rotvec(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (length := float(np.linalg.norm(value))) > _FULL_TURN_RAD:
             expected = f"no rotation vector is longer than a turn, {2 * np.pi:.3g} rad"
             raise ValueError(f"has length {length:.3g}, {expected}: it looks like degrees, write radians")
         return value
 
     @checks("matrix")
     @classmethod
-    def _rigid(cls, value: list[list[float]] | None) -> list[list[float]] | None:
+    def _check_matrix(cls, value: list[list[float]] | None) -> list[list[float]] | None:
         if value is not None:
             SE3.from_matrix(value)
         return value
@@ -142,7 +144,7 @@ class UnknownEntry(PoseEntry):
     guess: PoseEntry | None = None
 
 
-def given(pose: PoseEntry) -> list[str]:
+def given_fields(pose: PoseEntry) -> list[str]:
     """Names of the fields of the pose that are written."""
     return [name for name in PoseEntry.model_fields if getattr(pose, name) is not None]
 
@@ -164,7 +166,7 @@ def full_pose(pose: PoseEntry) -> PoseEntry:
     Raises:
         ValueError: if not.
     """
-    names = given(pose)
+    names = given_fields(pose)
     rotations = [name for name in names if name in _ROTATIONS]
     if "matrix" in names and len(names) > 1:
         raise ValueError("expected `matrix` alone, without t_m and other rotations")
@@ -175,12 +177,12 @@ def full_pose(pose: PoseEntry) -> PoseEntry:
 
 
 def _point_pose(pose: PoseEntry) -> PoseEntry:
-    names = given(pose)
+    names = given_fields(pose)
     if not names:
         raise ValueError("expected t_m, the position of the point")
     if names != ["t_m"]:
         full_pose(pose)
-        if not np.allclose(pose_se3(pose).rotation, np.eye(3), atol=_NO_TURN):
+        if not np.allclose(pose_se3(pose).rotation, np.eye(3), atol=_IDENTITY_TOLERANCE):
             raise ValueError("a single point has no rotation; give t_m alone")
     return pose
 
@@ -194,7 +196,7 @@ def _check_status(entry: UnknownEntry, pose_check: Callable[[PoseEntry], PoseEnt
     if wanted - stated:
         raise ValueError(f"status prior needs {', '.join(sorted(wanted - stated))}")
     if entry.status == "free":
-        if given(entry):
+        if given_fields(entry):
             raise ValueError("status free takes no pose; write it as `guess: {...}`, or set status fixed or prior")
         if entry.guess is not None:
             pose_check(entry.guess)

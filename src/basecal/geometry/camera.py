@@ -103,7 +103,7 @@ class Camera:
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
-            beside = _beside(self.parameters, points)
+            beside = _broadcast_parameters(self.parameters, points)
             return _pixels(*self._lens.project(points, beside[4:]), beside)
 
     def project_with_derivatives(
@@ -124,7 +124,7 @@ class Camera:
             InputError: if the last axis is not 3.
         """
         pixels, image = self.image(points_in_camera, intrinsics)
-        by_parameters = None if image.by_terms is None else _by_parameters(image.u, image.v, image.by_terms)
+        by_parameters = None if image.by_terms is None else _parameter_derivative(image.u, image.v, image.by_terms)
         return pixels, image.by_points, by_parameters
 
     def image(self, points_in_camera: Array, terms: bool) -> tuple[Array, Projection]:
@@ -136,7 +136,7 @@ class Camera:
             InputError: if the last axis is not 3.
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
-        beside = _beside(self.parameters, points)
+        beside = _broadcast_parameters(self.parameters, points)
         with np.errstate(all="ignore"):
             image = self._lens.project_with_derivatives(points, (beside[0], beside[1]), beside[4:], terms)
             return _pixels(image.u, image.v, beside), image
@@ -168,7 +168,7 @@ class Camera:
         """
         points = _last_axis(points_in_camera, 3, "points_in_camera")
         with np.errstate(all="ignore"):
-            seen = self._lens.within(points, self.distortion.tolist())
+            seen = self._lens.domain_mask(points, self.distortion.tolist())
         if self.size_px is None:
             return seen
         pixels = self.project(points)
@@ -176,7 +176,7 @@ class Camera:
         return inside
 
 
-def _beside(parameters: Array, points: Array) -> list[Number]:
+def _broadcast_parameters(parameters: Array, points: Array) -> list[Number]:
     """Each parameter as what multiplies values (...,) of points (..., 3): a number, or an array over the lenses."""
     if parameters.ndim == 1:
         numbers: list[Number] = parameters.tolist()
@@ -185,15 +185,15 @@ def _beside(parameters: Array, points: Array) -> list[Number]:
     return [each.reshape(each.shape + more) for each in to_front(parameters, -1)]
 
 
-def _pixels(u: Array, v: Array, beside: list[Number]) -> Array:
-    fx, fy, cx, cy = beside[:4]
+def _pixels(u: Array, v: Array, points: list[Number]) -> Array:
+    fx, fy, cx, cy = points[:4]
     out = np.empty((2, *u.shape))
     np.add(fx * u, cx, out=out[0, ...])
     np.add(fy * v, cy, out=out[1, ...])
     return to_back(out)
 
 
-def _by_parameters(u: Array, v: Array, d_terms: Array) -> Array:
+def _parameter_derivative(u: Array, v: Array, d_terms: Array) -> Array:
     """Derivative of the pixels to fx, fy, cx, cy and the distortion, (..., 2, 4 + k)."""
     out = to_back(np.empty((2, 4 + d_terms.shape[-1], *u.shape)), 2)
     for row, at in enumerate((u, v)):

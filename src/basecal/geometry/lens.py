@@ -47,8 +47,8 @@ Mapped = Callable[[Array, Array], Image]
 _MOST_STEPS = 60
 _TOLERANCE = 1e-12  # of the image [focal lengths]: 1e-9 px, above the rounding of the polynomials
 # Where the image grows by half or more, from so near the next step ends at rounding: it need not be looked at.
-_BEFORE_LAST, _REGULAR = 1e-7, 0.25
-_REAL = 1e-9  # imaginary parts of a root below this share of it are rounding
+_LAST_STEP, _LEAST_DETERMINANT = 1e-7, 0.25
+_IMAGINARY_SHARE = 1e-9  # imaginary parts of a root below this share of it are rounding
 
 
 class Lens(Protocol):
@@ -84,28 +84,28 @@ class Lens(Protocol):
     ) -> Projection:
         """The image of points, (..., 3), and the derivatives of the pixels, to the distortion if `terms`."""
 
-    def within(self, points: Array, distortion: list[float]) -> BoolArray:
+    def domain_mask(self, points: Array, distortion: list[float]) -> BoolArray:
         """Whether points lie where the model is one to one, (...,)."""
 
     def unproject(self, u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
         """Directions of any length, (..., 3), and whether each has the image (u, v) where the model is one to one."""
 
 
-def inverted(mapped: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:
+def invert_map(mapping: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, BoolArray]:
     """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) where a^2 + b^2 < limit, (...,).
 
     Newton's method from the image itself, kept inside the limit.
 
     Args:
-        mapped: From a and b, (...,) each, to their image and its derivative.
+        mapping: From a and b, (...,) each, to their image and its derivative.
         u: Of the image, (...,).
         v: Likewise.
         limit: How far out the map is one to one.
     """
-    a, b = _clipped(u, v, limit)
+    a, b = _clip_direction(u, v, limit)
     size = _TOLERANCE * (1 + np.sqrt(u * u + v * v))
     for _ in range(_MOST_STEPS):
-        at = mapped(a, b)
+        at = mapping(a, b)
         here, miss_u, miss_v = (a, b), u - at.u, v - at.v
         determinant = at.du_da * at.dv_db - at.du_db * at.dv_da
         square = miss_u * miss_u + miss_v * miss_v
@@ -114,15 +114,15 @@ def inverted(mapped: Mapped, u: Array, v: Array, limit: float) -> tuple[Array, B
             break
         step_a = (at.dv_db * miss_u - at.du_db * miss_v) / determinant
         step_b = (at.du_da * miss_v - at.dv_da * miss_u) / determinant
-        a, b = _clipped(a + step_a, b + step_b, limit)
-        if not np.any((square > _BEFORE_LAST**2) | (determinant < _REGULAR)):  # what is no number stays none
+        a, b = _clip_direction(a + step_a, b + step_b, limit)
+        if not np.any((square > _LAST_STEP**2) | (determinant < _LEAST_DETERMINANT)):  # what is no number stays none
             here, near = (a, b), np.isfinite(determinant)
             break
     valid = near & (determinant > 0) & (at.du_da + at.dv_db > 0)
     return np.stack([*here, np.ones_like(here[0])], -1), valid
 
 
-def _clipped(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
+def _clip_direction(a: Array, b: Array, limit: float) -> tuple[Array, Array]:
     s = a * a + b * b
     outside = s > limit
     if not outside.any():
@@ -142,7 +142,7 @@ def first_root(rising: Array) -> float:
     companion = np.eye(degree, k=-1)
     companion[0] = -rising[1 : degree + 1]
     mirrored = np.linalg.eigvals(companion)
-    real = mirrored.real[np.abs(mirrored.imag) <= _REAL * np.abs(mirrored)]
+    real = mirrored.real[np.abs(mirrored.imag) <= _IMAGINARY_SHARE * np.abs(mirrored)]
     largest = float(real.max(initial=0.0))
     return 1.0 / largest if largest > 0 else float("inf")
 

@@ -13,10 +13,10 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.geometry.array import Array
 
-_SERIES_BELOW = 0.5
-_NEXT = np.array([1, 2, 0])
-_FEW_TERMS, _FEW_TERMS_BELOW = 4, 0.03  # [rad] of the series: 0.03^8 over 9! is a sixtieth of rounding
-_TOPS: tuple[Callable[[Array, Array, Array], Array], ...] = (  # of x, its sine and its cosine
+_SERIES_LIMIT_RAD = 0.5
+_NEXT_AXIS = np.array([1, 2, 0])
+_SHORT_SERIES_TERMS, _SHORT_SERIES_LIMIT_RAD = 4, 0.03  # [rad] of the series: 0.03^8 over 9! is a sixtieth of rounding
+_NUMERATORS: tuple[Callable[[Array, Array, Array], Array], ...] = (  # of x, its sine and its cosine
     lambda x, sine, cosine: sine,
     lambda x, sine, cosine: 1 - cosine,
     lambda x, sine, cosine: x - sine,
@@ -27,8 +27,8 @@ _RECIPROCALS = np.array([[(-1) ** k / factorial(2 * k + first) for first in rang
 ROTATION_TOLERANCE = 1e-3
 
 
-def hat(w: Array) -> Array:
-    """The cross-product matrix, (..., 3) to (..., 3, 3): `hat(w) @ v == cross(w, v)`."""
+def cross_matrix(w: Array) -> Array:
+    """The cross-product matrix, (..., 3) to (..., 3, 3): `cross_matrix(w) @ v == cross(w, v)`."""
     out = np.zeros((*w.shape, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -w[..., 2], w[..., 1], -w[..., 0]
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = w[..., 2], -w[..., 1], w[..., 0]
@@ -45,10 +45,10 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
         count: How many of them, which go first: (count, ...).
     """
     largest = angle.max(initial=0.0)
-    all_small = bool(largest < _SERIES_BELOW)
-    small = all_small or angle < _SERIES_BELOW
+    all_small = bool(largest < _SERIES_LIMIT_RAD)
+    small = all_small or angle < _SERIES_LIMIT_RAD
     x2 = angle * angle if all_small else np.where(small, angle * angle, 0.0)
-    terms = _FEW_TERMS if largest < _FEW_TERMS_BELOW else len(_RECIPROCALS)
+    terms = _SHORT_SERIES_TERMS if largest < _SHORT_SERIES_LIMIT_RAD else len(_RECIPROCALS)
     coefficients = _RECIPROCALS[:terms, :count].reshape(-1, count, *[1] * angle.ndim)
     values: Array = coefficients[-1] * x2
     for coefficient in coefficients[-2:0:-1]:  # Horner's way
@@ -60,15 +60,15 @@ def exp_coefficients(angle: Array, count: int = 3) -> Array:
         sine, cosine = np.sin(x), np.cos(x)
         power = x
         for k in range(count):
-            values[k] = np.where(small, values[k], _TOPS[k](x, sine, cosine) / power)
+            values[k] = np.where(small, values[k], _NUMERATORS[k](x, sine, cosine) / power)
             power = power * x
     return values
 
 
 def cross(left: Array, right: Array) -> Array:
     """Cross products of vectors, (..., 3): `np.cross` in a third of its time."""
-    a, b = left[..., _NEXT], right[..., _NEXT]
-    product: Array = (left * b - right * a)[..., _NEXT]
+    a, b = left[..., _NEXT_AXIS], right[..., _NEXT_AXIS]
+    product: Array = (left * b - right * a)[..., _NEXT_AXIS]
     return product
 
 
@@ -90,7 +90,7 @@ def rotation_exp(w: Array) -> Array:
     angle = lengths(w)
     a, b = exp_coefficients(angle, 2)
     # The square of hat(w) is w w' - w'w I.
-    turned = hat(a[..., None] * w) + (b[..., None] * w)[..., :, None] * w[..., None, :]
+    turned = cross_matrix(a[..., None] * w) + (b[..., None] * w)[..., :, None] * w[..., None, :]
     return with_identity(turned, 1 - b * (angle * angle))
 
 
@@ -133,7 +133,7 @@ def quaternion_from_rotation(rotation: Array) -> Array:
 def rotation_from_quaternion(q_xyzw: Array) -> Array:
     """Rotation matrices of unit quaternions (x, y, z, w), (..., 4) to (..., 3, 3)."""
     v, w = q_xyzw[..., :3], q_xyzw[..., 3, None, None]
-    k = hat(v)
+    k = cross_matrix(v)
     return np.eye(3) + 2 * w * k + 2 * (k @ k)
 
 

@@ -18,8 +18,8 @@ from basecal.geometry.array import Array, read_only
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
     checked_rotation,
+    cross_matrix,
     exp_coefficients,
-    hat,
     lengths,
     quaternion_from_rotation,
     rotation_exp,
@@ -45,7 +45,7 @@ def _product(left: Array, right: Array) -> Array:
     return product
 
 
-def _turned(rotation: Array, vectors: Array) -> Array:
+def _rotate(rotation: Array, vectors: Array) -> Array:
     """Rotated vectors, likewise."""
     if rotation.ndim == 2:
         return np.asarray(vectors @ rotation.T, dtype=np.float64)
@@ -162,7 +162,7 @@ class SE3:
             raise InputError(f"xi has shape {x.shape}, expected (..., 6)")
         v, w = x[..., :3], x[..., 3:]
         a, b, c = exp_coefficients(lengths(w))[..., None, None]
-        cross, column = hat(w), x[..., :3, None]
+        cross, column = cross_matrix(w), x[..., :3, None]
         square = cross @ cross
         moved = c * (square @ column)
         moved += b * (cross @ column)
@@ -183,7 +183,7 @@ class SE3:
         """Tangents, (..., 6) [m, rad], with rotation angle in [0, pi]."""
         w = rotation_log(self.rotation)
         _, b, c = exp_coefficients(np.linalg.norm(w, axis=-1))
-        k = hat(w)
+        k = cross_matrix(w)
         left = np.eye(3) + b[..., None, None] * k + c[..., None, None] * (k @ k)
         v = np.linalg.solve(left, self.translation[..., None])[..., 0]
         return np.concatenate([v, w], axis=-1)
@@ -191,7 +191,7 @@ class SE3:
     def inverse(self) -> SE3:
         """`b_from_a` of an `a_from_b`."""
         rt = self.rotation.mT
-        return SE3.adopt(rt.copy(), -_turned(rt, self.translation))
+        return SE3.adopt(rt.copy(), -_rotate(rt, self.translation))
 
     def adjoint(self) -> Array:
         """(..., 6, 6): `T @ exp(xi) == exp(T.adjoint() @ xi) @ T`."""
@@ -215,7 +215,7 @@ class SE3:
     def __matmul__(self, other: SE3 | Array) -> SE3 | Array:
         if isinstance(other, SE3):
             return SE3.adopt(_product(self.rotation, other.rotation), self @ other.translation)
-        moved = _turned(self.rotation, other)
+        moved = _rotate(self.rotation, other)
         moved += self.translation
         return moved
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.rotation import exp_coefficients, hat, lengths, with_identity
+from basecal.geometry.rotation import cross_matrix, exp_coefficients, lengths, with_identity
 
 
 def right_jacobian(xi: Array) -> Array:
@@ -22,10 +22,10 @@ def right_jacobian(xi: Array) -> Array:
     _, c2, c3, c4, c5 = exp_coefficients(angle, 5)
     square, along = angle * angle, np.einsum("...i,...i->...", v, w)
     outer, mixed = w[..., :, None] * w[..., None, :], v[..., :, None] * w[..., None, :]
-    of_rotation = c3[..., None, None] * outer - hat(c2[..., None] * w)
+    of_rotation = c3[..., None, None] * outer - cross_matrix(c2[..., None] * w)
     far = along * (c4 - 3 * c5)
     coupling = c3[..., None, None] * (mixed + mixed.mT) - far[..., None, None] * outer
-    coupling -= hat((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
+    coupling -= cross_matrix((0.5 - c4 * square)[..., None] * v + ((2 * c4 - c3) * along)[..., None] * w)
     out = np.zeros((*xi.shape[:-1], 6, 6))
     out[..., :3, :3] = out[..., 3:, 3:] = with_identity(of_rotation, 1 - c3 * square)
     out[..., :3, 3:] = with_identity(coupling, far * square - 2 * c3 * along)

@@ -4,7 +4,7 @@ from basecal.kinematics.chain import ChainPosture, SerialChain
 from basecal.kinematics.gravity import gravity_torques
 from basecal.kinematics.inverse import inverse
 from basecal.kinematics.masses import Masses
-from basecal.kinematics.urdf import parse_chain, read_chain, way_names
+from basecal.kinematics.urdf import parse_chain, path_joint_names, read_chain
 
 __all__ = [
     "ChainPosture",
@@ -13,6 +13,6 @@ __all__ = [
     "gravity_torques",
     "inverse",
     "parse_chain",
+    "path_joint_names",
     "read_chain",
-    "way_names",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, read_only
-from basecal.geometry.rotation import hat
+from basecal.geometry.rotation import cross_matrix
 from basecal.kinematics.collision import Collision
 from basecal.kinematics.masses import Masses
 
@@ -83,8 +83,8 @@ class SerialChain:
         return self.at(joints).by_joints
 
     def link_jacobian(self, joints: Array) -> Array:
-        """Derivative of `base_from_flange` to the links, (..., 6, 6 (n + 1)); see `ChainPosture.by_links`."""
-        return self.at(joints).by_links
+        """Derivative of `base_from_flange` to the links, (..., 6, 6 (n + 1)); see `ChainPosture.link_derivative`."""
+        return self.at(joints).link_derivative
 
     def at(self, joints: Array) -> ChainPosture:
         """The arm at some joints, with its derivatives.
@@ -101,10 +101,12 @@ class SerialChain:
         if self.batch:
             q = np.broadcast_to(q, (*np.broadcast_shapes((*self.batch, 1), q.shape[:-1]), self.n))
         turns = self._turns(np.moveaxis(q, -1, 0))
-        behind, place = self._of_origins(turns.ndim)
+        behind, place = self._origins(turns.ndim)
         behind = behind @ turns
         rotation, translation = np.empty(behind.shape), np.empty(behind.shape[:-1])
-        rotation[-1], translation[-1] = (self._beside(each) for each in (self.tip.rotation, self.tip.translation))
+        rotation[-1], translation[-1] = (
+            self._broadcast_tip(each) for each in (self.tip.rotation, self.tip.translation)
+        )
         for i in range(self.n - 1, 0, -1):  # what stands behind a joint is its own frame, the next one's origin first
             rotation[i - 1] = behind[i] @ rotation[i]
             translation[i - 1] = (behind[i] @ translation[i][..., None])[..., 0] + place[i]
@@ -123,20 +125,20 @@ class SerialChain:
     @cached_property
     def _axis_matrices(self) -> tuple[Array, Array]:
         """(n, 3, 3) which takes a vector's product with each axis, and its square."""
-        across = hat(self.axes)
+        across = cross_matrix(self.axes)
         return across, across @ across
 
-    def _of_origins(self, dimensions: int) -> tuple[Array, Array]:
+    def _origins(self, dimensions: int) -> tuple[Array, Array]:
         """Rotations and translations of the origins, joints first, that broadcast against arrays of so many axes."""
         rotation, translation = np.moveaxis(self.origins.rotation, -3, 0), np.moveaxis(self.origins.translation, -2, 0)
         shape = (self.n, *self.batch, *[1] * (dimensions - 3 - len(self.batch)))
         return rotation.reshape(*shape, 3, 3), translation.reshape(*shape, 3)
 
-    def _beside(self, of_tip: Array) -> Array:
+    def _broadcast_tip(self, tip: Array) -> Array:
         """The tip's rotation or translation, which broadcasts against joints."""
-        return np.expand_dims(of_tip, len(self.batch)) if self.batch else of_tip
+        return np.expand_dims(tip, len(self.batch)) if self.batch else tip
 
-    def moved(self, link_tangents: Array) -> SerialChain:
+    def perturb_links(self, link_tangents: Array) -> SerialChain:
         """The chain with each origin, and last the tip, perturbed on the right by (..., n + 1, 6) [m, rad].
 
         Raises:
@@ -189,7 +191,7 @@ class ChainPosture:
         return np.ascontiguousarray(np.moveaxis(over_joints, 0, -1))
 
     @cached_property
-    def by_links(self) -> Array:
+    def link_derivative(self) -> Array:
         """Derivative of `base_from_flange` to right perturbations of each origin, last of the tip, (..., 6, 6 (n + 1)).
 
         The right tangent: `moved(d).forward(q) == forward(q) @ SE3.exp(by_links @ d.ravel())` to first order in d.

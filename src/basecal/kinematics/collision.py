@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 _ROD_M, _MOST_RODS = 0.08, 8  # widest part of a box that one capsule encloses; most of them across it
-_LARGEST = 1e3  # [m, rad] of any number
+_LARGEST_VALUE = 1e3  # [m, rad] of any number
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def _numbers(text: str, count: int) -> Array:
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
         numbers = np.array([np.nan])
-    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST):
+    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST_VALUE):
         raise InputError(f"<collision> has {text!r}, expected finite numbers: {count}")
     return numbers
 

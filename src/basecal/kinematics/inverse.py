@@ -40,9 +40,9 @@ def inverse(
     poses = base_from_flange if base_from_flange.shape else SE3.stack([base_from_flange])
     q = np.broadcast_to(start, (len(poses), chain.n)).clip(chain.lower, chain.upper)
     arm = _Arm(chain, poses)
-    if np.abs(left := arm.left(q)).max(initial=0.0) > tolerance:
+    if np.abs(left := arm.remaining_tangent(q)).max(initial=0.0) > tolerance:
         q = levenberg_marquardt(arm, q, Stop(iterations)).state
-        left = arm.left(q)
+        left = arm.remaining_tangent(q)
     if np.abs(left).max(initial=0.0) <= tolerance:
         return q.reshape(shape)
     farthest = left[np.abs(left).max(axis=1).argmax()]
@@ -60,7 +60,7 @@ class _Arm:
     chain: SerialChain
     base_from_flange: SE3
 
-    def left(self, q: Array) -> Array:
+    def remaining_tangent(self, q: Array) -> Array:
         """Tangents of what is left to go, (b, 6)."""
         return (self.chain.forward(q).inverse() @ self.base_from_flange).log()
 
@@ -77,7 +77,7 @@ class _Arm:
         hessian = jacobian.mT @ jacobian
         return Quadratic((left**2).sum(axis=1), np.where(held, 0.0, uphill), hessian)
 
-    def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
+    def retract(self, q: Array, model: Quadratic, step: Array) -> Array:
         """See `System`; steps are shortened and end at the limits."""
         share = _LARGEST_STEP / np.maximum(np.abs(step).max(axis=1, keepdims=True), _LARGEST_STEP)
         there: Array = (q + share * step).clip(self.chain.lower, self.chain.upper)

@@ -18,12 +18,12 @@ from basecal.kinematics.masses import Masses
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_KEPT = frozenset({"compiler", "default", "worldbody"})  # sections that say where bodies are
-_DROPPED = frozenset({"geom", "mesh", "material", "camera", "light", "composite", "flexcomp", "plugin"})
-_FILES = frozenset({"include", "attach", "model"})  # elements by which another file is read
+_KEPT_SECTIONS = frozenset({"compiler", "default", "worldbody"})  # sections that say where bodies are
+_DROPPED_ELEMENTS = frozenset({"geom", "mesh", "material", "camera", "light", "composite", "flexcomp", "plugin"})
+_FILE_ELEMENTS = frozenset({"include", "attach", "model"})  # elements by which another file is read
 # What MuJoCo asks of the mass of a body that moves; a body whose mass is not written has no more than this.
 _LEAST_MASS, _LEAST_INERTIA = 1e-9, 1e-12
-_WORLD = 0
+_WORLD_BODY = 0
 
 
 def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialChain:
@@ -43,8 +43,8 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
 
     Source: https://mujoco.readthedocs.io/en/stable/XMLreference.html.
     """
-    model = _compiled(root, path)
-    way, last_from_flange = _way(model, base, flange, path)
+    model = _compile_model(root, path)
+    way, last_from_flange = _body_path(model, base, flange, path)
     names: list[str] = []
     origins: list[SE3] = []
     axes: list[Array] = []
@@ -71,11 +71,11 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
     if not names:
         raise DatasetError(path, f"no hinge between {base!r} and {flange!r}")
     lower, upper = np.array(limits).T
-    tip, masses = since_last @ last_from_flange, _masses(model, carriers, len(names), _down(model, base))
+    tip, masses = since_last @ last_from_flange, _masses(model, carriers, len(names), _gravity_direction(model, base))
     return SerialChain(tuple(names), SE3.stack(origins), np.array(axes), tip, lower, upper, masses)
 
 
-def _compiled(root: Element, path: str) -> Any:
+def _compile_model(root: Element, path: str) -> Any:
     """MuJoCo's model of the bodies and joints of a file."""
     from xml.etree.ElementTree import SubElement, tostring
 
@@ -83,16 +83,16 @@ def _compiled(root: Element, path: str) -> Any:
         import mujoco
     except ImportError:
         raise MissingExtra("sim", "an MJCF") from None
-    named = next((element.tag for element in root.iter() if element.tag in _FILES), None)
+    named = next((element.tag for element in root.iter() if element.tag in _FILE_ELEMENTS), None)
     if named is not None:
         raise DatasetError(path, f"has an element {named!r}: write all into one file, MuJoCo does with mj_saveLastXML")
     for section in list(root):
-        if section.tag not in _KEPT:
+        if section.tag not in _KEPT_SECTIONS:
             root.remove(section)
     for element in list(root.iter()):
         element.attrib.pop("material", None)
         for child in list(element):
-            if child.tag in _DROPPED:
+            if child.tag in _DROPPED_ELEMENTS:
                 element.remove(child)
     for compiler in root.findall("compiler"):
         compiler.attrib.pop("inertiafromgeom", None)
@@ -105,7 +105,7 @@ def _compiled(root: Element, path: str) -> Any:
         raise DatasetError(path, f"MuJoCo does not take it: {' '.join(str(error).split())}") from error
 
 
-def _way(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]:
+def _body_path(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]:
     """The bodies below `base` down to the one of `flange`, and `body_from_flange`."""
     bodies = {model.body(k).name: k for k in range(model.nbody)}
     sites = {model.site(k).name: k for k in range(model.nsite)}
@@ -118,7 +118,7 @@ def _way(model: Any, base: str, flange: str, path: str) -> tuple[list[int], SE3]
     tip = _pose(model.site_pos[sites[flange]], model.site_quat[sites[flange]]) if is_site else SE3.identity()
     way: list[int] = []
     while body != bodies[base]:
-        if body == _WORLD:
+        if body == _WORLD_BODY:
             raise DatasetError(path, f"{flange!r} does not hang under {base!r}")
         way.append(body)
         body = int(model.body_parentid[body])
@@ -135,17 +135,17 @@ def _pose(place: Array, wxyz: Array) -> SE3:
     return SE3.from_quaternion(np.roll(np.asarray(wxyz, dtype=np.float64), -1), np.asarray(place, dtype=np.float64))
 
 
-def _down(model: Any, base: str) -> Array:
+def _gravity_direction(model: Any, base: str) -> Array:
     """Along gravity in the base: z of the world is up; what moves above the base is as it is written."""
     body, world_from_base = model.body(base).id, SE3.identity()
-    while body != _WORLD:
+    while body != _WORLD_BODY:
         world_from_base = _pose(model.body_pos[body], model.body_quat[body]) @ world_from_base
         body = int(model.body_parentid[body])
     down: Array = -world_from_base.rotation[2]
     return down
 
 
-def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, down: Array) -> Masses | None:
+def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, gravity: Array) -> Masses | None:
     """What hangs on each joint, other joints at rest; None where a body that an arm carries has no mass written."""
     kg, moments, of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
     for body in range(1, model.nbody):
@@ -161,4 +161,4 @@ def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, down: 
     carrying = [joint for joint, _ in carriers.values()]
     if np.any(kg[carrying] <= model.nbody * _LEAST_MASS):
         return None
-    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down)
+    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], gravity)

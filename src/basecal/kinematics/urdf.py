@@ -25,8 +25,8 @@ LARGEST_BYTES = 2**25
 """Of a URDF: 32 MB, a hundred times what the largest arm with its tools has."""
 
 _MOST_JOINTS = 64  # that turn on the way from base to flange: arms have six or seven, snakes thirty
-_LARGEST = 1e6  # [m, rad] of any number: as in the files of a cell, far from overflow
-_TURNING = ("revolute", "continuous")
+_LARGEST_VALUE = 1e6  # [m, rad] of any number: as in the files of a cell, far from overflow
+_TURNING_TYPES = ("revolute", "continuous")
 
 
 @dataclass(frozen=True)
@@ -87,13 +87,13 @@ def parse_chain(
         DatasetError: as `read_chain`, naming `path`.
         FrameNotFound: if a link does not exist.
     """
-    way, above, links = _way_in(text, base_link, flange_link, path)
+    way, above, links = _joint_path(text, base_link, flange_link, path)
     turning: list[_Joint] = []
     origins: list[SE3] = []
     since_last = SE3.identity()
     for joint in way:
         since_last = since_last @ _origin(joint)
-        if joint.kind in _TURNING:
+        if joint.kind in _TURNING_TYPES:
             turning.append(joint)
             origins.append(since_last)
             since_last = SE3.identity()
@@ -104,7 +104,7 @@ def parse_chain(
     names = tuple(joint.name for joint in turning)
     chain = SerialChain(names, SE3.stack(origins), axes, since_last, limits[:, 0], limits[:, 1])
     bodies = () if folder is None else _collisions(chain.joint_names, above, links, base_link, (Path(path), folder))
-    masses = _masses(chain.joint_names, above, links, _down(above, base_link), path)
+    masses = _masses(chain.joint_names, above, links, _gravity_direction(above, base_link), path)
     return replace(chain, masses=masses, collisions=bodies)
 
 
@@ -143,17 +143,17 @@ def joint_origins(text: str | bytes, path: str = "<text>") -> dict[str, JointOri
     }
 
 
-def way_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
+def path_joint_names(text: str | bytes, base_link: str, flange_link: str, path: str = "<text>") -> tuple[str, ...]:
     """Names of all joints from `base_link` to `flange_link`, fixed ones among them.
 
     Raises:
         DatasetError: as `read_chain`, naming `path`.
         FrameNotFound: if a link does not exist.
     """
-    return tuple(joint.name for joint in _way_in(text, base_link, flange_link, path)[0])
+    return tuple(joint.name for joint in _joint_path(text, base_link, flange_link, path)[0])
 
 
-def _way_in(
+def _joint_path(
     text: str | bytes, base_link: str, flange_link: str, path: str
 ) -> tuple[list[_Joint], dict[str, _Joint], list[Element]]:
     """The joints on the way, the joint above each link, and the elements of all links."""
@@ -166,15 +166,15 @@ def _way_in(
     for link in (base_link, flange_link):
         if link not in links:
             raise FrameNotFound(link, links)
-    way = _upwards(above, flange_link, base_link)
+    way = _joints_up_to(above, flange_link, base_link)
     if way is None:
         highest = flange_link  # what it hangs on in the end
         for _ in above:
             highest = above[highest].parent if highest in above else highest
-        exchanged = _upwards(above, base_link, flange_link) is not None
+        exchanged = _joints_up_to(above, base_link, flange_link) is not None
         where = "above it: exchange base_link and flange_link" if exchanged else f"under {highest!r}"
         raise DatasetError(path, f"{flange_link!r} does not hang under {base_link!r}, but {where}")
-    turning = sum(joint.kind in _TURNING for joint in way)
+    turning = sum(joint.kind in _TURNING_TYPES for joint in way)
     if not 0 < turning <= _MOST_JOINTS:
         where = f"between {base_link!r} and {flange_link!r}"
         raise DatasetError(path, f"{turning or 'no'} revolute joint {where}; arms have up to {_MOST_JOINTS}")
@@ -202,10 +202,10 @@ def _xml(text: str | bytes, path: str) -> Element:
     return root
 
 
-def _attribute(path: str, element: Element, key: str, about: str = "") -> str:
+def _attribute(path: str, element: Element, key: str, label: str = "") -> str:
     value = element.get(key)
     if not value:
-        raise DatasetError(path, f"has no {key!r}", field=about or element.tag)
+        raise DatasetError(path, f"has no {key!r}", field=label or element.tag)
     return value
 
 
@@ -262,8 +262,8 @@ def _numbers(joint: _Joint, tag: str, key: str, default: str, count: int) -> Arr
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
         numbers = np.array([np.nan])
-    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST):
-        wanted = f"{'a finite number' if count == 1 else f'{count} finite numbers'} within {_LARGEST:g}"
+    if len(numbers) != count or not np.all(np.abs(numbers) <= _LARGEST_VALUE):
+        wanted = f"{'a finite number' if count == 1 else f'{count} finite numbers'} within {_LARGEST_VALUE:g}"
         raise joint.error(f"{tag} {key}", f"expected {wanted}, got {text!r}; expand a xacro first")
     return numbers
 
@@ -294,18 +294,18 @@ def _limits(joint: _Joint) -> tuple[float, float]:
     return lower, upper
 
 
-def _down(above: dict[str, _Joint], base_link: str) -> Array:
+def _gravity_direction(parents: dict[str, _Joint], base_link: str) -> Array:
     """Along gravity in the base: z of the link that all others hang on is up; what turns above the base is at zero."""
-    root = next((joint.parent for joint in above.values() if joint.parent not in above), base_link)
+    root = next((joint.parent for joint in parents.values() if joint.parent not in parents), base_link)
     root_from_base = SE3.identity()
-    for joint in _upwards(above, base_link, root) or ():
+    for joint in _joints_up_to(parents, base_link, root) or ():
         root_from_base = _origin(joint) @ root_from_base
     down: Array = -root_from_base.rotation[2]
     return down
 
 
 def _masses(
-    turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], down: Array, path: str
+    turning: tuple[str, ...], parents: dict[str, _Joint], links: list[Element], gravity: Array, path: str
 ) -> Masses | None:
     """The links' masses, each at the last turning joint above it; joints beside the way stand at zero.
 
@@ -319,54 +319,54 @@ def _masses(
         if inertial is None:
             continue
         mass, centre = _inertial(inertial, path, str(link.get("name")))
-        joint, joint_from_link = _joint_above(str(link.get("name")), carriers, above, of_link)
+        joint, joint_from_link = _carrying_joint(str(link.get("name")), carriers, parents, of_link)
         if joint is not None:
             kg[joint] += mass
             moments[joint] += mass * (joint_from_link @ centre)
-    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], down) if np.any(kg) else None
+    return Masses(kg, moments / np.where(kg > 0, kg, 1.0)[:, None], gravity) if np.any(kg) else None
 
 
 def _collisions(
-    turning: tuple[str, ...], above: dict[str, _Joint], links: list[Element], base_link: str, files: tuple[Path, Path]
+    turning: tuple[str, ...], parents: dict[str, _Joint], links: list[Element], base_link: str, files: tuple[Path, Path]
 ) -> tuple[Collision, ...]:
     """Bodies that are fixed to the base or to a turning joint, and all that the last joint carries."""
     carriers, found = {name: number for number, name in enumerate(turning)}, list[Collision]()
-    fixed = {link: joint for link, joint in above.items() if joint.kind == "fixed" or joint.name in carriers}
+    fixed = {link: joint for link, joint in parents.items() if joint.kind == "fixed" or joint.name in carriers}
     held: dict[str, _Carrier] = {base_link: _Carrier(-1, SE3.identity())}
     carried: dict[str, _Carrier] = {}
     for link in links:
         name, bodies = str(link.get("name")), link.findall("collision")
         if not bodies:
             continue
-        carrier = _joint_above(name, carriers, fixed, held)
+        carrier = _carrying_joint(name, carriers, fixed, held)
         if carrier.joint is None:
-            carrier = _joint_above(name, carriers, above, carried)
+            carrier = _carrying_joint(name, carriers, parents, carried)
             if carrier.joint != len(turning) - 1:
                 continue
         found += [Collision(name, carrier.joint + 1, carrier.joint_from_link, body, *files) for body in bodies]
     return tuple(found)
 
 
-def _joint_above(
-    link: str, turning: Mapping[str, int], above: Mapping[str, _Joint], of_link: dict[str, _Carrier]
+def _carrying_joint(
+    link: str, turning: Mapping[str, int], parents: Mapping[str, _Joint], carriers: dict[str, _Carrier]
 ) -> _Carrier:
     """The turning joint that carries a link, and the link in its frame; None where none does.
 
-    `of_link` holds those of links that are known, so that each joint of a tree is gone through once.
+    `carriers` holds those of links that are known, so that each joint of a tree is gone through once.
     """
     way: list[str] = []
-    while link not in of_link:
+    while link not in carriers:
         way.append(link)
-        if link not in above:
-            of_link[link] = _Carrier(None, SE3.identity())
-        elif above[link].name in turning:
-            of_link[link] = _Carrier(turning[above[link].name], SE3.identity())
+        if link not in parents:
+            carriers[link] = _Carrier(None, SE3.identity())
+        elif parents[link].name in turning:
+            carriers[link] = _Carrier(turning[parents[link].name], SE3.identity())
         else:
-            link = above[link].parent
-    for child in reversed([name for name in way if name not in of_link]):
-        parent = of_link[above[child].parent]
-        of_link[child] = _Carrier(parent.joint, parent.joint_from_link @ _origin(above[child]))
-    return of_link[way[0] if way else link]
+            link = parents[link].parent
+    for child in reversed([name for name in way if name not in carriers]):
+        parent = carriers[parents[child].parent]
+        carriers[child] = _Carrier(parent.joint, parent.joint_from_link @ _origin(parents[child]))
+    return carriers[way[0] if way else link]
 
 
 def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
@@ -382,18 +382,18 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
         numbers = np.array([float(word) for word in (*words, *xyz)])
     except ValueError:
         numbers = np.array([np.nan])
-    if len(numbers) != 4 or not np.all(np.abs(numbers) <= _LARGEST) or numbers[0] < 0:
+    if len(numbers) != 4 or not np.all(np.abs(numbers) <= _LARGEST_VALUE) or numbers[0] < 0:
         got = f"mass {' '.join(words)!r}, origin {' '.join(xyz)!r}"
         raise DatasetError(path, f"expected a mass >= 0 and three numbers, got {got}", field=f"link {link!r} inertial")
     return float(numbers[0]), numbers[1:]
 
 
-def _upwards(above: dict[str, _Joint], link: str, end: str) -> list[_Joint] | None:
+def _joints_up_to(parents: dict[str, _Joint], link: str, end: str) -> list[_Joint] | None:
     """The joints from a link up to another; None where that is not above it."""
     way: list[_Joint] = []
     while link != end:
-        if link not in above or len(way) > len(above):
+        if link not in parents or len(way) > len(parents):
             return None
-        way.append(above[link])
+        way.append(parents[link])
         link = way[-1].parent
     return way

@@ -13,8 +13,8 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_FEW = 64  # matrices: of fewer LAPACK is done before the first steps are
-_AT_ONCE = 2**17  # numbers: a megabyte stays near the processor
+_FEW_MATRICES = 64  # matrices: of fewer LAPACK is done before the first steps are
+_CHUNK_NUMBERS = 2**17  # numbers: a megabyte stays near the processor
 
 
 class InverseFactors(NamedTuple):
@@ -32,23 +32,23 @@ def inverse_factors(matrices: Array) -> InverseFactors:
     """
     *batch, q, _ = matrices.shape
     flat = matrices.reshape(prod(batch), q, q)
-    if len(flat) < _FEW:
+    if len(flat) < _FEW_MATRICES:
         factor = np.linalg.cholesky(matrices)
         log_det = 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(-1)
         return InverseFactors(np.asarray(np.linalg.inv(factor), dtype=np.float64), log_det)
     root, log_det = np.empty(flat.shape), np.empty(len(flat))
-    size = max(1, _AT_ONCE // max(1, q * q))
+    size = max(1, _CHUNK_NUMBERS // max(1, q * q))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for at in range(0, len(flat), size):
             here = slice(at, at + size)
-            inverse, log_det[here] = _factorised(flat[here].transpose(1, 2, 0).copy())
+            inverse, log_det[here] = _invert_factors(flat[here].transpose(1, 2, 0).copy())
             root[here] = inverse.transpose(2, 0, 1)
     if not np.isfinite(log_det).all() and np.isfinite(matrices).all():
         raise np.linalg.LinAlgError("a matrix is not positive definite")
     return InverseFactors(root.reshape(matrices.shape), log_det.reshape(batch))
 
 
-def _factorised(lower: Array) -> tuple[Array, Array]:
+def _invert_factors(lower: Array) -> tuple[Array, Array]:
     """Inverses of the factors of matrices (q, q, b), which become these, and logarithms of determinants, (b,)."""
     inverse, log_det = np.zeros_like(lower), np.zeros(lower.shape[-1])
     for j in range(len(lower)):

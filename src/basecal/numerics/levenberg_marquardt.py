@@ -14,19 +14,19 @@ import numpy as np
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take, where
 from basecal.numerics.sparse_hessian import SparseHessian
-from basecal.numerics.structured_secant import usable, with_secant
+from basecal.numerics.structured_secant import usable_curvature, with_secant
 
-SETTLED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
+CONVERGED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
-_NO_LESS = 0.5  # of what the step before promised: what is eliminated moves less each time until rounding is left
+_LEAST_PROMISE = 0.5  # of what the step before promised: what is eliminated moves less each time until rounding is left
 _FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
 # Of the cost, what a step promises where the gradient's change over it tells of the optimum, for starts whose residuals
 # say nothing of sigmas.
 _NEAR_SHARE = 1e-3
-_UNDAMPED = 1e-3  # below this a step is a Gauss-Newton step to three digits
+_GAUSS_NEWTON_DAMPING = 1e-3  # below this a step is a Gauss-Newton step to three digits
 _LARGEST_DAMPING = 1e12  # beyond it steps are rounding
 _LARGEST_GAIN = 10.0  # clips the ratio of gain to prediction, whose cube sets the damping
-_UPHILL = 1e-12  # relative rounding of a cost
+_COST_ROUNDING = 1e-12  # relative rounding of a cost
 
 S = TypeVar("S")
 
@@ -72,7 +72,7 @@ class System(Protocol[S, L]):
     def linearise(self, state: S) -> L:
         """The problems to second order about their states."""
 
-    def retract(self, state: S, about: L, step: Array) -> S:
+    def retract(self, state: S, model: L, step: Array) -> S:
         """The states after steps (b, p)."""
 
     def take(self, rows: IntArray) -> System[S, L]:
@@ -91,7 +91,7 @@ class Stop:
 
     iterations: int = 100
     dof: float | Array = 1.0
-    sigmas: float = SETTLED_SIGMAS
+    sigmas: float = CONVERGED_SIGMAS
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,16 +139,16 @@ class _Ends(Generic[S, L]):
     converged: list[BoolArray] = field(default_factory=list)
     iterations: list[IntArray] = field(default_factory=list)
 
-    def add(self, row: IntArray, state: S, cost: Array, about: L, converged: bool, iterations: int) -> None:
+    def add(self, row: IntArray, state: S, cost: Array, model: L, converged: bool, iterations: int) -> None:
         """Note problems that have ended alike."""
         self.row.append(row)
         self.state.append(state)
         self.cost.append(cost)
-        self.about.append(about)
+        self.about.append(model)
         self.converged.append(np.full(len(row), converged))
         self.iterations.append(np.full(len(row), iterations, dtype=np.int64))
 
-    def in_order(self) -> Optima[S, L]:
+    def ordered(self) -> Optima[S, L]:
         """All ends by their rows."""
         optima = Optima(
             concatenate(self.state),
@@ -187,23 +187,23 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
     )
     ends: _Ends[S, L] = _Ends()
     for k in range(stop.iterations):
-        left = _iterated(flight, system, ends, k + 1, stop)
+        left = _iterate(flight, system, ends, k + 1, stop)
         if left is None:
-            return ends.in_order()
+            return ends.ordered()
         flight, system = left
     ends.add(flight.row, flight.state, flight.cost, flight.about, False, stop.iterations)
-    return ends.in_order()
+    return ends.ordered()
 
 
-def _iterated(
+def _iterate(
     flight: _Flight[S, L], system: System[S, L], ends: _Ends[S, L], number: int, stop: Stop
 ) -> tuple[_Flight[S, L], System[S, L]] | None:
     """One step of every problem; those that end with it leave the flight, and None is left where all do."""
     about = flight.about
     step, expected = _next_step(flight)
-    settled = _settled(flight, step, expected, stop)
+    settled = _has_converged(flight, step, expected, stop)
     candidate = system.retract(flight.state, about, step)
-    done = settled & _undamped(flight, stop)
+    done = settled & _is_gauss_newton(flight, stop)
     if done.any():
         cost = np.maximum(flight.cost[done] - expected[done], 0.0)
         ends.add(flight.row[done], take(candidate, done), cost, take(about, done), True, number)
@@ -212,10 +212,10 @@ def _iterated(
         kept = np.flatnonzero(~done)
         flight, candidate, system = take(flight, kept), take(candidate, kept), system.take(kept)
         step, expected, settled = step[kept], expected[kept], settled[kept]
-    after, cost = _linearised(system, candidate, flight.about)
-    better = cost <= flight.cost * (1 + _UPHILL)
+    after, cost = _linearise(system, candidate, flight.about)
+    better = cost <= flight.cost * (1 + _COST_ROUNDING)
     bend = _bend(flight, after, step, better & _is_near(flight, expected))
-    flight = _moved(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend)
+    flight = _accept_step(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
         if ended.any():
@@ -227,9 +227,9 @@ def _iterated(
     return (take(flight, going), system.take(going)) if len(going) else None
 
 
-def _undamped(flight: _Flight[S, L], stop: Stop) -> BoolArray:
+def _is_gauss_newton(flight: _Flight[S, L], stop: Stop) -> BoolArray:
     """Whether a step is one of Gauss-Newton, or the damping hides none that the data could show, (b,)."""
-    undamped = flight.damping <= _UNDAMPED
+    undamped = flight.damping <= _GAUSS_NEWTON_DAMPING
     if undamped.all():
         return undamped
     step = _damped_step(flight.about, np.full(len(undamped), _FIRST_DAMPING))
@@ -243,13 +243,15 @@ def _scale(flight: _Flight[S, L]) -> Array:
     return np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
 
 
-def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) -> BoolArray:
+def _has_converged(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) -> BoolArray:
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
     limit = stop.sigmas**2 * _scale(flight)
-    shrinks = (flight.expected > 0) & (flight.damping <= _UNDAMPED)
+    shrinks = (flight.expected > 0) & (flight.damping <= _GAUSS_NEWTON_DAMPING)
     rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
     # Refused, or promising no less than the one before it, a step is of rounding.
-    is_rounding = (flight.damping > _UNDAMPED) | ((flight.expected > 0) & (expected > _NO_LESS * flight.expected))
+    is_rounding = (flight.damping > _GAUSS_NEWTON_DAMPING) | (
+        (flight.expected > 0) & (expected > _LEAST_PROMISE * flight.expected)
+    )
     still = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
         (flight.about.eliminated <= limit) | is_rounding
     )
@@ -257,34 +259,36 @@ def _settled(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) ->
     return settled
 
 
-def _moved(
+def _accept_step(
     flight: _Flight[S, L],
     candidate: S,
-    after: L,
+    linearised: L,
     cost: Array,
-    better: BoolArray,
+    improved: BoolArray,
     expected: Array,
     bend: Array | None,
 ) -> _Flight[S, L]:
-    """The flight after a step, taken where it is `better`; elsewhere the damping grows."""
+    """The flight after a step, taken where it is `improved`; elsewhere the damping grows."""
     with np.errstate(invalid="ignore"):
         drop = flight.cost - cost
         # From one infinite cost to another a step is taken, undamped; and what rounding of the costs makes of a step
         # that is nearly none says nothing of the damping it needs.
-        tells = np.isfinite(drop) & (np.abs(drop - expected) > _UPHILL * cost)
+        tells = np.isfinite(drop) & (np.abs(drop - expected) > _COST_ROUNDING * cost)
     drop = np.where(tells, drop, expected)
     gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
-    stiffened = np.maximum(flight.damping, _UNDAMPED) * flight.growth  # less would try nearly the same step again
+    stiffened = (
+        np.maximum(flight.damping, _GAUSS_NEWTON_DAMPING) * flight.growth
+    )  # less would try nearly the same step again
     return _Flight(
         flight.row,
-        where(better, candidate, flight.state),
-        np.where(better, cost, flight.cost),
-        where(better, after, flight.about),
+        where(improved, candidate, flight.state),
+        np.where(improved, cost, flight.cost),
+        where(improved, linearised, flight.about),
         flight.dof,
-        np.where(better, eased, stiffened),
-        np.where(better, 2.0, flight.growth * 2),
-        np.where(better, expected, flight.expected),
+        np.where(improved, eased, stiffened),
+        np.where(improved, 2.0, flight.growth * 2),
+        np.where(improved, expected, flight.expected),
         bend,
     )
 
@@ -295,13 +299,13 @@ def _is_near(flight: _Flight[S, L], expected: Array) -> BoolArray:
     return near
 
 
-def _bend(flight: _Flight[S, L], after: L, step: Array, near: BoolArray) -> Array | None:
+def _bend(flight: _Flight[S, L], linearised: L, step: Array, near: BoolArray) -> Array | None:
     """What the residuals add to the hessian, by what a step shows where it was taken and `near` an optimum."""
-    if isinstance(after.hessian, SparseHessian):
+    if isinstance(linearised.hessian, SparseHessian):
         return None
     assert flight.bend is not None
-    change = after.gradient - flight.about.gradient
-    return with_secant(flight.bend, after.hessian, change, step, near & (flight.damping <= _UNDAMPED))
+    change = linearised.gradient - flight.about.gradient
+    return with_secant(flight.bend, linearised.hessian, change, step, near & (flight.damping <= _GAUSS_NEWTON_DAMPING))
 
 
 def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
@@ -310,7 +314,7 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
     if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
         step = _damped_step(about, flight.damping)
         return step, _quadratic(about, step) + about.eliminated
-    bent = Quadratic(about.cost, about.gradient, about.hessian + usable(flight.bend, about.hessian))
+    bent = Quadratic(about.cost, about.gradient, about.hessian + usable_curvature(flight.bend, about.hessian))
     step = _damped_step(bent, flight.damping)
     expected = _quadratic(bent, step)
     downhill = expected > 0
@@ -321,38 +325,38 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
     return step, expected + about.eliminated
 
 
-def _quadratic(about: Linearised, step: Array) -> Array:
+def _quadratic(model: Linearised, step: Array) -> Array:
     """`step' H step`, (b,)."""
-    if isinstance(about.hessian, SparseHessian):
-        return about.hessian.quadratic(step)
-    return np.asarray(np.einsum("bi,bij,bj->b", step, about.hessian, step))
+    if isinstance(model.hessian, SparseHessian):
+        return model.hessian.quadratic(step)
+    return np.asarray(np.einsum("bi,bij,bj->b", step, model.hessian, step))
 
 
-def _damped_step(about: Linearised, damping: Array) -> Array:
-    if isinstance(about.hessian, SparseHessian):
-        return about.hessian.damped_step(about.gradient, damping)
-    diagonal = np.diagonal(about.hessian, axis1=1, axis2=2)
+def _damped_step(model: Linearised, damping: Array) -> Array:
+    if isinstance(model.hessian, SparseHessian):
+        return model.hessian.damped_step(model.gradient, damping)
+    diagonal = np.diagonal(model.hessian, axis1=1, axis2=2)
     scale = 1 / np.sqrt(np.maximum(diagonal, 1e-12 * diagonal.max(axis=1, initial=1e-300, keepdims=True)))
-    scaled = about.hessian * scale[..., None, :] * scale[..., :, None]
+    scaled = model.hessian * scale[..., None, :] * scale[..., :, None]
     of_diagonal = np.einsum("...ii->...i", scaled)  # a view
     of_diagonal += damping[:, None]
-    step: Array = -scale * np.linalg.solve(scaled, (scale * about.gradient)[..., None])[..., 0]
+    step: Array = -scale * np.linalg.solve(scaled, (scale * model.gradient)[..., None])[..., 0]
     return step
 
 
-def _linearised(system: System[S, L], state: S, before: L) -> tuple[L, Array]:
+def _linearise(system: System[S, L], state: S, previous: L) -> tuple[L, Array]:
     """The problems about their states, and their costs: infinite where a state is beyond numbers."""
     try:
         after = system.linearise(state)
     except np.linalg.LinAlgError:
         alone: list[L] = []
-        cost = np.full(len(before.cost), np.inf)
+        cost = np.full(len(previous.cost), np.inf)
         for row in range(len(cost)):
             one = np.array([row])
             try:
                 alone.append(system.take(one).linearise(take(state, one)))
                 cost[row] = alone[row].cost[0]
             except np.linalg.LinAlgError:
-                alone.append(take(before, one))
+                alone.append(take(previous, one))
         return concatenate(alone), cost
     return after, after.cost

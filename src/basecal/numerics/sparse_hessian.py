@@ -15,7 +15,7 @@ from basecal.numerics.spectral import ROUNDING
 
 _LEAST_DIAGONAL = 1e-12  # of the largest: a column without information scales by it, not by nothing
 _TOLERANCE = 1e-3  # relative, of an eigenvalue that is compared with limits of one digit
-_AT_A_TIME = 512  # right-hand sides that are solved for together: some tens of megabytes of ten thousand unknowns
+_CHUNK_COLUMNS = 512  # right-hand sides that are solved for together: some tens of megabytes of ten thousand unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,9 @@ class SparseHessian:
         """
         if not np.isfinite(self.matrix.data).all():  # as NumPy does, which says nothing of what is no number
             return np.full_like(gradient, np.nan)
-        factor = _factorised(self._scaled + float(damping[0]) * diags_array(np.ones(len(self._scale)), format="csc"))
+        factor = _factorise(
+            self._scaled_matrix + float(damping[0]) * diags_array(np.ones(len(self._scale)), format="csc")
+        )
         step = -self._scale * factor.solve(self._scale * gradient[0])
         return np.asarray(step[None])
 
@@ -46,7 +48,7 @@ class SparseHessian:
         return np.asarray(1 / np.sqrt(np.maximum(diagonal, _LEAST_DIAGONAL * diagonal.max(initial=1e-300))))
 
     @cached_property
-    def _scaled(self) -> csc_array:
+    def _scaled_matrix(self) -> csc_array:
         by = diags_array(self._scale, format="csc")
         return csc_array(by @ self.matrix @ by)
 
@@ -57,19 +59,21 @@ class SparseHessian:
         Raises:
             LinAlgError: if it is singular.
         """
-        return _factorised(self._scaled)
+        return _factorise(self._scaled_matrix)
 
     @cached_property
     def extremes(self) -> tuple[float, float]:
         """The smallest and the largest eigenvalue; the smallest is 0 where it is rounding of the largest."""
-        largest = _largest(len(self._scale), lambda x: self.matrix @ x)
+        largest = _largest_eigenvalue(len(self._scale), lambda x: self.matrix @ x)
         try:
-            smallest = 1 / _largest(len(self._scale), lambda x: self._scale * self.factor.solve(self._scale * x))
+            smallest = 1 / _largest_eigenvalue(
+                len(self._scale), lambda x: self._scale * self.factor.solve(self._scale * x)
+            )
         except np.linalg.LinAlgError:
             return 0.0, largest
         return (smallest if smallest > ROUNDING * largest else 0.0), largest
 
-    def in_units(self, scale: Array) -> SparseHessian:
+    def rescale(self, scale: Array) -> SparseHessian:
         """The same of unknowns (p,) of which one is `scale` of the old."""
         by = diags_array(scale, format="csc")
         return SparseHessian(csc_array(by @ self.matrix @ by))
@@ -77,23 +81,23 @@ class SparseHessian:
     def inverse_columns(self, columns: IntArray) -> Array:
         """Columns of the inverse, (p, c)."""
         out = np.empty((len(self._scale), len(columns)))
-        for at in range(0, len(columns), _AT_A_TIME):
-            some = columns[at : at + _AT_A_TIME]
+        for at in range(0, len(columns), _CHUNK_COLUMNS):
+            some = columns[at : at + _CHUNK_COLUMNS]
             right = np.zeros((len(self._scale), len(some)))
             right[some, np.arange(len(some))] = self._scale[some]
             out[:, at : at + len(some)] = self._scale[:, None] * self.factor.solve(right)
         return out
 
-    def inverse_at(self, columns: IntArray) -> Array:
+    def inverse_block(self, columns: IntArray) -> Array:
         """The inverse at rows and columns (c,), (c, c), symmetric."""
         found = np.empty((len(columns), len(columns)))
-        for at in range(0, len(columns), _AT_A_TIME):
-            some = columns[at : at + _AT_A_TIME]
+        for at in range(0, len(columns), _CHUNK_COLUMNS):
+            some = columns[at : at + _CHUNK_COLUMNS]
             found[:, at : at + len(some)] = self.inverse_columns(some)[columns]
         return 0.5 * (found + found.T)
 
 
-def _factorised(matrix: csc_array) -> SuperLU:
+def _factorise(matrix: csc_array) -> SuperLU:
     try:
         return splu(
             csc_array(matrix), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
@@ -102,7 +106,7 @@ def _factorised(matrix: csc_array) -> SuperLU:
         raise np.linalg.LinAlgError("the unknowns have no solution") from error
 
 
-def _largest(size: int, apply: Callable[[Array], Array]) -> float:
+def _largest_eigenvalue(size: int, apply: Callable[[Array], Array]) -> float:
     """The largest eigenvalue of a symmetric operator."""
     operator = LinearOperator((size, size), matvec=apply, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)  # the same in every run

@@ -2,7 +2,7 @@
 
 Information matrices are scaled to a unit diagonal first, since metres, radians and pixels of a lens stand side by side:
 then eigenvalues compare what the data hold of combinations with what they hold of the unknowns themselves. Matrices
-whose units say what counts (shares of a variance, motions in radians) are taken apart as they are, by `above`.
+whose units say what counts (shares of a variance, motions in radians) are not scaled, see `scaled_spectrum`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ from basecal.geometry.rotation import lengths
 ROUNDING = 1e-12  # eigenvalue over the largest, of information: J'J loses 1e-16 of it per row, some thousands of them
 # Likewise of one view: moments about an origin twenty targets away round at 2e-13, what two points hold is above 1e-6.
 VIEW_ROUNDING = 1e-9
-INDEPENDENT = 1e-9  # singular value over the largest, of columns that are exact but for rounding of 1e-16 a product
-FLAT = 1e-6  # extent over the largest: a micrometre on a metre is no depth, and ten orders above rounding
-GAP = 0.35  # singular value of a null vector over the next: noise leaves less, two null vectors are alike
-_TWO_NULL = 1e-3  # next singular value of rows of unit size: below, noise apart, more than one vector is null
-_NOTHING = 1e-300  # keeps quotients of zeros finite
-_RIDGE, _TINY = 1e-15, 1e-100  # of the trace, and of none: a singular matrix has an inverse with them
+INDEPENDENT_SHARE = (
+    1e-9  # singular value over the largest, of columns that are exact but for rounding of 1e-16 a product
+)
+FLAT_SHARE = 1e-6  # extent over the largest: a micrometre on a metre is no depth, and ten orders above rounding
+NULL_GAP = 0.35  # singular value of a null vector over the next: noise leaves less, two null vectors are alike
+_SECOND_NULL_SHARE = 1e-3  # next singular value of rows of unit size: below, noise apart, more than one vector is null
+_SMALLEST_DIVISOR = 1e-300  # keeps quotients of zeros finite
+_RIDGE, _SMALLEST_RIDGE = 1e-15, 1e-100  # of the trace, and of none: makes a singular matrix invertible
 _SQUARINGS = 4
 
 
@@ -72,14 +74,14 @@ class Spectrum:
         logs = np.log(np.where(self.held, self.values, 1.0)).sum(-1)
         return np.asarray(logs + 2 * np.log(self.scale).sum(-1))
 
-    def ridged(self, share: float) -> Spectrum:
+    def add_ridge(self, share: float) -> Spectrum:
         """With so small a share of the largest eigenvalue added to each: what holds next to nothing fades out.
 
         Where eigenvalues lie about any limit, what is held by it hops from one matrix to its neighbour; the quotients
         of these eigenvalues and the new ones are how much of each direction counts, and change as smoothly as they do.
         """
         values = np.maximum(self.values, 0.0)
-        raised = values + share * np.maximum(values[..., -1:], _NOTHING)
+        raised = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
         return replace(self, values=raised, held=np.ones(self.held.shape, dtype=bool))
 
     def mahalanobis_squared(self, vector: Array) -> Array:
@@ -103,7 +105,7 @@ def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
     return Spectrum(values, vectors, scale, holds_information(values, rounding))
 
 
-def above(matrix: Array, least: float, scale: Array | None = None) -> Spectrum:
+def scaled_spectrum(matrix: Array, least: float, scale: Array | None = None) -> Spectrum:
     """Symmetric matrices (..., k, k) taken apart in units in which `least` is the smallest eigenvalue that counts.
 
     None counts that is rounding of the largest.
@@ -121,34 +123,34 @@ def above(matrix: Array, least: float, scale: Array | None = None) -> Spectrum:
     return Spectrum(values, vectors, scale, (values > least) & holds_information(values))
 
 
-def floored(matrix: Array, least: float) -> Spectrum:
+def floored_spectrum(matrix: Array, least: float) -> Spectrum:
     """Symmetric matrices (..., k, k) with eigenvalues below `least` raised to it: regular, for steps and densities."""
-    of = above(matrix, least)
+    of = scaled_spectrum(matrix, least)
     return replace(of, values=np.maximum(of.values, least), held=np.ones(of.held.shape, dtype=bool))
 
 
 def floored_inverse(matrix: Array, least: float) -> Array:
-    """The inverse of what `floored` gives; matrices are taken apart only where an eigenvalue is below `least`."""
+    """The inverse of what `floored_spectrum` gives; decomposes only if an eigenvalue is below `least`."""
     try:
         np.linalg.cholesky(matrix - least * np.eye(matrix.shape[-1]))
     except np.linalg.LinAlgError:
-        return floored(matrix, least).inverse
+        return floored_spectrum(matrix, least).inverse
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def holds_information(values: Array, rounding: float = ROUNDING) -> BoolArray:
     """Which eigenvalues, (..., k) rising, are more than rounding of the largest."""
-    return np.asarray(values > rounding * np.maximum(values[..., -1:], _NOTHING))
+    return np.asarray(values > rounding * np.maximum(values[..., -1:], _SMALLEST_DIVISOR))
 
 
 def independent(values: Array) -> int:
     """The rank that singular values, (k,) falling, of exact columns show."""
-    return int(np.count_nonzero(values > INDEPENDENT * np.max(values, initial=_NOTHING)))
+    return int(np.count_nonzero(values > INDEPENDENT_SHARE * np.max(values, initial=_SMALLEST_DIVISOR)))
 
 
 def least_norm(rows: Array, right: Array) -> Array:
     """The smallest of the least-squares solutions of `rows @ x = right`, (m, k) and (m,) to (k,)."""
-    return np.asarray(np.linalg.lstsq(rows, right, rcond=INDEPENDENT)[0], dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(rows, right, rcond=INDEPENDENT_SHARE)[0], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +169,7 @@ def smallest_vectors(matrix: Array) -> Array:
     """
     inverse = matrix.copy()
     diagonal = np.einsum("...ii->...i", inverse)  # a view
-    diagonal += np.maximum(_RIDGE * diagonal.sum(-1, keepdims=True), _TINY)
+    diagonal += np.maximum(_RIDGE * diagonal.sum(-1, keepdims=True), _SMALLEST_RIDGE)
     inverse = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
     for _ in range(_SQUARINGS):
         inverse /= np.einsum("...ii->...", inverse)[..., None, None]
@@ -187,7 +189,7 @@ def null_vector(squares: Array, size: float) -> NullVector:
     # By LAPACK itself: SciPy's eigh takes a quarter longer to check what it is given.
     values, vectors, *_ = dsyevr(squares, range="I", il=1, iu=2)
     first, second = np.sqrt(np.maximum(values[:2], 0.0)) / size
-    return NullVector(vectors[:, 0], bool(first < GAP * second and second > _TWO_NULL))
+    return NullVector(vectors[:, 0], bool(first < NULL_GAP * second and second > _SECOND_NULL_SHARE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +200,7 @@ class Turned:
     share: Array
 
 
-def by_share(basis: Array, rows: IntArray) -> Turned:
+def sort_by_share(basis: Array, rows: IntArray) -> Turned:
     """A basis, (p, k), turned by what its directions move of some rows, orthogonal there."""
     if not len(rows) or not basis.shape[1]:
         return Turned(basis, np.zeros(basis.shape[1]))
@@ -215,21 +217,23 @@ class PrincipalAxes:
     dimension: int
 
 
-def principal_axes(vectors: Array, least: float = FLAT) -> PrincipalAxes:
+def principal_axes(vectors: Array, least: float = FLAT_SHARE) -> PrincipalAxes:
     """Axes along which vectors (n, k) from the origin spread; extents up to `least` of the largest are none."""
     _, values, axes = np.linalg.svd(vectors, full_matrices=vectors.shape[0] < vectors.shape[1])
     extents = np.append(values, np.zeros(vectors.shape[1] - len(values)))
-    return PrincipalAxes(axes.T, extents, int(np.count_nonzero(extents > least * np.max(extents, initial=_NOTHING))))
+    return PrincipalAxes(
+        axes.T, extents, int(np.count_nonzero(extents > least * np.max(extents, initial=_SMALLEST_DIVISOR)))
+    )
 
 
 def pseudo_inverse(rows: Array) -> Array:
     """Moore and Penrose's inverse of rows (m, k) that are exact but for rounding, (k, m)."""
-    return np.asarray(np.linalg.pinv(rows, rcond=INDEPENDENT), dtype=np.float64)
+    return np.asarray(np.linalg.pinv(rows, rcond=INDEPENDENT_SHARE), dtype=np.float64)
 
 
-def dimension(points: Array, least: float = FLAT) -> int:
+def dimension(points: Array, least: float = FLAT_SHARE) -> int:
     """How many dimensions points (p, 3) span: 0 where all are one, 1 on a line, 2 in a plane, else 3."""
     if not len(points):
         return 0
     extents = np.linalg.svd(points - points.mean(0), compute_uv=False)
-    return int(np.count_nonzero(extents > least * np.max(extents, initial=_NOTHING)))
+    return int(np.count_nonzero(extents > least * np.max(extents, initial=_SMALLEST_DIVISOR)))

@@ -16,7 +16,9 @@ _LEAST_SHARE = 0.01  # of the curvature along a step: less slows no descent
 # Of the scaled diagonal, by which an update may change it: residuals that bend more are no optimum's, and next to
 # nothing along a step would be divided by.
 _LARGEST_CHANGE = 1.0
-_LEAST_LEFT = 0.1  # of the diagonal, where residuals bend away from it: with less a step is beyond all that was seen
+_LEAST_DIAGONAL_SHARE = (
+    0.1  # of the diagonal, where residuals bend away from it: with less a step is beyond all that was seen
+)
 
 
 def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: BoolArray) -> Array:
@@ -45,8 +47,8 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
     return kept
 
 
-def usable(bend: Array, hessian: Array) -> Array:
+def usable_curvature(bend: Array, hessian: Array) -> Array:
     """The bend of residuals where it leaves enough of the hessian's diagonal, none elsewhere, (b, p, p)."""
     diagonal, change = (np.diagonal(of, axis1=1, axis2=2) for of in (hessian, bend))
-    leaves = np.all(diagonal + change >= _LEAST_LEFT * diagonal, axis=1)
+    leaves = np.all(diagonal + change >= _LEAST_DIAGONAL_SHARE * diagonal, axis=1)
     return np.where(leaves[:, None, None], bend, 0.0)

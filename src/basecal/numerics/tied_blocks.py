@@ -36,7 +36,7 @@ def tied_blocks(pairs: IntArray, count: int, most: int) -> TiedBlocks:
         most: Of a block.
     """
     label = _components(pairs, count)
-    hubs = _hubs(pairs[np.bincount(label)[label[pairs[:, 0]]] > most], most)
+    hubs = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > most], most)
     if hubs:
         label = _components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
     others = np.setdiff1d(np.arange(count), hubs)
@@ -55,7 +55,7 @@ def _components(pairs: IntArray, count: int) -> IntArray:
     return np.asarray(connected_components(graph)[1], dtype=np.int64)
 
 
-def _hubs(pairs: IntArray, most: int) -> list[int]:
+def _separator_nodes(pairs: IntArray, most: int) -> list[int]:
     """Nodes without which pairs tie no more than so many others together, rising: those of most pairs first."""
     partners: dict[int, set[int]] = defaultdict(set)
     for a, b in set(map(tuple, pairs.tolist())):
@@ -67,7 +67,7 @@ def _hubs(pairs: IntArray, most: int) -> list[int]:
         first = waiting.pop()
         if first in seen:
             continue
-        nodes = _reached(first, partners)
+        nodes = _connected_nodes(first, partners)
         if len(nodes) <= most:
             seen |= nodes
             continue
@@ -79,7 +79,7 @@ def _hubs(pairs: IntArray, most: int) -> list[int]:
     return sorted(hubs)
 
 
-def _reached(first: int, partners: Mapping[int, set[int]]) -> set[int]:
+def _connected_nodes(first: int, partners: Mapping[int, set[int]]) -> set[int]:
     """The nodes that pairs tie to one, itself among them."""
     reached, waiting = {first}, [first]
     while waiting:

@@ -11,25 +11,28 @@ from basecal.errors import InputError, NotConverged
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics.inverse import inverse
-from basecal.planning.feasible import is_clear, seen_whole
-from basecal.planning.poses import in_ball
+from basecal.planning.feasible import is_clear, visibility_mask
+from basecal.planning.poses import draw_in_ball
 from basecal.planning.sketch import Sketch
 
 Taught = Mapping[str, RobotState]
 
-_TURN_RAD, _SHIFT_M = 0.6, 0.12  # of an arm sent by poses, about a taught pose: what it mostly reaches from there
-_TURN_BY_JOINTS_RAD, _SHIFT_BY_JOINTS_M = 1.0, 0.25  # of an arm whose limits are known
-_ROUNDS = 20  # of draws, before those are taken that were found
-_STEPS = 40  # of the inverse at most: what is farther than a taught pose is from this one is not reached
-_REACHED = 1e-8  # [m, rad] of an inverse that did not converge everywhere, where it did
+_POSE_TURN_RAD, _POSE_SHIFT_M = (
+    0.6,
+    0.12,
+)  # of an arm sent by poses, about a taught pose: what it mostly reaches from there
+_JOINT_TURN_RAD, _JOINT_SHIFT_M = 1.0, 0.25  # of an arm whose limits are known
+_DRAW_ROUNDS = 20  # of draws, before those are taken that were found
+_INVERSE_STEPS = 40  # of the inverse at most: what is farther than a taught pose is from this one is not reached
+_REACH_TOLERANCE = 1e-8  # [m, rad] of an inverse that did not converge everywhere, where it did
 
 
-def candidates(sketch: Sketch, taught: Sequence[Taught], count: int, seed: int = 0) -> list[Sample]:
+def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 0) -> list[Sample]:
     """Feasible samples, at most `count`; none at a taught pose, whose stop would be one that is recorded.
 
     Args:
         sketch: What is known of the cell.
-        taught: States of all robots where the target was seen.
+        views: States of all robots where the target was seen.
         count: How many.
         seed: Of the draws.
 
@@ -37,13 +40,13 @@ def candidates(sketch: Sketch, taught: Sequence[Taught], count: int, seed: int =
         InputError: if none is feasible.
     """
     rng = np.random.default_rng([seed, 29])
-    poses = {robot: SE3.stack([sketch.base_from_flange(robot, t[robot]) for t in taught]) for robot in sketch.movers}
+    poses = {robot: SE3.stack([sketch.base_from_flange(robot, t[robot]) for t in views]) for robot in sketch.movers}
     found: list[Sample] = []
-    for _ in range(_ROUNDS):
+    for _ in range(_DRAW_ROUNDS):
         if len(found) >= count:
             break
-        near = rng.integers(len(taught), size=count)
-        found += _feasible(sketch, taught, near, _drawn(sketch, taught, near, poses, rng))
+        near = rng.integers(len(views), size=count)
+        found += _feasible(sketch, views, near, _draw_flanges(sketch, views, near, poses, rng))
     if not found:
         raise InputError(
             "no sample near the taught poses is within the arms' limits, with the whole target in view and clear: "
@@ -52,48 +55,48 @@ def candidates(sketch: Sketch, taught: Sequence[Taught], count: int, seed: int =
     return [Sample(k, robots=sample.robots) for k, sample in enumerate(found[:count])]
 
 
-def _drawn(
-    sketch: Sketch, taught: Sequence[Taught], near: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
+def _draw_flanges(
+    sketch: Sketch, views: Sequence[Taught], near: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
 ) -> dict[str, SE3]:
     """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each by itself."""
-    pivots = np.array([sketch.world_from(sketch.target.name, t) @ sketch.target_points.mean(0) for t in taught])[near]
+    pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[near]
     drawn = {}
     for robot in sketch.movers:
         known = sketch.cell.robots[robot].chain is not None
-        most_rad, most_m = (_TURN_BY_JOINTS_RAD, _SHIFT_BY_JOINTS_M) if known else (_TURN_RAD, _SHIFT_M)
-        turn = rotation_exp(most_rad * in_ball(rng, len(near)))
-        away = pivots + most_m * in_ball(rng, len(near)) - (turn @ pivots[..., None])[..., 0]
+        most_rad, most_m = (_JOINT_TURN_RAD, _JOINT_SHIFT_M) if known else (_POSE_TURN_RAD, _POSE_SHIFT_M)
+        turn = rotation_exp(most_rad * draw_in_ball(rng, len(near)))
+        away = pivots + most_m * draw_in_ball(rng, len(near)) - (turn @ pivots[..., None])[..., 0]
         world_from_base = sketch.world_from_base(robot)
         drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[robot][near]
     return drawn
 
 
-def _feasible(sketch: Sketch, taught: Sequence[Taught], near: IntArray, drawn: Mapping[str, SE3]) -> list[Sample]:
+def _feasible(sketch: Sketch, views: Sequence[Taught], near: IntArray, flanges: Mapping[str, SE3]) -> list[Sample]:
     """Of drawn flanges, (n,), the samples that can be taken."""
-    rows = np.flatnonzero(seen_whole(sketch, _camera_from_target(sketch, taught, near, drawn)))
+    rows = np.flatnonzero(visibility_mask(sketch, _camera_from_target(sketch, views, near, flanges)))
     states: dict[str, list[RobotState]] = {}
     reached = np.ones(len(rows), dtype=bool)
-    for robot, poses in drawn.items():
-        start = [taught[k][robot].joints_rad for k in near[rows]]
+    for robot, poses in flanges.items():
+        start = [views[k][robot].joints_rad for k in near[rows]]
         states[robot], mine = _states(sketch.cell.robots[robot], poses[rows], start)
         reached &= mine
     samples = []
     for place in np.flatnonzero(reached):
         moved = {robot: each[place] for robot, each in states.items()}
-        sample = Sample(0, robots={**taught[near[rows[place]]], **moved})
+        sample = Sample(0, robots={**views[near[rows[place]]], **moved})
         if is_clear(sketch, sample):
             samples.append(sample)
     return samples
 
 
-def _camera_from_target(sketch: Sketch, taught: Sequence[Taught], near: IntArray, drawn: Mapping[str, SE3]) -> SE3:
+def _camera_from_target(sketch: Sketch, views: Sequence[Taught], near: IntArray, flanges: Mapping[str, SE3]) -> SE3:
     world_from = []
     for thing in (sketch.camera, sketch.target):
         mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
         if thing.on == WORLD:
             world_from.append(SE3.stack([mount] * len(near)))
         else:
-            world_from.append(sketch.world_from_base(thing.on) @ drawn[thing.on] @ mount)
+            world_from.append(sketch.world_from_base(thing.on) @ flanges[thing.on] @ mount)
     return world_from[0].inverse() @ world_from[1]
 
 
@@ -104,11 +107,11 @@ def _states(robot: Robot, poses: SE3, start: Sequence[Array | None]) -> tuple[li
         return [RobotState(poses[k]) for k in range(len(poses))], np.ones(len(poses), dtype=bool)
     try:
         found, reached = (
-            inverse(robot.chain, poses, np.stack(joints), iterations=_STEPS),
+            inverse(robot.chain, poses, np.stack(joints), iterations=_INVERSE_STEPS),
             np.ones(len(poses), dtype=bool),
         )
     except NotConverged as error:
         found = np.asarray(error.state)
         left = (robot.chain.forward(found).inverse() @ poses).log()
-        reached = np.abs(left).max(-1) < _REACHED
+        reached = np.abs(left).max(-1) < _REACH_TOLERANCE
     return [RobotState(joints_rad=each) for each in found], reached

@@ -13,8 +13,8 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_PASSES = 3  # over what is chosen: the third exchanges next to nothing
-_GAIN = 1e-4  # of the criterion, below which an exchange is not worth another pass
+_EXCHANGE_PASSES = 3  # over what is chosen: the third exchanges next to nothing
+_LEAST_GAIN = 1e-4  # of the criterion, below which an exchange is not worth another pass
 
 Enough = Callable[[Array], bool]
 
@@ -35,30 +35,32 @@ def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int
         yield best, covariance
 
 
-def exchanged(roots: Array, chosen: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
+def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
     """What is chosen after each was given up for the best of all that are not, and the covariance then.
 
     Args:
         roots: (n, p, q).
-        chosen: Which were chosen.
+        choice: Which were chosen.
         covariance: (p, p) with them.
         weight: (p, p).
     """
-    chosen = list(chosen)
-    for _ in range(_PASSES):
+    choice = list(choice)
+    for _ in range(_EXCHANGE_PASSES):
         before = float(np.trace(weight @ covariance))
-        for place, old in enumerate(chosen):
+        for place, old in enumerate(choice):
             without = without_sample(covariance, roots[old])
             of_each = gains(roots, without, weight)
-            of_each[[k for k in chosen if k != old]] = -np.inf
-            chosen[place] = int(np.argmax(of_each))
-            covariance = with_sample(without, roots[chosen[place]])
-        if before - float(np.trace(weight @ covariance)) < _GAIN * before:
+            of_each[[k for k in choice if k != old]] = -np.inf
+            choice[place] = int(np.argmax(of_each))
+            covariance = with_sample(without, roots[choice[place]])
+        if before - float(np.trace(weight @ covariance)) < _LEAST_GAIN * before:
             break
-    return chosen, covariance
+    return choice, covariance
 
 
-def fewest(roots: Array, covariance: Array, weight: Array, most: int, enough: Enough) -> tuple[list[int], bool]:
+def choose_fewest(
+    roots: Array, covariance: Array, weight: Array, most: int, is_enough: Enough
+) -> tuple[list[int], bool]:
     """As few candidates as are enough, or the best `most` of them, and whether they are enough.
 
     Args:
@@ -66,25 +68,25 @@ def fewest(roots: Array, covariance: Array, weight: Array, most: int, enough: En
         covariance: (p, p) to begin with.
         weight: (p, p).
         most: How many at most.
-        enough: Whether a covariance is.
+        is_enough: Whether a covariance is.
     """
-    if enough(covariance):
+    if is_enough(covariance):
         return [], True
     chosen: list[int] = []
     now = covariance
     for best, now in greedy(roots, covariance, weight):
         chosen.append(best)
-        if enough(now) or len(chosen) == most:
+        if is_enough(now) or len(chosen) == most:
             break
-    chosen, now = exchanged(roots, chosen, now, weight)
-    if not enough(now):
+    chosen, now = exchange(roots, chosen, now, weight)
+    if not is_enough(now):
         return chosen, False
     while len(chosen) > 1:
         losses = [float(np.trace(weight @ without_sample(now, roots[k]))) for k in chosen]
         least = chosen[int(np.argmin(losses))]
         left = [k for k in chosen if k != least]
-        fewer, after = exchanged(roots, left, without_sample(now, roots[least]), weight)
-        if not enough(after):
+        fewer, after = exchange(roots, left, without_sample(now, roots[least]), weight)
+        if not is_enough(after):
             break
         chosen, now = fewer, after
     return chosen, True
@@ -103,14 +105,14 @@ def gains(roots: Array, covariance: Array, weight: Array) -> Array:
 def with_sample(covariance: Array, root: Array) -> Array:
     """The covariance with one sample more."""
     carried = covariance @ root
-    return _symmetric(covariance - carried @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ carried, carried.T))
+    return _symmetrise(covariance - carried @ np.linalg.solve(np.eye(root.shape[1]) + root.T @ carried, carried.T))
 
 
 def without_sample(covariance: Array, root: Array) -> Array:
     """The covariance with one sample less."""
     carried = covariance @ root
-    return _symmetric(covariance + carried @ np.linalg.solve(np.eye(root.shape[1]) - root.T @ carried, carried.T))
+    return _symmetrise(covariance + carried @ np.linalg.solve(np.eye(root.shape[1]) - root.T @ carried, carried.T))
 
 
-def _symmetric(matrix: Array) -> Array:
+def _symmetrise(matrix: Array) -> Array:
     return np.asarray(0.5 * (matrix + matrix.T))

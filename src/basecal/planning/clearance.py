@@ -14,17 +14,17 @@ from basecal.cell import CellCamera, CellTarget, KeepOut, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics.collision import Capsules, body_capsules, box_capsules
-from basecal.planning.sketch import Sketch, points_of
+from basecal.planning.sketch import Sketch, target_points
 
-_AIR_M = 0.02  # about each arm: as far as its points move from the nearest place on a way that is looked at
+_CLEARANCE_M = 0.02  # about each arm: as far as its points move from the nearest place on a way that is looked at
 _PADDING_M = 0.06  # radius of a link whose body is unknown, and about what an arm carries
 _STEP_RAD = 0.05  # between places at which the speed of points is looked at
-_CHORD = 1.02  # of an arc of a tenth of a radian and its change of speed over its chord, at most
-_STANDING = 2  # frames of an arm, its base and first joint, which stand on what it is mounted on
-_PAIRS = 500_000  # of capsules whose distances are in memory at once
-_POINTS = 65  # on a segment that are held against a box
-_ROUNDING = 1e-9  # of a distance [m]
-_TINY = 1e-12  # square of a length that is none [m^2]
+_CHORD_FACTOR = 1.02  # of an arc of a tenth of a radian and its change of speed over its chord, at most
+_STANDING_FRAMES = 2  # frames of an arm, its base and first joint, which stand on what it is mounted on
+_CHUNK_PAIRS = 500_000  # of capsules whose distances are in memory at once
+_SEGMENT_POINTS = 65  # on a segment that are held against a box
+_ROUNDING_M = 1e-9  # of a distance [m]
+_TINY_M2 = 1e-12  # square of a length that is none [m^2]
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,17 @@ def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[st
         end: Where they go.
         moving: Robots that are sent: of others nothing is given but their distances from these.
     """
-    ways = {name: way for name in end.robots if (way := _way(sketch, start, end, name)) is not None}
+    ways = {name: way for name in end.robots if (way := _swept_capsules(sketch, start, end, name)) is not None}
     for one, other in combinations(ways, 2):
         if one in moving or other in moving:
             capsules, others = (ways[name].reshape(-1, 7) for name in (one, other))
-            parts = np.array_split(capsules, len(capsules) * len(others) // _PAIRS + 1)
+            parts = np.array_split(capsules, len(capsules) * len(others) // _CHUNK_PAIRS + 1)
             gap_m = min(_arms_gap(part, others) for part in parts)
-            yield Clearance(one, other, gap_m, 2 * _AIR_M)
+            yield Clearance(one, other, gap_m, 2 * _CLEARANCE_M)
     for name in [name for name in ways if name in moving]:
         for box in sketch.cell.keep_out.values():
-            free = robot_capsules(sketch, name)[0].frame >= _STANDING
-            yield Clearance(name, box.name, _box_gap(ways[name][free].reshape(-1, 7), box), _AIR_M)
+            free = robot_capsules(sketch, name)[0].frame >= _STANDING_FRAMES
+            yield Clearance(name, box.name, _box_gap(ways[name][free].reshape(-1, 7), box), _CLEARANCE_M)
 
 
 def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float | None:
@@ -86,11 +86,11 @@ def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float
     if leading == 0:
         return 0.0
     count = int(leading / _STEP_RAD) + 2
-    rotation, segments = _placed(sketch, robot, np.linspace(*ends, count))
+    rotation, segments = _place_capsules(sketch, robot, np.linspace(*ends, count))
     turned = np.linalg.norm(np.diff(rotation, axis=1), axis=(-2, -1)) / np.sqrt(2)  # chord of the unit circle
     beside = turned * robot_capsules(sketch, robot)[0].radius[:, None]
     steps = np.linalg.norm(np.diff(segments, axis=1), axis=-1).max(-1) + beside
-    return _CHORD * float(steps.max()) * (count - 1) / leading
+    return _CHORD_FACTOR * float(steps.max()) * (count - 1) / leading
 
 
 def _ends(sketch: Sketch, start: Sample, end: Sample, robot: str) -> tuple[Array, Array] | None:
@@ -124,14 +124,14 @@ def robot_capsules(sketch: Sketch, robot: str) -> tuple[Capsules, list[str]]:
     carried: list[CellCamera | CellTarget] = [*sketch.cell.cameras.values(), *sketch.cell.targets.values()]
     for thing in carried:
         if thing.on == robot:
-            points = points_of(thing.target if isinstance(thing, CellTarget) else None)
+            points = target_points(thing.target if isinstance(thing, CellTarget) else None)
             mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
             parts.append(box_capsules(chain.n + 1, mount, np.stack([points.min(0), points.max(0)]), _PADDING_M))
     frame, ends, radius, padding = map(np.concatenate, zip(*parts, strict=True))
     return Capsules(frame, ends, radius, padding), problems
 
 
-def _placed(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
+def _place_capsules(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
     """Rotations of capsules, (k, m, 3, 3), and their ends in the world, (k, m, 2, 3), at joints, (m, n)."""
     chain, body = sketch.cell.robots[robot].chain, robot_capsules(sketch, robot)[0]
     assert chain is not None
@@ -142,24 +142,26 @@ def _placed(sketch: Sketch, robot: str, joints: Array) -> tuple[Array, Array]:
     return world_from.rotation, body.ends[:, None] @ world_from.rotation.mT + world_from.translation[:, :, None]
 
 
-def _way(sketch: Sketch, start: Sample, end: Sample, robot: str) -> Array | None:
+def _swept_capsules(sketch: Sketch, start: Sample, end: Sample, robot: str) -> Array | None:
     """Both ends and the radius of a robot's capsules at places on its way, (k, m, 7) [m]; None of one sent to poses."""
     ends = _ends(sketch, start, end, robot)
     if ends is None:
         return None
     body, metres = robot_capsules(sketch, robot)[0], (path_length(sketch, start, end, robot) or 0.0)
     metres *= np.abs(ends[1] - ends[0]).max()
-    segments = _placed(sketch, robot, np.linspace(*ends, int(metres / (2 * _AIR_M)) + 2 if metres else 1))[1]
+    segments = _place_capsules(
+        sketch, robot, np.linspace(*ends, int(metres / (2 * _CLEARANCE_M)) + 2 if metres else 1)
+    )[1]
     shape = segments.shape[:2]
     radius = np.broadcast_to((body.radius + body.padding)[:, None, None], (*shape, 1))
     return np.concatenate([segments.reshape(*shape, 6), radius], axis=-1)
 
 
-def _arms_gap(one: Array, other: Array) -> float:
+def _arms_gap(capsule: Array, other: Array) -> float:
     """Least distance of capsules, (n, 7) and (m, 7)."""
-    (middles, reach), (other_middles, other_reach) = _balls(one), _balls(other)
+    (middles, reach), (other_middles, other_reach) = _balls(capsule), _balls(other)
     bound = cdist(middles, other_middles) - reach[:, None] - other_reach
-    return _least(bound, lambda rows, columns: _gaps(one[rows], other[columns]))
+    return _least_gap(bound, lambda rows, columns: _gaps(capsule[rows], other[columns]))
 
 
 def _box_gap(capsules: Array, box: KeepOut) -> float:
@@ -168,11 +170,11 @@ def _box_gap(capsules: Array, box: KeepOut) -> float:
 
     def gap(rows: IntArray) -> Array:
         starts, ends, radius = np.split(capsules[rows], (3, 6), axis=-1)
-        points = starts + np.linspace(0, 1, _POINTS)[:, None, None] * (ends - starts)
+        points = starts + np.linspace(0, 1, _SEGMENT_POINTS)[:, None, None] * (ends - starts)
         between = 0.5 * np.linalg.norm(points[1] - points[0], axis=-1)  # by which a point between two may be nearer
         return np.asarray(box.distance(points).min(0) - between - radius[:, 0])
 
-    return _least(box.distance(middles) - reach, gap)
+    return _least_gap(box.distance(middles) - reach, gap)
 
 
 def _balls(capsules: Array) -> tuple[Array, Array]:
@@ -181,18 +183,18 @@ def _balls(capsules: Array) -> tuple[Array, Array]:
     return 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=-1) + radius[:, 0]
 
 
-def _least(bound: Array, gap: Callable[..., Array]) -> float:
+def _least_gap(bound: Array, gap: Callable[..., Array]) -> float:
     """Least gap, of which lower bounds are known: only gaps that may be the least are computed."""
     nearest = np.unravel_index([np.argmin(bound)], bound.shape)
-    return float(gap(*np.nonzero(bound <= max(bound.min(), gap(*nearest)[0]) + _ROUNDING)).min())
+    return float(gap(*np.nonzero(bound <= max(bound.min(), gap(*nearest)[0]) + _ROUNDING_M)).min())
 
 
-def _gaps(one: Array, other: Array) -> Array:
+def _gaps(capsule: Array, other: Array) -> Array:
     """Distances of capsules, both (n, 7). Source: Ericson 2005, Real-Time Collision Detection, 5.1.9."""
-    u, v, w = one[:, 3:6] - one[:, :3], other[:, 3:6] - other[:, :3], one[:, :3] - other[:, :3]
-    uu, vv = np.maximum(np.vecdot(u, u), _TINY), np.maximum(np.vecdot(v, v), _TINY)
+    u, v, w = capsule[:, 3:6] - capsule[:, :3], other[:, 3:6] - other[:, :3], capsule[:, :3] - other[:, :3]
+    uu, vv = np.maximum(np.vecdot(u, u), _TINY_M2), np.maximum(np.vecdot(v, v), _TINY_M2)
     uv, uw, vw = np.vecdot(u, v), np.vecdot(u, w), np.vecdot(v, w)
-    s = np.clip((uv * vw - uw * vv) / np.maximum(uu * vv - uv**2, _TINY**2), 0, 1)
+    s = np.clip((uv * vw - uw * vv) / np.maximum(uu * vv - uv**2, _TINY_M2**2), 0, 1)
     t = np.clip((uv * s + vw) / vv, 0, 1)
     s = np.clip((uv * t - uw) / uu, 0, 1)
-    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1) - one[:, 6] - other[:, 6])
+    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1) - capsule[:, 6] - other[:, 6])

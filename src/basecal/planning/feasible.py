@@ -14,19 +14,19 @@ from basecal.planning.sketch import Sketch
 
 Feasible = Callable[[Sample], bool]
 
-_MARGIN = 0.05  # of the image's width: what guesses of a degree or two are off by
-_FACING = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
+_MARGIN_SHARE = 0.05  # of the image's width: what guesses of a degree or two are off by
+_LEAST_FACING_COSINE = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
 _NEAREST_M, _FARTHEST_M = 0.2, 3.0
-_NEAR_AXIS = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
+_LEAST_AXIS_COSINE = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
 
 
-def feasible_in(sketch: Sketch) -> Feasible:
+def make_feasibility_check(sketch: Sketch) -> Feasible:
     """Whether a sample of a cell can be taken, by all that is known of it."""
-    tests = (within_limits, in_view, is_clear)
+    tests = (is_within_limits, is_in_view, is_clear)
     return lambda sample: all(test(sketch, sample) for test in tests)
 
 
-def within_limits(sketch: Sketch, sample: Sample) -> bool:
+def is_within_limits(sketch: Sketch, sample: Sample) -> bool:
     """Whether every joint is within its limits; robots that are sent to poses keep theirs themselves."""
     for name, state in sample.robots.items():
         chain = sketch.cell.robots[name].chain
@@ -37,52 +37,52 @@ def within_limits(sketch: Sketch, sample: Sample) -> bool:
     return True
 
 
-def in_view(sketch: Sketch, sample: Sample) -> bool:
+def is_in_view(sketch: Sketch, sample: Sample) -> bool:
     """Whether the whole target is in the picture, with a margin, and shows its front."""
-    return bool(seen_whole(sketch, SE3.stack([sketch.camera_from_target(sample)]))[0])
+    return bool(visibility_mask(sketch, SE3.stack([sketch.camera_from_target(sample)]))[0])
 
 
-def seen_whole(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
-    """As `in_view`, of many poses of the target, (n,); of a camera without a lens, near its axis."""
+def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
+    """As `is_in_view`, of many poses of the target, (n,); of a camera without a lens, near its axis."""
     turned: Array = sketch.target_points @ camera_from_target.rotation.mT
     in_camera = turned + camera_from_target.translation[:, None]
     depth = in_camera[..., 2]
     seen: BoolArray = np.all((depth > _NEAREST_M) & (depth < _FARTHEST_M), axis=-1)
     if sketch.camera.intrinsics is None:
-        seen &= np.all(depth > _NEAR_AXIS * np.linalg.norm(in_camera, axis=-1), axis=-1)
+        seen &= np.all(depth > _LEAST_AXIS_COSINE * np.linalg.norm(in_camera, axis=-1), axis=-1)
     else:
-        seen &= _in_picture(sketch, in_camera)
+        seen &= _in_picture_mask(sketch, in_camera)
     shape = sketch.target.target
     if shape is not None and shape.sheets:
         normal = camera_from_target.rotation @ shape.sheets[0].target_from_sheet.rotation[:, 2]
         centre = in_camera.mean(1)
-        seen &= np.einsum("ni,ni->n", normal, centre) > _FACING * np.linalg.norm(centre, axis=-1)
+        seen &= np.einsum("ni,ni->n", normal, centre) > _LEAST_FACING_COSINE * np.linalg.norm(centre, axis=-1)
     return seen
 
 
-def _in_picture(sketch: Sketch, in_camera: Array) -> BoolArray:
+def _in_picture_mask(sketch: Sketch, points_in_camera: Array) -> BoolArray:
     """Whether all points, (n, p, 3), are in the picture, (n,)."""
     lens = sketch.lens
-    seen: BoolArray = np.all(lens.sees(in_camera), axis=-1)
+    seen: BoolArray = np.all(lens.sees(points_in_camera), axis=-1)
     if lens.size_px is None:
         return seen
-    margin = _MARGIN * lens.size_px[0]
-    pixels = lens.project(in_camera)
+    margin = _MARGIN_SHARE * lens.size_px[0]
+    pixels = lens.project(points_in_camera)
     inside: BoolArray = np.all((pixels >= margin) & (pixels <= np.array(lens.size_px) - 1 - margin), axis=(-1, -2))
     return seen & inside
 
 
 def is_clear(sketch: Sketch, sample: Sample) -> bool:
     """Whether no robot, nor what it carries, is near another one or a box that the cell keeps out of."""
-    return way_is_clear(sketch, sample, sample)
+    return is_path_clear(sketch, sample, sample)
 
 
-def way_is_clear(sketch: Sketch, start: Sample, end: Sample) -> bool:
+def is_path_clear(sketch: Sketch, start: Sample, end: Sample) -> bool:
     """Whether arms that go straight from joints to joints stay clear of one another, and of boxes to keep out of."""
     return all(each.is_enough for each in clearances(sketch, start, end, end.robots))
 
 
-def unclear_ways(sketch: Sketch, home: Mapping[str, RobotState], samples: Sequence[Sample]) -> list[int]:
+def blocked_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: Sequence[Sample]) -> list[int]:
     """Numbers of samples to which the way from the one before, the first from `home`, is not clear."""
     at = [Sample(0, robots=dict(home)), *samples]
-    return [end.sample for start, end in pairwise(at) if not way_is_clear(sketch, start, end)]
+    return [end.sample for start, end in pairwise(at) if not is_path_clear(sketch, start, end)]

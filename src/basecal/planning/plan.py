@@ -9,17 +9,17 @@ from itertools import islice
 import numpy as np
 
 from basecal.accuracy.task.budget import budget
-from basecal.accuracy.task.expected_error import at_points, length_quantiles
-from basecal.accuracy.task.task import Task, least_known, placing, task_at
+from basecal.accuracy.task.expected_error import length_quantiles, point_covariances
+from basecal.accuracy.task.task import Task, base_transforms, least_known, make_task
 from basecal.cell import BudgetEntry, Calibration, Cell, Recording, RobotState, Sample
 from basecal.errors import InputError
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
 from basecal.geometry import Array
 from basecal.planning.candidates import candidates
-from basecal.planning.choose import exchanged, fewest, greedy
-from basecal.planning.feasible import in_view
-from basecal.planning.poses import in_order
+from basecal.planning.choose import choose_fewest, exchange, greedy
+from basecal.planning.feasible import is_in_view
+from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
 from basecal.planning.sketch import Sketch
 from basecal.planning.stations import stations
@@ -30,7 +30,7 @@ MOST_SAMPLES = 60
 CANDIDATES = 600
 """Drawn to choose from: of arms with joints each takes some milliseconds to be found free of collision."""
 
-OUTLOOK = (0, 5, 10, 20, 40)
+OUTLOOK_COUNTS = (0, 5, 10, 20, 40)
 """Samples more, of which it is told what they bring."""
 
 OUTLOOK_CANDIDATES = 200
@@ -68,9 +68,9 @@ class _Goal:
     tasks: tuple[Task, ...]
     tolerance_m: float
 
-    def expected_m(self, covariance_of: dict[str, Array]) -> float:
+    def expected_m(self, covariances: dict[str, Array]) -> float:
         """The largest error of any of them at any of its points [m]."""
-        at = [at_points(covariance_of[task.transform], task.points_m) for task in self.tasks]
+        at = [point_covariances(covariances[task.transform], task.points_m) for task in self.tasks]
         return float(length_quantiles(np.concatenate(at)).max())
 
 
@@ -82,8 +82,8 @@ def plan_for_task(
     tolerance_m: float | None = None,
     count: int | None = None,
     seed: int = 0,
-    offered: Sequence[Offer] | None = None,
-    together: int = 1,
+    offers: Sequence[Offer] | None = None,
+    group_size: int = 1,
 ) -> Plan:
     """The samples to record for a task.
 
@@ -95,33 +95,33 @@ def plan_for_task(
         tolerance_m: The error that 95 of 100 are to stay below [m].
         count: How many samples; as many as the tolerance needs where None.
         seed: Of the draws.
-        offered: What there is to choose from; drawn near taught poses where None.
-        together: How many of these, one after another, are taken together, such as those of a station.
+        offers: What there is to choose from; drawn near taught poses where None.
+        group_size: How many of these, one after another, are taken together, such as those of a station.
 
     Raises:
         InputError: if nothing is placed that the task is about, no pose is taught, or a transform has no guess.
     """
-    names = placing(cell)
+    names = base_transforms(cell)
     known = sketches(cell, calibration)
     recording = synchronous(cell, recording, calibration)
-    if offered is None:
-        offered = offers(known, recording, CANDIDATES, seed)
-    prospect = prospects(cell, recording, calibration, offered)
-    tasks = tuple(task_at(name, known[0].transforms, points_m) for name in names)
+    if offers is None:
+        offers = draw_offers(known, recording, CANDIDATES, seed)
+    prospect = prospects(cell, recording, calibration, offers)
+    tasks = tuple(make_task(name, known[0].transforms, points_m) for name in names)
     goal = _Goal(tasks, np.inf if tolerance_m is None else tolerance_m)
-    roots = prospect.roots if together == 1 else prospect.together(together)
+    roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
     chosen, reached = list[int](), None
     if tolerance_m is not None:
-        chosen, reached = _fewest(prospect, roots, goal, MOST_SAMPLES // together)
-    needed = together * len(chosen) if reached else None
-    if count is not None and -(-count // together) != len(chosen):
-        chosen = best(prospect, roots, _weight(prospect, goal), -(-count // together))
-    rows = [together * k + each for k in chosen for each in range(together)]
+        chosen, reached = _choose_fewest(prospect, roots, goal, MOST_SAMPLES // group_size)
+    needed = group_size * len(chosen) if reached else None
+    if count is not None and -(-count // group_size) != len(chosen):
+        chosen = choose_best(prospect, roots, _weight(prospect, goal), -(-count // group_size))
+    rows = [group_size * k + each for k in chosen for each in range(group_size)]
     solution = prospect.solution(rows)
     return Plan(
-        _ordered(known[0], prospect, recording, rows, together == 1),
+        _order_samples(known[0], prospect, recording, rows, group_size == 1),
         needed,
-        _expected(solution, goal),
+        _expected_error_m(solution, goal),
         reached,
         len(prospect.recorded),
         _budget(solution, goal),
@@ -144,41 +144,41 @@ def outlook(
     """
     known = sketches(cell, calibration)
     recording = synchronous(cell, recording, calibration)
-    prospect = prospects(cell, recording, calibration, offers(known, recording, OUTLOOK_CANDIDATES))
-    goal = _Goal(tuple(task_at(name, known[0].transforms, points_m) for name in placing(cell)), np.inf)
+    prospect = prospects(cell, recording, calibration, draw_offers(known, recording, OUTLOOK_CANDIDATES))
+    goal = _Goal(tuple(make_task(name, known[0].transforms, points_m) for name in base_transforms(cell)), np.inf)
     steps = greedy(prospect.roots, prospect.covariance, _weight(prospect, goal))
-    covariances = [prospect.covariance, *(after for _, after in islice(steps, OUTLOOK[-1]))]
+    covariances = [prospect.covariance, *(after for _, after in islice(steps, OUTLOOK_COUNTS[-1]))]
     columns = [(task.transform, prospect.problem.columns[task.transform]) for task in goal.tasks]
     return tuple(
-        (count, goal.expected_m({name: _padded(covariances[count], where) for name, where in columns}))
-        for count in OUTLOOK
+        (count, goal.expected_m({name: _pad_covariance(covariances[count], where) for name, where in columns}))
+        for count in OUTLOOK_COUNTS
         if count < len(covariances)
     )
 
 
-def _fewest(prospect: Prospects, roots: Array, goal: _Goal, most: int) -> tuple[list[int], bool]:
+def _choose_fewest(prospect: Prospects, roots: Array, goal: _Goal, most: int) -> tuple[list[int], bool]:
     """As few candidates as the tolerance needs, or the best that are allowed, and whether it is met."""
     columns = prospect.problem.columns
     names = [task.transform for task in goal.tasks]
 
-    def enough(covariance: Array) -> bool:
+    def is_enough(covariance: Array) -> bool:
         """Whether the tolerance is met."""
-        return goal.expected_m({n: _padded(covariance, columns[n]) for n in names}) <= goal.tolerance_m
+        return goal.expected_m({n: _pad_covariance(covariance, columns[n]) for n in names}) <= goal.tolerance_m
 
-    return fewest(roots, prospect.covariance, _weight(prospect, goal), most, enough)
+    return choose_fewest(roots, prospect.covariance, _weight(prospect, goal), most, is_enough)
 
 
-def best(prospect: Prospects, roots: Array, weight: Array, count: int) -> list[int]:
+def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> list[int]:
     """So many candidates, greedy with exchange."""
     steps = list(islice(greedy(roots, prospect.covariance, weight), count))
-    return exchanged(roots, [found for found, _ in steps], steps[-1][1], weight)[0]
+    return exchange(roots, [found for found, _ in steps], steps[-1][1], weight)[0]
 
 
-def offers(known: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
+def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: int, seed: int = 0) -> list[Offer]:
     """Candidates, `count` in all, of each camera and target that were seen or that taught poses show to one another.
 
     Args:
-        known: The cell by each camera and target.
+        cell_sketches: The cell by each camera and target.
         recording: Where robots stood.
         count: Of candidates.
         seed: Of the draws.
@@ -187,18 +187,18 @@ def offers(known: Sequence[Sketch], recording: Recording, count: int, seed: int 
         InputError: if no pose is taught, or there is no candidate.
     """
     seen = {(o.camera, o.target) for sample in recording.samples for o in sample.observations}
-    taught = [sample for sample in recording.samples if set(known[0].cell.robots) <= sample.robots.keys()]
+    taught = [sample for sample in recording.samples if set(cell_sketches[0].cell.robots) <= sample.robots.keys()]
     if not taught:
         raise InputError(
             "a plan begins at taught poses: jog the arms so that the target is in the middle of the picture, and "
             "record that once or more (basecal capture, or lines with `robots` alone in recording/samples.jsonl)"
         )
-    looked = [each for each in known if each.view in seen or any(in_view(each, sample) for sample in taught)]
-    looked = looked or [known[0]]
+    looked = [each for each in cell_sketches if each.view in seen or any(is_in_view(each, sample) for sample in taught)]
+    looked = looked or [cell_sketches[0]]
     found, why = list[Offer](), None
     for sketch in looked:
         try:
-            found.append((sketch, candidates(sketch, _taught(sketch, taught), -(-count // len(looked)), seed)))
+            found.append((sketch, candidates(sketch, _taught_states(sketch, taught), -(-count // len(looked)), seed)))
         except InputError as error:
             why = error
     if why is not None and not found:
@@ -213,15 +213,15 @@ def offered_stations(cell: Cell, recording: Recording, calibration: Calibration 
         InputError: if no pose is taught, or no station can be shifted from.
     """
     known = sketches(cell, calibration)
-    (sketch, _), *_ = offers(known, recording, 1, seed)
+    (sketch, _), *_ = draw_offers(known, recording, 1, seed)
     taught = [sample for sample in recording.samples if set(cell.robots) <= sample.robots.keys()]
-    return [(sketch, stations(sketch, _taught(sketch, taught), seed))]
+    return [(sketch, stations(sketch, _taught_states(sketch, taught), seed))]
 
 
-def _taught(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
+def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, RobotState]]:
     """Where the robots stood when the view was seen, or would be; anywhere where it nowhere would."""
     own = [s for s in samples if any((o.camera, o.target) == sketch.view for o in s.observations)]
-    own = own or [s for s in samples if in_view(sketch, s)]
+    own = own or [s for s in samples if is_in_view(sketch, s)]
     return [dict(sample.robots) for sample in own or samples]
 
 
@@ -235,26 +235,26 @@ def _weight(prospect: Prospects, goal: _Goal) -> Array:
     return weight
 
 
-def _padded(covariance: Array, where: slice) -> Array:
+def _pad_covariance(covariance: Array, rows: slice) -> Array:
     """The covariance of a transform, (6, 6); of a point's mount without rotation."""
-    own, size = np.zeros((6, 6)), where.stop - where.start
-    own[:size, :size] = covariance[where, where]
+    own, size = np.zeros((6, 6)), rows.stop - rows.start
+    own[:size, :size] = covariance[rows, rows]
     return own
 
 
-def _ordered(
-    sketch: Sketch, prospect: Prospects, recording: Recording, chosen: Sequence[int], may_part: bool
+def _order_samples(
+    sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_part: bool
 ) -> tuple[Sample, ...]:
-    if not chosen:
+    if not choice:
         return ()
     home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
-    samples = [prospect.samples[k] for k in chosen]
-    samples = in_order(sketch, home, samples) if may_part else samples
+    samples = [prospect.samples[k] for k in choice]
+    samples = order_samples(sketch, home, samples) if may_part else samples
     first = prospect.samples[0].sample
     return tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
 
 
-def _expected(solution: Solution, goal: _Goal) -> float | None:
+def _expected_error_m(solution: Solution, goal: _Goal) -> float | None:
     names = [task.transform for task in goal.tasks]
     if solution.observability.unobservable & set(names):
         return None
@@ -262,7 +262,7 @@ def _expected(solution: Solution, goal: _Goal) -> float | None:
 
 
 def _budget(solution: Solution, goal: _Goal) -> tuple[BudgetEntry, ...]:
-    if _expected(solution, goal) is None:
+    if _expected_error_m(solution, goal) is None:
         return ()
     covariances = {task.transform: solution.transforms[task.transform].covariance for task in goal.tasks}
     task = least_known(goal.tasks, covariances)

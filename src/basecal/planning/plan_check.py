@@ -10,16 +10,18 @@ import numpy as np
 
 from basecal.cell import RobotState, Sample
 from basecal.planning.clearance import Clearance, clearances, path_length
-from basecal.planning.reach import state_at
+from basecal.planning.reach import reach_pose
 from basecal.planning.sketch import Sketch
 
 Ask = Callable[[RobotState], str]
 """Why a controller would not go somewhere, in words; empty if it would."""
 
-_LIMIT_RAD = 1e-9  # beyond a limit that is rounding
-_TURN_RAD = 4.1 * np.pi  # of a joint on one way: from one limit of a usual arm to the other, rounded up
-_REACHES = 3.0  # at most 2.5 of data sheets' reaches, found by search over the ways of arms with six and seven axes
-_ARM_M = 0.3  # what an arm carries beyond its flange
+_LIMIT_ROUNDING_RAD = 1e-9  # beyond a limit that is rounding
+_LARGEST_TURN_RAD = 4.1 * np.pi  # of a joint on one way: from one limit of a usual arm to the other, rounded up
+_LARGEST_REACHES = (
+    3.0  # at most 2.5 of data sheets' reaches, found by search over the ways of arms with six and seven axes
+)
+_LOAD_M = 0.3  # what an arm carries beyond its flange
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def check_plan(
     home: Mapping[str, RobotState],
     plan: Sequence[Sample],
     limits: SpeedLimits,
-    asks: Mapping[str, Ask],
+    requests: Mapping[str, Ask],
 ) -> PlanCheck:
     """Check every sample of a plan, and every way between two of them, the first from `home`.
 
@@ -83,26 +85,28 @@ def check_plan(
         home: Where robots are now, by name.
         plan: Samples in their order.
         limits: How fast arms may go.
-        asks: What asks the controllers of robots that are sent, by name; robots that are not named are not sent.
+        requests: What asks the controllers of robots that are sent, by name; robots that are not named are not sent.
     """
     ways, refusals = list[Way](), list[Refusal]()
     stops = [Sample(0, robots=dict(home)), *plan]
     for start, aim in pairwise(stops):
         before = Sample(start.sample, robots={**home, **start.robots})
         end = Sample(aim.sample, robots={**before.robots, **aim.robots})
-        sent = [name for name in aim.robots if name in asks]
+        sent = [name for name in aim.robots if name in requests]
         found = [
-            refusal for name in sent for refusal in _state_refusals(sketch, before.robots[name], end, name, asks[name])
+            refusal
+            for name in sent
+            for refusal in _state_refusals(sketch, before.robots[name], end, name, requests[name])
         ]
         refusals += found
         if not found:
             gaps = list(clearances(sketch, before, end, sent))
-            refusals += _way_refusals(end, gaps)
-            ways += [way_of(sketch, before, end, name, limits, gaps) for name in sent]
+            refusals += _path_refusals(end, gaps)
+            ways += [timed_path(sketch, before, end, name, limits, gaps) for name in sent]
     return PlanCheck(tuple(ways), tuple(refusals))
 
 
-def way_of(
+def timed_path(
     sketch: Sketch, start: Sample, end: Sample, robot: str, limits: SpeedLimits, gaps: Sequence[Clearance] = ()
 ) -> Way:
     """How a robot may go from one sample to another: as fast as joints and the fastest of its points may.
@@ -114,35 +118,35 @@ def way_of(
     if metres is None:
         places = [sketch.base_from_flange(robot, each.robots[robot]).translation for each in (start, end)]
         reach_m = sketch.cell.robots[robot].reach_m or max(float(np.linalg.norm(place)) for place in places)
-        metres = _REACHES * (reach_m + _ARM_M)
+        metres = _LARGEST_REACHES * (reach_m + _LOAD_M)
     speed = min(limits.joint_rad_s, limits.tool_m_s / metres) if metres else limits.joint_rad_s
     own = tuple(gap for gap in gaps if robot in (gap.robot, gap.other))
     return Way(end.sample, robot, speed, speed * metres, own)
 
 
-def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, ask: Ask) -> list[Refusal]:
+def _state_refusals(sketch: Sketch, here: RobotState, end: Sample, robot: str, request: Ask) -> list[Refusal]:
     state, chain = end.robots[robot], sketch.cell.robots[robot].chain
     if state.joints_rad is not None and chain is not None:
         over = np.maximum(chain.lower - state.joints_rad, state.joints_rad - chain.upper)
         worst = int(np.argmax(over))
-        if not over[worst] <= _LIMIT_RAD:  # NaN, too
+        if not over[worst] <= _LIMIT_ROUNDING_RAD:  # NaN, too
             name, value = chain.joint_names[worst], state.joints_rad[worst]
             bounds = f"{chain.lower[worst]:.4g} to {chain.upper[worst]:.4g} rad"
             what = f"joint {name} of {robot} is {value:.4g} rad, but its limits are {bounds}"
             return [Refusal(end.sample, what, "Change the plan, or the limits in the URDF if they are wrong")]
     if state.joints_rad is not None and here.joints_rad is not None:
         turn = float(np.abs(state.joints_rad - here.joints_rad).max())
-        if not turn <= _TURN_RAD:  # a continuous joint has no limits
+        if not turn <= _LARGEST_TURN_RAD:  # a continuous joint has no limits
             what = f"a joint of {robot} would turn by {turn:.4g} rad, more than two turns"
             return [Refusal(end.sample, what, "State joints in rad, within two turns of the sample before")]
     pose = state.base_from_flange
-    if pose is not None and state_at(sketch.cell.robots[robot], pose, here) is None:
+    if pose is not None and reach_pose(sketch.cell.robots[robot], pose, here) is None:
         return [Refusal(end.sample, f"{robot} does not reach the pose", "Bring the pose nearer to its base")]
-    why = ask(state)
+    why = request(state)
     return [Refusal(end.sample, f"{robot}: {why}", "Change the plan, or the limits on its controller")] if why else []
 
 
-def _way_refusals(end: Sample, gaps: Sequence[Clearance]) -> list[Refusal]:
+def _path_refusals(end: Sample, gaps: Sequence[Clearance]) -> list[Refusal]:
     return [
         Refusal(
             end.sample,

@@ -10,14 +10,14 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
-from basecal.planning.feasible import Feasible, unclear_ways, way_is_clear
+from basecal.planning.feasible import Feasible, blocked_samples, is_path_clear
 from basecal.planning.pattern import Pattern
-from basecal.planning.reach import state_at
+from basecal.planning.reach import reach_pose
 from basecal.planning.sketch import Sketch
 
 _TURN_RAD = 0.6  # of each arm about the target at most: with both, views of a board up to 50 degrees apart
 _SHIFT_M = 0.12  # of each arm besides
-_TRIES = 200  # for each sample: of these one in ten is feasible with arms near their limits
+_SAMPLE_TRIES = 200  # for each sample: of these one in ten is feasible with arms near their limits
 
 
 def plan(
@@ -37,13 +37,13 @@ def plan(
     """
     rng = np.random.default_rng([seed, 17])
     found: list[Sample] = []
-    for _ in range(_TRIES * samples):
-        sample = _drawn(sketch, home, rng)
+    for _ in range(_SAMPLE_TRIES * samples):
+        sample = _draw_sample(sketch, home, rng)
         if sample is not None and feasible(sample):
             found.append(sample)
         if len(found) == samples:
-            ordered = in_order(sketch, home, found)
-            unclear = unclear_ways(sketch, home, ordered)
+            ordered = order_samples(sketch, home, found)
+            unclear = blocked_samples(sketch, home, ordered)
             if not unclear:
                 return ordered
             found = [sample for sample in ordered if sample.sample not in unclear]
@@ -53,41 +53,41 @@ def plan(
     )
 
 
-def _drawn(sketch: Sketch, home: Mapping[str, RobotState], rng: np.random.Generator) -> Sample | None:
-    pivot: Array = sketch.world_from(sketch.target.name, home) @ sketch.target_points.mean(0)
+def _draw_sample(sketch: Sketch, home: Mapping[str, RobotState], rng: np.random.Generator) -> Sample | None:
+    pivot: Array = sketch.body_pose(sketch.target.name, home) @ sketch.target_points.mean(0)
     states = dict(home)
     for robot in sketch.movers:
-        turn, shift = rotation_exp(_TURN_RAD * in_ball(rng)), _SHIFT_M * in_ball(rng)
+        turn, shift = rotation_exp(_TURN_RAD * draw_in_ball(rng)), _SHIFT_M * draw_in_ball(rng)
         world_from_base = sketch.world_from_base(robot)
         world_from_flange = world_from_base @ sketch.base_from_flange(robot, home[robot])
         moved = SE3(turn, pivot + shift - turn @ pivot) @ world_from_flange
-        state = state_at(sketch.cell.robots[robot], world_from_base.inverse() @ moved, home[robot])
+        state = reach_pose(sketch.cell.robots[robot], world_from_base.inverse() @ moved, home[robot])
         if state is None:
             return None
         states[robot] = state
     return Sample(0, robots=states)
 
 
-def in_ball(rng: np.random.Generator, *count: int) -> Array:
+def draw_in_ball(rng: np.random.Generator, *count: int) -> Array:
     """Uniform in the unit ball, (*count, 3)."""
     direction = rng.standard_normal((*count, 3))
     return np.asarray(np.cbrt(rng.random((*count, 1))) * direction / np.linalg.norm(direction, axis=-1, keepdims=True))
 
 
-def in_order(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sample]) -> list[Sample]:
+def order_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: list[Sample]) -> list[Sample]:
     """Samples so that each is followed by the nearest of those left to which the way is clear, numbered from 0.
 
     Where it is clear to none of them, by the nearest.
     """
     left, at, ordered = list(samples), Sample(0, robots=dict(home)), list[Sample]()
     while left:
-        by_way = sorted(range(len(left)), key=lambda k: _way(sketch, at, left[k]))
-        at = left.pop(next((k for k in by_way if way_is_clear(sketch, at, left[k])), by_way[0]))
+        by_way = sorted(range(len(left)), key=lambda k: _path_length(sketch, at, left[k]))
+        at = left.pop(next((k for k in by_way if is_path_clear(sketch, at, left[k])), by_way[0]))
         ordered.append(Sample(len(ordered), robots=at.robots))
     return ordered
 
 
-def _way(sketch: Sketch, start: Sample, end: Sample) -> float:
+def _path_length(sketch: Sketch, start: Sample, end: Sample) -> float:
     """How far the arms go: the largest joint angle [rad], or of poses the distance [m] and the turn [rad]."""
     ways = []
     for robot in end.robots.keys() & start.robots.keys():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.robot_parameters import kinematics_of
+from basecal.accuracy.robot_parameters import calibrated_kinematics
 from basecal.cell import (
     Calibration,
     Cell,
@@ -21,23 +21,23 @@ from basecal.cell import (
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
-from basecal.estimation.observability.observability import observability_of
+from basecal.estimation.observability.observability import analyse_observability
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array, PoseEstimate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
-from basecal.planning.sketch import Sketch, sketch_of
+from basecal.planning.sketch import Sketch, sketch_cell
 
-ASSUMED = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3)
+ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3)
 """Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real pictures."""
 
-ASSUMED_ROBOT = np.repeat([2e-4, 4e-4], 3)
+ASSUMED_ROBOT_SIGMAS = np.repeat([2e-4, 4e-4], 3)
 """[m, rad] of a robot's pose, likewise: real arms have 0.1 to 0.5 mm and 0.2 to 1 mrad a stop."""
 
-_OPEN = 0.3  # [m, rad] a sigma of what nothing is known of, to begin with
-_OPEN_LENS = 1e3  # [px] likewise of a lens; of its distortion more than any has
+_OPEN_SIGMA = 0.3  # [m, rad] a sigma of what nothing is known of, to begin with
+_OPEN_LENS_SIGMA = 1e3  # [px] likewise of a lens; of its distortion more than any has
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,19 +60,19 @@ class Prospects:
     roots: Array
     covariance: Array
 
-    def together(self, size: int) -> Array:
+    def group_roots(self, size: int) -> Array:
         """U of so many candidates after one another, (n / size, p, p): with the stops that they share."""
-        nothing = linearise(_of_samples(self.problem, []), self.state).hessian
+        nothing = linearise(_select_samples(self.problem, []), self.state).hessian
         numbers = [sample.sample for sample in self.samples]
         blocks = (numbers[k : k + size] for k in range(0, len(numbers), size))
-        told = (linearise(_of_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
+        told = (linearise(_select_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
         return np.stack([spectrum(each, VIEW_ROUNDING).root for each in told])
 
-    def solution(self, chosen: Sequence[int]) -> Solution:
+    def solution(self, choice: Sequence[int]) -> Solution:
         """What the recorded samples and the chosen candidates would be solved to."""
-        numbers = [*self.recorded, *(self.samples[k].sample for k in chosen)]
-        problem = _of_samples(self.problem, numbers)
-        seen = observability_of(problem, self.state, linearise(problem, self.state).hessian, 1.0)
+        numbers = [*self.recorded, *(self.samples[k].sample for k in choice)]
+        problem = _select_samples(self.problem, numbers)
+        seen = analyse_observability(problem, self.state, linearise(problem, self.state).hessian, 1.0)
         noise = NoiseEstimate(Noise(), 1.0, (), True)
         return Solution(problem, self.state, seen.inverse, seen, noise, 0.0, 0, True, ())
 
@@ -95,7 +95,7 @@ def prospects(
     first = max((sample.sample for sample in recording.samples), default=-1) + 1
     drawn = [(sketch, sample) for sketch, samples in views for sample in samples]
     samples = [
-        Sample(first + k, robots=sample.robots, observations=(_predicted(sketch, sample),))
+        Sample(first + k, robots=sample.robots, observations=(_predict_observation(sketch, sample),))
         for k, (sketch, sample) in enumerate(drawn)
     ]
     problem, _ = build_problem(cell, Recording((*recorded, *samples)))
@@ -108,10 +108,10 @@ def prospects(
         each = np.zeros((len(samples), problem.width, more.shape[-1]))
         each[np.ix_(group.sample[mine] - first, views_of.columns)] = more
         roots = _side_by_side(roots, each)
-    known = linearise(_of_samples(problem, [sample.sample for sample in recorded]), state).hessian
-    opened = np.full(problem.width, _OPEN)
+    known = linearise(_select_samples(problem, [sample.sample for sample in recorded]), state).hessian
+    opened = np.full(problem.width, _OPEN_SIGMA)
     for name in problem.lenses.keys() & problem.columns.keys():
-        opened[problem.columns[name]] = _OPEN_LENS
+        opened[problem.columns[name]] = _OPEN_LENS_SIGMA
     covariance = np.asarray(np.linalg.inv(known + np.diag(opened**-2)), dtype=np.float64)
     bare = tuple(Sample(sample.sample, robots=sample.robots) for sample in samples)
     return Prospects(problem, state, frozenset(s.sample for s in recorded), bare, roots, covariance)
@@ -124,12 +124,12 @@ def _side_by_side(first: Array, second: Array) -> Array:
     return np.concatenate([first, second], axis=-1)
 
 
-def _of_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
+def _select_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
     """The problem with the views of some samples alone."""
     return problem.with_groups(g.take(np.flatnonzero(np.isin(g.sample, list(numbers)))) for g in problem.groups)
 
 
-def _predicted(sketch: Sketch, sample: Sample) -> Observation:
+def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
     """What the camera would see: all points of the target, or its pose where it has no lens."""
     camera_from_target = sketch.camera_from_target(sample)
     camera, target = sketch.view
@@ -146,11 +146,11 @@ def _with_noise(problem: Problem, calibration: Calibration | None) -> Problem:
     for group in problem.groups:
         of_camera = found.get("cameras", {}).get(group.camera, {})
         known = {field: of_camera.get(field) or found.get(field) for field in Noise._fields}
-        groups.append(group.with_noise(ASSUMED._replace(**{f: sigma for f, sigma in known.items() if sigma})))
+        groups.append(group.with_noise(ASSUMED_NOISE._replace(**{f: sigma for f, sigma in known.items() if sigma})))
     robots = {}
     for name in problem.unstated:
         noise = found.get("robots", {}).get(name)
-        robots[name] = ASSUMED_ROBOT if noise is None else np.array([*noise["sigma_t_m"], *noise["sigma_r_rad"]])
+        robots[name] = ASSUMED_ROBOT_SIGMAS if noise is None else np.array([*noise["sigma_t_m"], *noise["sigma_r_rad"]])
     return with_robot_noise(problem.with_groups(groups), robots)
 
 
@@ -161,7 +161,7 @@ def _state(cell: Cell, problem: Problem, calibration: Calibration | None, sketch
         for name, camera in sketch.cell.cameras.items()
         if camera.intrinsics is not None and camera.intrinsics.camera is not None
     }
-    robots = {} if calibration is None else kinematics_of(cell, calibration)
+    robots = {} if calibration is None else calibrated_kinematics(cell, calibration)
     return without_errors(problem, State(dict(sketch.transforms), cameras, np.zeros((0, 6)), robots))
 
 
@@ -179,17 +179,21 @@ def sketches(cell: Cell, calibration: Calibration | None) -> tuple[Sketch, ...]:
         else camera
         for name, camera in cell.cameras.items()
     }
-    bases = {robot: _moved(unknown, found.get(cell.base_name(robot))) for robot, unknown in cell.bases.items()}
+    bases = {robot: _update_unknown(unknown, found.get(cell.base_name(robot))) for robot, unknown in cell.bases.items()}
     others = set(cell.robots) - set(bases) - {cell.reference}
-    bases |= {robot: _moved(Unknown(), found.get(cell.base_name(robot))) for robot in others}
-    cameras = {name: replace(c, mount=_moved(c.mount, found.get(cell.mount_name(name)))) for name, c in cameras.items()}
-    targets = {
-        name: replace(t, mount=_moved(t.mount, found.get(cell.mount_name(name)))) for name, t in cell.targets.items()
+    bases |= {robot: _update_unknown(Unknown(), found.get(cell.base_name(robot))) for robot in others}
+    cameras = {
+        name: replace(c, mount=_update_unknown(c.mount, found.get(cell.mount_name(name))))
+        for name, c in cameras.items()
     }
-    first = sketch_of(replace(cell, bases=bases, cameras=cameras, targets=targets))
+    targets = {
+        name: replace(t, mount=_update_unknown(t.mount, found.get(cell.mount_name(name))))
+        for name, t in cell.targets.items()
+    }
+    first = sketch_cell(replace(cell, bases=bases, cameras=cameras, targets=targets))
     views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
     return tuple(replace(first, view=view) for view in views)
 
 
-def _moved(unknown: Unknown, found: PoseEstimate | None) -> Unknown:
-    return unknown if found is None else replace(unknown, mean=found.mean)
+def _update_unknown(unknown: Unknown, estimate: PoseEstimate | None) -> Unknown:
+    return unknown if estimate is None else replace(unknown, mean=estimate.mean)

@@ -8,7 +8,7 @@ from basecal.geometry import SE3
 from basecal.kinematics.inverse import inverse
 
 
-def state_at(robot: Robot, base_from_flange: SE3, near: RobotState) -> RobotState | None:
+def reach_pose(robot: Robot, base_from_flange: SE3, near: RobotState) -> RobotState | None:
     """The state near another one that brings the flange there; None where the arm does not reach.
 
     Args:

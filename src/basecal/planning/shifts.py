@@ -15,15 +15,15 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
-from basecal.planning.feasible import Feasible, unclear_ways
+from basecal.planning.feasible import Feasible, blocked_samples
 from basecal.planning.pattern import Pattern
-from basecal.planning.reach import state_at
+from basecal.planning.reach import reach_pose
 from basecal.planning.sketch import Sketch
 
 _ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: that of a fitted spot
 _DIRECTIONS = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-_NO_TURN = 1e-12  # sine of an angle that is none
-_TRIES = 40  # stations that are looked at for each that is wanted
+_PARALLEL_SINE = 1e-12  # sine of an angle that is none
+_STATION_TRIES = 40  # stations that are looked at for each that is wanted
 
 
 def plan(
@@ -46,21 +46,21 @@ def plan(
         raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
     wanted = max(1, -(-samples // len(_DIRECTIONS)))
     found: list[list[Sample]] = []
-    for tried in range(_TRIES):
+    for tried in range(_STATION_TRIES):
         for drawn in poses.plan(sketch, home, feasible, wanted, seed + tried):
-            candidate = aimed(sketch, drawn)
-            station = None if candidate is None else station_at(sketch, candidate, shift_length(sketch, candidate))
+            candidate = aim_camera(sketch, drawn)
+            station = None if candidate is None else make_station(sketch, candidate, shift_length(sketch, candidate))
             if station is None or not all(feasible(sample) for sample in station):
                 continue
             before = found[-1][-1].robots if found else home
-            if not unclear_ways(sketch, before, station):
+            if not blocked_samples(sketch, before, station):
                 found.append(station)
             if len(found) == wanted:
                 return [Sample(k, robots=each.robots) for k, each in enumerate(s for station in found for s in station)]
     raise InputError(f"only {len(found)} of {wanted} stations can be shifted from: begin farther from the arms' limits")
 
 
-def aimed(sketch: Sketch, sample: Sample) -> Sample | None:
+def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
     """The sample with its camera turned towards the target; None where the arm does not reach, or nobody carries it.
 
     The closed form takes the camera's axis for the ray to the light: what it neglects grows with the angle between
@@ -73,15 +73,15 @@ def aimed(sketch: Sketch, sample: Sample) -> Sample | None:
     ahead, ray = np.array([0.0, 0.0, 1.0]), at / np.linalg.norm(at)
     across = np.cross(ahead, ray)
     sine = float(np.linalg.norm(across))
-    turn = np.arctan2(sine, float(ray[2])) / max(sine, _NO_TURN) * across
+    turn = np.arctan2(sine, float(ray[2])) / max(sine, _PARALLEL_SINE) * across
     flange_from_camera = sketch.transforms[sketch.cell.mount_name(sketch.camera.name)]
     base_from_camera = sketch.base_from_flange(eye, sample.robots[eye]) @ flange_from_camera
     turned = base_from_camera @ SE3.from_rotvec(turn, np.zeros(3)) @ flange_from_camera.inverse()
-    state = state_at(sketch.cell.robots[eye], turned, sample.robots[eye])
+    state = reach_pose(sketch.cell.robots[eye], turned, sample.robots[eye])
     return None if state is None else Sample(sample.sample, robots={**sample.robots, eye: state})
 
 
-def station_at(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
+def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
     """The origin and its six shifts; None where the arm does not reach one.
 
     Args:
@@ -96,7 +96,7 @@ def station_at(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] 
     for direction in _DIRECTIONS:
         shift = SE3(np.eye(3), length_m * direction)
         shifted = at @ flange_from_target @ shift @ flange_from_target.inverse()
-        state = state_at(sketch.cell.robots[hand], shifted, origin.robots[hand])
+        state = reach_pose(sketch.cell.robots[hand], shifted, origin.robots[hand])
         if state is None:
             return None
         samples.append(Sample(len(samples), robots={**origin.robots, hand: state}))

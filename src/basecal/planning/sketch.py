@@ -15,7 +15,7 @@ View = tuple[str, str]
 """A camera and a target."""
 
 
-def points_of(target: Target | None) -> Array:
+def target_points(target: Target | None) -> Array:
     """Points of a target in its frame, (n, 3) [m]; its origin if its shape is not known."""
     return np.zeros((1, 3)) if target is None else target.points
 
@@ -59,7 +59,7 @@ class Sketch:
     @property
     def target_points(self) -> Array:
         """Points of the target in its frame, (n, 3) [m]; its origin if its shape is not known."""
-        return points_of(self.target.target)
+        return target_points(self.target.target)
 
     @property
     def movers(self) -> tuple[str, ...]:
@@ -83,7 +83,7 @@ class Sketch:
         """Where a robot stands."""
         return SE3.identity() if robot == self.cell.reference else self.transforms[self.cell.base_name(robot)]
 
-    def world_from(self, name: str, states: Mapping[str, RobotState]) -> SE3:
+    def body_pose(self, name: str, states: Mapping[str, RobotState]) -> SE3:
         """Where a camera or target is, with the robots at these states."""
         mount = self.transforms[self.cell.mount_name(name)]
         on = (self.cell.cameras.get(name) or self.cell.targets[name]).on
@@ -92,10 +92,10 @@ class Sketch:
     def camera_from_target(self, sample: Sample) -> SE3:
         """What the camera would see."""
         camera, target = self.view
-        return self.world_from(camera, sample.robots).inverse() @ self.world_from(target, sample.robots)
+        return self.body_pose(camera, sample.robots).inverse() @ self.body_pose(target, sample.robots)
 
 
-def sketch_of(cell: Cell) -> Sketch:
+def sketch_cell(cell: Cell) -> Sketch:
     """The sketch of a cell: of its first camera, and the first target that does not hang on the same body.
 
     Raises:

@@ -10,23 +10,23 @@ from collections.abc import Sequence
 from basecal.cell import Sample
 from basecal.errors import InputError
 from basecal.planning.candidates import Taught, candidates
-from basecal.planning.feasible import feasible_in, unclear_ways
-from basecal.planning.shifts import aimed, shift_length, station_at
+from basecal.planning.feasible import blocked_samples, make_feasibility_check
+from basecal.planning.shifts import aim_camera, make_station, shift_length
 from basecal.planning.sketch import Sketch
 
-SAMPLES = 7
+STATION_SAMPLES = 7
 """Of a station: its origin, and shifts to both sides along three axes."""
 
-_ORIGINS = 40  # half of them, and more, have a shift that leaves the picture or the arm's reach
-_LENGTHS = (1.0, 2.0, 4.0)  # of the shift at which pixel noise and what the closed form neglects do least
+_ORIGIN_COUNT = 40  # half of them, and more, have a shift that leaves the picture or the arm's reach
+_LENGTH_FACTORS = (1.0, 2.0, 4.0)  # of the shift at which pixel noise and what the closed form neglects do least
 
 
-def stations(sketch: Sketch, taught: Sequence[Taught], seed: int = 0) -> list[Sample]:
+def stations(sketch: Sketch, views: Sequence[Taught], seed: int = 0) -> list[Sample]:
     """Samples of feasible stations, one station after another.
 
     Args:
         sketch: What is known of the cell.
-        taught: States of all robots where the target was seen.
+        views: States of all robots where the target was seen.
         seed: Of the draws.
 
     Raises:
@@ -34,15 +34,15 @@ def stations(sketch: Sketch, taught: Sequence[Taught], seed: int = 0) -> list[Sa
     """
     if sketch.target.on not in sketch.cell.robots:
         raise InputError(f"shifts need a target that a robot carries; {sketch.target.name!r} is on the world")
-    feasible, found = feasible_in(sketch), list[Sample]()
-    for drawn in candidates(sketch, taught, _ORIGINS, seed):
-        origin = aimed(sketch, drawn)
-        for times in _LENGTHS if origin is not None else ():
+    feasible, found = make_feasibility_check(sketch), list[Sample]()
+    for drawn in candidates(sketch, views, _ORIGIN_COUNT, seed):
+        origin = aim_camera(sketch, drawn)
+        for times in _LENGTH_FACTORS if origin is not None else ():
             assert origin is not None
-            station = station_at(sketch, origin, times * shift_length(sketch, origin))
+            station = make_station(sketch, origin, times * shift_length(sketch, origin))
             if station is None or not all(map(feasible, station)):
                 break
-            if not unclear_ways(sketch, station[0].robots, station):
+            if not blocked_samples(sketch, station[0].robots, station):
                 found += station
     if not found:
         raise InputError("no station can be shifted from: teach poses farther from the arms' limits")

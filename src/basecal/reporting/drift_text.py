@@ -11,11 +11,11 @@ import numpy as np
 from basecal.accuracy.compare import Comparison
 from basecal.accuracy.drift.history import Drift
 from basecal.accuracy.drift.shifts import Shift
-from basecal.accuracy.drift.verify import LEVEL, POWER, Verification
+from basecal.accuracy.drift.verify import POWER, SIGNIFICANCE_LEVEL, Verification
 from basecal.cell import PastVerification
 
-_WHEN = "%Y-%m-%d %H:%M"
-_SHOWN = 6  # numbers of samples in a line
+_TIME_FORMAT = "%Y-%m-%d %H:%M"
+_SHOWN_SAMPLES = 6  # numbers of samples in a line
 
 
 def verification_dict(found: Verification) -> dict[str, Any]:
@@ -28,7 +28,7 @@ def verification_dict(found: Verification) -> dict[str, Any]:
         "joint": shift.joint + 1 if shift is not None and found.moved and shift.joint is not None else None,
         "shift_mm": 1e3 * shift.shift_m if shift is not None and found.moved else None,
         "shift_deg": math.degrees(shift.shift_rad) if shift is not None and found.moved else None,
-        "alike": [_thing(other) for other in found.alike],
+        "alike": [_thing_name(other) for other in found.alike],
         "p": found.chance,
         "detectable_mm": None if found.detectable_m is None else 1e3 * found.detectable_m,
         "power": POWER,
@@ -48,28 +48,30 @@ def verification_text(found: Verification) -> str:
     elif not found.moved:
         lines = [f"NOT MOVED: {count} as calibrated (p = {found.chance:.2g})"]
     else:
-        lines = [f"MOVED: {count} cannot be as calibrated (p = {found.chance:.2g}); most likely {_words(found.shift)}"]
+        lines = [
+            f"MOVED: {count} are not explained (p = {found.chance:.2g}); most likely {_shift_sentence(found.shift)}"
+        ]
         if found.alike:
-            others = ", ".join(_thing(other) for other in found.alike)
+            others = ", ".join(_thing_name(other) for other in found.alike)
             lines.append(f"as likely, or nearly: {others}; samples with other turns of both arms tell them apart")
         lines.append("look what was bumped or loosened there, and calibrate again")
     if found.detectable_m is not None:
         lines.append(f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
-    lines += [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN]]
+    lines += [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN_SAMPLES]]
     return "\n".join(lines)
 
 
-def _words(shift: Shift) -> str:
+def _shift_sentence(shift: Shift) -> str:
     sigma = [math.sqrt(max(float(v), 0.0)) for v in shift.covariance.diagonal()]
     if shift.joint is not None:
         off, doubt = math.degrees(float(shift.size[0])), math.degrees(sigma[0])
-        return f"the zero of {_thing(shift)}, by {off:.3f} +/- {doubt:.3f} deg"
+        return f"the zero of {_thing_name(shift)}, by {off:.3f} +/- {doubt:.3f} deg"
     length, angle = 1e3 * shift.shift_m, math.degrees(shift.shift_rad)
     doubt_mm, doubt_deg = 1e3 * math.hypot(*sigma[:3]), math.degrees(math.hypot(*sigma[3:]))
     return f"{shift.frame}, by {length:.2f} +/- {doubt_mm:.2f} mm and {angle:.3f} +/- {doubt_deg:.3f} deg"
 
 
-def _thing(shift: Shift) -> str:
+def _thing_name(shift: Shift) -> str:
     return shift.frame if shift.joint is None else f"joint {shift.joint + 1} of {shift.frame.removesuffix('_flange')}"
 
 
@@ -111,14 +113,14 @@ def history_text(history: Sequence[PastVerification], found: Sequence[Drift]) ->
     for each in history:
         what = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
         shifts = [f"{name} {1e3 * float(np.linalg.norm(s.t_m)):.2f} mm" for name, s in each.shifts.items()]
-        lines.append(f"{each.when.strftime(_WHEN)}  {what} (p = {each.chance:.2g})  {', '.join(shifts)}")
+        lines.append(f"{each.when.strftime(_TIME_FORMAT)}  {what} (p = {each.chance:.2g})  {', '.join(shifts)}")
     return "\n".join([*lines, *map(drift_sentence, found)])
 
 
 def drift_sentence(drift: Drift) -> str:
     """Whether a transform drifts, and how fast."""
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
-    verb = "drifts" if drift.chance < LEVEL else "does not drift:"
+    verb = "drifts" if drift.chance < SIGNIFICANCE_LEVEL else "does not drift:"
     rate = f"{speed:.2g} +/- {sigma:.2g} mm a day"
     return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 

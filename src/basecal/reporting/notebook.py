@@ -10,8 +10,8 @@ from basecal.cell import Calibration
 from basecal.exchange.exports.digits import angle_decimals, fixed, length_decimals
 from basecal.geometry import Array
 
-_MM = 1e-3
-_DEG = float(np.radians(1))
+_MILLIMETRE = 1e-3
+_DEGREE = float(np.radians(1))
 
 
 def html_summary(calibration: Calibration) -> str:
@@ -24,9 +24,12 @@ def html_summary(calibration: Calibration) -> str:
     for name, estimate in calibration.transforms.items():
         mean, status = estimate.mean, calibration.status.get(name, "free")
         is_point, is_fixed = name in calibration.points, status == "fixed"
-        mm, deg = length_decimals(estimate, _MM), angle_decimals(estimate, _DEG)
-        place = [_numbers(mean.translation / _MM, mm), "" if is_fixed else _numbers(estimate.sigma_t / _MM, mm)]
-        turn = [_numbers(mean.rpy / _DEG, deg), "" if is_fixed else _numbers(estimate.sigma_r / _DEG, deg)]
+        mm, deg = length_decimals(estimate, _MILLIMETRE), angle_decimals(estimate, _DEGREE)
+        place = [
+            _numbers(mean.translation / _MILLIMETRE, mm),
+            "" if is_fixed else _numbers(estimate.sigma_t / _MILLIMETRE, mm),
+        ]
+        turn = [_numbers(mean.rpy / _DEGREE, deg), "" if is_fixed else _numbers(estimate.sigma_r / _DEGREE, deg)]
         row = [escape(name), *place, *(["", ""] if is_point else turn), escape(status)]
         rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>"
     head = "".join(f"<th>{cell}</th>" for cell in ("transform", "t [mm]", "sigma", "rpy [deg]", "sigma", "status"))

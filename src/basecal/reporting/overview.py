@@ -13,7 +13,7 @@ from basecal.accuracy.sample_use import sample_use
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording
 from basecal.reporting.text import tolerance_sentence
 
-_LENS = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
+_LENS_PHRASES = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
 
 
 Rows = tuple[tuple[str, str], ...]
@@ -35,10 +35,10 @@ class Overview:
 
 
 def overview(
-    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, made: datetime | None
+    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, time: datetime | None
 ) -> Overview:
     """The overview of a calibration that was made at some time, UTC."""
-    rows = tuple(_answer(cell, recording, calibration, details, made)), tuple(_things(cell))
+    rows = tuple(_answer(cell, recording, calibration, details, time)), tuple(_cell_parts(cell))
     if calibration.tolerance is None:
         return Overview(*rows, None)
     word, _, why = tolerance_sentence(calibration.tolerance).partition(": ")
@@ -46,11 +46,11 @@ def overview(
 
 
 def _answer(
-    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, made: datetime | None
+    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, time: datetime | None
 ) -> Iterator[tuple[str, str]]:
     """When, what was asked for, how good it is and what it rests on."""
-    if made is not None:
-        yield "Calibrated", f"{made:%A} {made.day} {made:%B %Y, %H:%M} UTC"
+    if time is not None:
+        yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
     for name in cell.asked:
         parent, _, child = name.partition("_from_")
         yield "Asked for", f"where {child} is, seen from {parent}"
@@ -63,7 +63,7 @@ def _answer(
     yield "Samples", f"{use.used} used of {use.recorded} recorded{also}"
 
 
-def _things(cell: Cell) -> Iterator[tuple[str, str]]:
+def _cell_parts(cell: Cell) -> Iterator[tuple[str, str]]:
     """Robots, cameras and targets."""
     for robot in cell.robots.values():
         recorded = "poses recorded" if robot.chain is None else "joints recorded"
@@ -72,7 +72,7 @@ def _things(cell: Cell) -> Iterator[tuple[str, str]]:
         yield "Robot", f"{robot.name}{reference}, {recorded}{model}"
     for camera in cell.cameras.values():
         size = "" if camera.size_px is None else f", {camera.size_px[0]} x {camera.size_px[1]} px"
-        lens = "" if camera.intrinsics is None else f", {camera.model}, {_LENS[camera.intrinsics.status]}"
+        lens = "" if camera.intrinsics is None else f", {camera.model}, {_LENS_PHRASES[camera.intrinsics.status]}"
         yield "Camera", f"{_place(camera)}{size}{lens}"
     for thing in cell.targets.values():
         known = thing.target
@@ -80,8 +80,8 @@ def _things(cell: Cell) -> Iterator[tuple[str, str]]:
         yield "Target", f"{_place(thing)}, {', '.join(words)}"
 
 
-def _place(thing: CellCamera | CellTarget) -> str:
-    return f"{thing.name}, {'beside the robots' if thing.on == WORLD else f'on the flange of {thing.on}'}"
+def _place(body: CellCamera | CellTarget) -> str:
+    return f"{body.name}, {'beside the robots' if body.on == WORLD else f'on the flange of {body.on}'}"
 
 
 def _options(options: Mapping[str, Any]) -> Iterator[str]:

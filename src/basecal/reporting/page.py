@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from basecal.accuracy.closed_form_beside import ClosedFormBeside
+from basecal.accuracy.closed_form_comparison import ClosedFormComparison
 from basecal.accuracy.drift.history import drifts
 from basecal.accuracy.fit_details import FitDetails
-from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
-from basecal.accuracy.sample_use import views_left_out
+from basecal.accuracy.phrases.held_out_error import explain_held_out_error
+from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleResidual
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
@@ -38,12 +38,12 @@ from basecal.reporting.robots import robot_blocks
 from basecal.reporting.svg import three_digits
 from basecal.reporting.templates.environment import environment, own_file, policy
 from basecal.reporting.text import (
-    by_weight,
     clock_sentences,
     fit_sentences,
     lens_parameters,
     noise_sentences,
     outlier_sentences,
+    sort_by_severity,
     task_rows,
     validation_sentences,
     verdict_sentence,
@@ -52,8 +52,8 @@ from basecal.reporting.transforms import transform_view
 
 _MOST_ROWS = 400
 _MOST_BARS = 600
-_MOST_BARS_TOGETHER = 2700
-_MOST_VERIFIED = 20  # lines about verifications, the latest
+_MOST_BARS_IN_ALL = 2700
+_MOST_VERIFICATIONS = 20  # lines about verifications, the latest
 _FEWEST_BARS = 100
 _SCRIPTS = ("vendor/three.min.js", "templates/scene.js", "templates/page.js")
 
@@ -73,10 +73,10 @@ def page(
     details: FitDetails | None = None,
     *,
     title: str = "calibration",
-    made: datetime | None = None,
+    time: datetime | None = None,
     run: str | None = None,
     notes: Sequence[str] = (),
-    verified: Sequence[PastVerification] = (),
+    verifications: Sequence[PastVerification] = (),
     outlook: Sequence[tuple[int, float]] = (),
 ) -> str:
     """The report of a calibration as HTML, everything it needs inside; it asks nothing of any server.
@@ -87,10 +87,10 @@ def page(
         calibration: What came out.
         details: How the recording fits it; None where that is not known.
         title: What the reader calls it.
-        made: When it was calibrated, UTC.
+        time: When it was calibrated, UTC.
         run: Name of its run, said in what is pasted.
         notes: Said below the verdict, such as that a file has changed since.
-        verified: The verifications of this run, as they were made.
+        verifications: The verifications of this run, as they were made.
         outlook: What so many planned samples more leave of the error at the task [m].
     """
     known = FitDetails() if details is None else details
@@ -110,22 +110,22 @@ def page(
             drawn=drawn,
             legend=_legend(drawn),
             picture=Markup(picture(drawn)),
-            overview=overview(cell, recording, calibration, known, made),
+            overview=overview(cell, recording, calibration, known, time),
             provenance=provenance(cell, calibration),
             thumbnails=thumbnails(cell, recording, calibration, known.points),
             closed_form=None if known.closed_form is None else _closed_form(known.closed_form),
             **_answer(cell, calibration, run),
             **_fit(cell, calibration, known),
             outlook=outlook,
-            **_since(verified),
+            **_verification_lines(verifications),
         )
     )
 
 
-def _since(verified: Sequence[PastVerification]) -> dict[str, Any]:
+def _verification_lines(verifications: Sequence[PastVerification]) -> dict[str, Any]:
     """What verifications have found."""
-    lines = history_text(verified, drifts(verified)).splitlines()
-    return {"history": history_figure(verified), "drift": lines[-_MOST_VERIFIED:]}
+    lines = history_text(verifications, drifts(verifications)).splitlines()
+    return {"history": history_figure(verifications), "drift": lines[-_MOST_VERIFICATIONS:]}
 
 
 def _json_inside_html(data: Mapping[str, Any]) -> str:
@@ -133,17 +133,17 @@ def _json_inside_html(data: Mapping[str, Any]) -> str:
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def _legend(drawn: Scene) -> list[str]:
+def _legend(scene: Scene) -> list[str]:
     """What the picture shows and what it cannot, a sentence each."""
     sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample, as recorded."]
-    ellipsoids = [*(arm.ellipsoid for arm in drawn.arms), *(body.ellipsoid for body in drawn.bodies)]
+    ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
     if any(each is not None for each in ellipsoids):
-        scale = f", drawn {three_digits(drawn.ellipsoid_scale)} times as large" if drawn.ellipsoid_scale != 1 else ""
+        scale = f", drawn {three_digits(scene.ellipsoid_scale)} times as large" if scene.ellipsoid_scale != 1 else ""
         sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
-    if len(drawn.samples) < drawn.total:
-        sentences.append(f"{len(drawn.samples)} of {drawn.total} samples are shown.")
-    if drawn.missing:
-        sentences.append(f"Not drawn, as their place is not known: {', '.join(drawn.missing)}.")
+    if len(scene.samples) < scene.total:
+        sentences.append(f"{len(scene.samples)} of {scene.total} samples are shown.")
+    if scene.missing:
+        sentences.append(f"Not drawn, as their place is not known: {', '.join(scene.missing)}.")
     return sentences
 
 
@@ -164,38 +164,43 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
             (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
         ],
         "robots": [(heading, "\n".join(lines)) for heading, *lines in robot_blocks(calibration)],
-        "grave": [finding for finding in by_weight(calibration.findings) if finding.severity != "info"],
-        "notices": [finding for finding in by_weight(calibration.findings) if finding.severity == "info"],
+        "grave": [finding for finding in sort_by_severity(calibration.findings) if finding.severity != "info"],
+        "notices": [finding for finding in sort_by_severity(calibration.findings) if finding.severity == "info"],
         "unobservable": calibration.unobservable,
     }
 
 
-def _closed_form(beside: ClosedFormBeside) -> dict[str, Any]:
+def _closed_form(comparison: ClosedFormComparison) -> dict[str, Any]:
     """Two methods beside each other, and each station, for the template."""
-    both = {"closed form of the paper": beside.estimate, "maximum likelihood": beside.other}
-    largest = max(station.weight for station in beside.stations)
+    both = {"closed form of the paper": comparison.estimate, "maximum likelihood": comparison.other}
+    largest = max(station.weight for station in comparison.stations)
     return {
-        "name": beside.name,
+        "name": comparison.name,
         "methods": [
-            (how, *_three(1e3 * of.mean.translation), *_three(np.degrees(of.mean.rpy)), *_sizes(of.sigma_t, of.sigma_r))
+            (
+                how,
+                *_format_three(1e3 * of.mean.translation),
+                *_format_three(np.degrees(of.mean.rpy)),
+                *_sizes(of.sigma_t, of.sigma_r),
+            )
             for how, of in both.items()
         ],
-        "apart": _sizes(beside.off[:3], beside.off[3:]),
+        "apart": _sizes(comparison.off[:3], comparison.off[3:]),
         "stations": [
             (
                 f"{station.samples[0]} to {station.samples[-1]}",
-                *_three(1e3 * station.light),
+                *_format_three(1e3 * station.light),
                 *_sizes(station.off[:3], station.off[3:]),
                 f"{100 * station.weight:.0f}",
                 station.weight == largest,
             )
-            for station in beside.stations
+            for station in comparison.stations
         ],
         "is_one": largest == 1.0,
     }
 
 
-def _three(values: Array) -> list[str]:
+def _format_three(values: Array) -> list[str]:
     return [f"{value:.3f}" for value in values]
 
 
@@ -214,14 +219,14 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration), *clock_sentences(calibration)],
         "cross_validation": list(validation_sentences(calibration)),
-        "why_larger": why_held_out_errors_are_larger(calibration),
+        "why_larger": explain_held_out_error(calibration),
         "outliers": list(outlier_sentences(calibration)),
         "maps": [residual_map(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
         "polars": [residual_polar(name, of) for name, of in by_camera.items()],
         "histogram": histogram(seen) if seen else None,
         "coverage": [image_coverage(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
         "orientations": [orientation_figure(views) for views in details.views if len(views.sample)],
-        "views": _views(views, views_left_out(calibration)),
+        "views": _views(views, outlier_views(calibration)),
         "rows": _worst_rows(views),
         "view_count": len(views),
         "task": list(task_rows(calibration)),
@@ -232,15 +237,15 @@ def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str,
     }
 
 
-def _views(views: Sequence[SampleResidual], left_out: Collection[SampleResidual]) -> list[Views]:
+def _views(views: Sequence[SampleResidual], excluded: Collection[SampleResidual]) -> list[Views]:
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
     # So many in each figure that the page stays small.
     figure_count = max(len(pairs) * len(QUANTITIES), 1)
-    most = max(_FEWEST_BARS, min(_MOST_BARS, _MOST_BARS_TOGETHER // figure_count))
+    most = max(_FEWEST_BARS, min(_MOST_BARS, _MOST_BARS_IN_ALL // figure_count))
     shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]
-        figures = [bar_figure(own, quantity, most, left_out) for quantity in QUANTITIES]
+        figures = [bar_figure(own, quantity, most, excluded) for quantity in QUANTITIES]
         shown.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
     return [each for each in shown if each.figures]
 

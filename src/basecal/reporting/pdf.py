@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-_POINTS = 72 / 25.4  # a millimetre
+_POINTS_PER_MM = 72 / 25.4  # a millimetre
 _KAPPA = 4 / 3 * (2**0.5 - 1)  # of a quarter circle by a Bezier curve, right to 3e-4 of the radius
 _FONT = b"<</Type/Font/Subtype/Type1/BaseFont/Helvetica/Encoding/WinAnsiEncoding>>"
 
@@ -41,10 +41,10 @@ def text(x: float, y: float, words: str, size_mm: float) -> str:
     return f"BT /F1 {size_mm:g} Tf 1 0 0 -1 {x:.4f} {y:.4f} Tm <{shown}> Tj ET"
 
 
-def page_content(filled: Iterable[str], stroked: Iterable[str], texts: Iterable[str], width_mm: float) -> str:
+def page_content(fills: Iterable[str], stroked: Iterable[str], texts: Iterable[str], width_mm: float) -> str:
     """The drawing of a page: paths filled black, paths stroked `width_mm` wide, and texts."""
     strokes = [f"{path} S" for path in stroked]
-    return "\n".join([*(f"{path} f" for path in filled), f"{width_mm:g} w", *strokes, *texts])
+    return "\n".join([*(f"{path} f" for path in fills), f"{width_mm:g} w", *strokes, *texts])
 
 
 def document(pages: Sequence[tuple[tuple[float, float], str]]) -> bytes:
@@ -53,11 +53,11 @@ def document(pages: Sequence[tuple[tuple[float, float], str]]) -> bytes:
     kids = " ".join(f"{4 + 2 * k} 0 R" for k in range(count))
     objects = [b"<</Type/Catalog/Pages 2 0 R>>", f"<</Type/Pages/Count {count}/Kids[{kids}]>>".encode(), _FONT]
     for number, ((width, height), drawing) in enumerate(pages):
-        box = f"/MediaBox[0 0 {width * _POINTS:.4f} {height * _POINTS:.4f}]"
+        box = f"/MediaBox[0 0 {width * _POINTS_PER_MM:.4f} {height * _POINTS_PER_MM:.4f}]"
         resources = f"/Resources<</Font<</F1 3 0 R>>>>/Contents {5 + 2 * number} 0 R"
         objects.append(f"<</Type/Page/Parent 2 0 R{box}{resources}>>".encode())
         # From points up from the bottom to millimetres down from the top.
-        frame = f"{_POINTS:.6f} 0 0 {-_POINTS:.6f} 0 {height * _POINTS:.4f} cm\n"
+        frame = f"{_POINTS_PER_MM:.6f} 0 0 {-_POINTS_PER_MM:.6f} 0 {height * _POINTS_PER_MM:.4f} cm\n"
         packed = zlib.compress((frame + drawing).encode("ascii"))
         objects.append(b"<</Filter/FlateDecode/Length %d>>\nstream\n%s\nendstream" % (len(packed), packed))
     # Objects are numbered from 1; behind them a table says where they stand.

@@ -7,7 +7,7 @@ from typing import Any
 
 from basecal.reporting.charts import Series, log_chart
 
-_NAMES = {"closed_form": "closed form", "maximum_likelihood": "maximum likelihood", "bound": "Cramer-Rao bound"}
+_SOLVER_NAMES = {"closed_form": "closed form", "maximum_likelihood": "maximum likelihood", "bound": "Cramer-Rao bound"}
 
 
 def paper_text(study: Mapping[str, Any]) -> str:
@@ -44,7 +44,7 @@ def length_figures(study: Mapping[str, Any]) -> dict[str, str]:
     for unit, what in (("deg", "rotation"), ("mm", "translation")):
         lines = [
             Series(name, [(row["shift_m"], row[f"{key}_{unit}"]) for row in study["shift_length"]])
-            for key, name in _NAMES.items()
+            for key, name in _SOLVER_NAMES.items()
         ]
         title = f"Error of {what} of one station, {pixel} px, one-sided shifts"
         figures[f"shift_length_{what}.svg"] = log_chart(title, "length of the shifts [m]", f"rms error [{unit}]", lines)
@@ -91,6 +91,6 @@ def _orders(study: Mapping[str, Any]) -> Iterator[str]:
 def _lengths(study: Mapping[str, Any]) -> Iterator[str]:
     yield "rms error of one station against the length of its shifts: closed form, maximum likelihood, bound"
     for row in study["shift_length"]:
-        turn = " ".join(f"{row[f'{key}_deg']:8.4f}" for key in _NAMES)
-        shift = " ".join(f"{row[f'{key}_mm']:9.3f}" for key in _NAMES)
+        turn = " ".join(f"{row[f'{key}_deg']:8.4f}" for key in _SOLVER_NAMES)
+        shift = " ".join(f"{row[f'{key}_mm']:9.3f}" for key in _SOLVER_NAMES)
         yield f"  {row['shift_m']:5.2f} m   {turn} deg   {shift} mm"

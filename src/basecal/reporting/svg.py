@@ -22,9 +22,9 @@ def element(name: str, *inside: str, **attributes: object) -> str:
     return f"<{name}{pairs}>{''.join(inside)}</{name}>"
 
 
-def text(said: str) -> str:
+def text(label: str) -> str:
     """Text that may hold anything."""
-    return escape(said)
+    return escape(label)
 
 
 def drawing(width: float, height: float, label: str, *inside: str, stretch: bool = False) -> str:
@@ -48,7 +48,7 @@ def three_digits(value: float) -> str:
     return f"{float(f'{value:.3g}'):,.15g}"
 
 
-def round_up(value: float) -> float:
+def nice_ceiling(value: float) -> float:
     """The smallest of 1, 2, 2.5, 5 times a power of ten that is not below a value; 1 for what is not positive."""
     if not (math.isfinite(value) and value > 0):
         return 1.0

@@ -17,13 +17,13 @@ from basecal.geometry import Array, Camera, PoseEstimate
 from basecal.geometry.lenses.registry import lens_of
 from basecal.reporting.robots import robot_blocks
 
-_INTRINSICS = ("fx", "fy", "cx", "cy")
-_READ_IN = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
-_RANK = {"error": 0, "warning": 1, "info": 2}
+_INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
+_DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
+_SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
 # What follows from something else is listed after it.
-_CONSEQUENCES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
+_CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
 # What leaves too few samples comes before that there are too few.
-_LOSSES = ("few-images", "dropped-sample")
+_LOSS_CODES = ("few-images", "dropped-sample")
 _SHOWN_IDS = 10
 _SHOWN_SOURCES = 3  # of a budget, in one line
 
@@ -109,22 +109,22 @@ def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
 
 def _first_reason(findings: Iterable[Finding]) -> str:
     """The most important finding, and how many more there are that count."""
-    messages = [f.message for f in by_weight(findings) if f.severity != "info"]
+    messages = [f.message for f in sort_by_severity(findings) if f.severity != "info"]
     if len(messages) < 2:
         return "".join(messages)
     others = len(messages) - 1
     return f"{messages[0].rstrip('.')} (and {others} more finding{'s' if others > 1 else ''})"
 
 
-def by_weight(findings: Iterable[Finding]) -> list[Finding]:
+def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
     """Errors, then warnings, then the rest; what follows from others after them."""
     found = list(findings)
     too_few = any(f.code == "too-few-samples" for f in found)
 
     def weight(f: Finding) -> tuple[int, bool]:
         """The place of a finding: the less, the earlier."""
-        is_cause = too_few and f.severity == "warning" and f.code in _LOSSES
-        return _RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCES
+        is_cause = too_few and f.severity == "warning" and f.code in _LOSS_CODES
+        return _SEVERITY_RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCE_CODES
 
     return sorted(found, key=weight)
 
@@ -166,8 +166,8 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
     """Focal lengths, centre and distortion of a lens, in the order of its covariance."""
     sigmas = np.sqrt(np.diag(covariance))
     distortion = lens_of(camera.model, len(camera.distortion)).TERM_NAMES
-    names = [*_INTRINSICS, *distortion][: len(sigmas)]
-    units = ["px" if name in _INTRINSICS else "" for name in names]
+    names = [*_INTRINSIC_NAMES, *distortion][: len(sigmas)]
+    units = ["px" if name in _INTRINSIC_NAMES else "" for name in names]
     return list(map(LensParameter, names, camera.parameters.tolist(), sigmas.tolist(), units))
 
 
@@ -301,14 +301,14 @@ def local_sentence(part: LocalFit) -> str:
 
 def _sigma(key: str, value: float | Array) -> str:
     """One sigma or three in the unit to read of a key that ends in `_px`, `_m` or `_rad`."""
-    scale, unit = _READ_IN.get(key.rpartition("_")[2], (1.0, ""))
+    scale, unit = _DISPLAY_UNITS.get(key.rpartition("_")[2], (1.0, ""))
     sigmas = np.atleast_1d(np.array(value, dtype=np.float64))
     shown = sigmas[:1] if np.all(sigmas == sigmas[0]) else sigmas
     return f"{' '.join(f'{scale * each:.3g}' for each in shown)} {unit}".rstrip()
 
 
 def _findings(findings: Iterable[Finding]) -> Iterator[str]:
-    for finding in by_weight(findings):
+    for finding in sort_by_severity(findings):
         about = f" [{', '.join(finding.about)}]" if finding.about else ""
         yield f"{finding.severity}: {finding.code}{about}"
         yield f"  {finding.what}"

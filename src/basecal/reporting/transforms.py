@@ -16,7 +16,7 @@ from basecal.exchange.urdf import numbers, origin_line
 from basecal.geometry import Array
 from basecal.reporting.text import sigma_norms
 
-_DIGITS = 4
+_SIGNIFICANT_DIGITS = 4
 Pasted = Mapping[str, Mapping[str, str]]
 """Texts by transform, and then by kind."""
 
@@ -99,10 +99,12 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Past
 
 
 def _row(name: str, unit: str, values: Array, sigma: tuple[Array, float] | None) -> Row:
-    shown = tuple(numbers(values, _DIGITS).split())
+    shown = tuple(numbers(values, _SIGNIFICANT_DIGITS).split())
     if sigma is None:
         return Row(name, unit, shown, None, None)
-    return Row(name, unit, shown, tuple(numbers(sigma[0], _DIGITS).split()), f"{sigma[1]:.{_DIGITS}f}")
+    return Row(
+        name, unit, shown, tuple(numbers(sigma[0], _SIGNIFICANT_DIGITS).split()), f"{sigma[1]:.{_SIGNIFICANT_DIGITS}f}"
+    )
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> Iterator[ToCopy]:

@@ -20,18 +20,25 @@ from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, as_point
 
 BASE_LINK, FLANGE_LINK = "base_link", "tool0"
-_NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-_QUARTER = np.pi / 2
-_PLACES = ((0, 0, 0.16), (0, 0.05, 0), (-0.42, 0, 0), (-0.39, 0, 0.12), (0, -0.1, 0), (0, 0.095, 0))
-_TURNS = ((0, 0, 0), (_QUARTER, 0, 0), (0, 0, 0), (0, 0, 0), (_QUARTER, 0, 0), (-_QUARTER, 0, 0))
-_KG = (4.0, 8.0, 3.0, 1.5, 1.5, 0.8)
-_CENTRES = ((0, 0.02, 0), (-0.2, 0, 0.1), (-0.2, 0, 0.05), (0, -0.02, 0), (0, 0.02, 0), (0, 0, 0.05))
-_MIDDLE = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no axes in line
-_REACH = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
-_STEPS = 25
+_JOINT_NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+_QUARTER_TURN_RAD = np.pi / 2
+_JOINT_ORIGINS_M = ((0, 0, 0.16), (0, 0.05, 0), (-0.42, 0, 0), (-0.39, 0, 0.12), (0, -0.1, 0), (0, 0.095, 0))
+_JOINT_ROTATIONS_RAD = (
+    (0, 0, 0),
+    (_QUARTER_TURN_RAD, 0, 0),
+    (0, 0, 0),
+    (0, 0, 0),
+    (_QUARTER_TURN_RAD, 0, 0),
+    (-_QUARTER_TURN_RAD, 0, 0),
+)
+_MASSES_KG = (4.0, 8.0, 3.0, 1.5, 1.5, 0.8)
+_MASS_CENTRES_M = ((0, 0.02, 0), (-0.2, 0, 0.1), (-0.2, 0, 0.05), (0, -0.02, 0), (0, 0.02, 0), (0, 0, 0.05))
+_MIDDLE_RAD = (0.0, -1.2, 1.5, -1.8, 1.4, 0.0)  # bent elbow and wrist: no axes in line
+_REACH_RAD = (np.pi, 0.4, 0.4, 0.5, 0.5, np.pi)
+_INVERSE_STEPS = 25
 _LARGEST_STEP = 0.5  # [rad]
 _DAMPING = 1e-6
-_REACHED = 1e-9
+_REACH_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +58,13 @@ class Arm:
 
 def six_axis() -> SerialChain:
     """The made-up arm."""
-    origins = SE3.stack([SE3.from_rpy(turn, place) for turn, place in zip(_TURNS, _PLACES, strict=True)])
+    origins = SE3.stack(
+        [SE3.from_rpy(turn, place) for turn, place in zip(_JOINT_ROTATIONS_RAD, _JOINT_ORIGINS_M, strict=True)]
+    )
     tip = SE3.from_rpy((0, 0, 0), (0, 0, 0.09))
     axes = np.tile([0.0, 0.0, 1.0], (6, 1))
-    masses = Masses(np.array(_KG), np.array(_CENTRES))
-    return SerialChain(_NAMES, origins, axes, tip, np.full(6, -2 * np.pi), np.full(6, 2 * np.pi), masses)
+    masses = Masses(np.array(_MASSES_KG), np.array(_MASS_CENTRES_M))
+    return SerialChain(_JOINT_NAMES, origins, axes, tip, np.full(6, -2 * np.pi), np.full(6, 2 * np.pi), masses)
 
 
 def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, dict[str, Arm]]:
@@ -88,7 +97,7 @@ def with_arms(scene: Scene, scenario: Scenario, rng: Generator) -> tuple[Scene, 
 
 def _arm(scenario: Scenario, rng: Generator) -> Arm:
     chain = six_axis()
-    home = np.array(_MIDDLE) + np.array(_REACH) * rng.uniform(-1, 1, chain.n)
+    home = np.array(_MIDDLE_RAD) + np.array(_REACH_RAD) * rng.uniform(-1, 1, chain.n)
     offsets = scenario.joint_offset_rad * rng.standard_normal(chain.n)
     links = rng.standard_normal((chain.n + 1, 6)) * np.repeat(scenario.link_error, 3)
     compliance = scenario.compliance * rng.standard_normal(chain.n)
@@ -98,7 +107,7 @@ def _arm(scenario: Scenario, rng: Generator) -> Arm:
     return Arm(chain, Kinematics(chain, values), home)
 
 
-def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tuple[Array, BoolArray]:
+def solve_joints(chain: SerialChain, base_from_flange: SE3, start: Array) -> tuple[Array, BoolArray]:
     """Joints that bring the flange to poses, (m, n) [rad], and which of them do, (m,).
 
     Args:
@@ -107,7 +116,7 @@ def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tupl
         start: (n,) joints that bring it near, or (m, n), those of each pose.
     """
     q = np.array(np.broadcast_to(start, (len(base_from_flange), chain.n)))
-    for _ in range(_STEPS):
+    for _ in range(_INVERSE_STEPS):
         at = chain.at(q)
         left = (at.base_from_flange.inverse() @ base_from_flange).log()
         jacobian = right_jacobian_inverse(-left) @ at.by_joints
@@ -117,4 +126,4 @@ def joints_near(chain: SerialChain, base_from_flange: SE3, start: Array) -> tupl
         q += step * np.minimum(1.0, _LARGEST_STEP / np.maximum(np.abs(step).max(-1, keepdims=True), 1e-12))
     left = (chain.forward(q).inverse() @ base_from_flange).log()
     inside = np.all((q >= chain.lower) & (q <= chain.upper), axis=-1)
-    return q, (np.abs(left).max(-1) < _REACHED) & inside
+    return q, (np.abs(left).max(-1) < _REACH_TOLERANCE) & inside

@@ -15,7 +15,7 @@ Generator = np.random.Generator
 SIZE_PX = (1280, 720)
 
 
-def in_ball(rng: Generator, n: int, radius: float) -> Array:
+def draw_in_ball(rng: Generator, n: int, radius: float) -> Array:
     """Vectors uniform in a ball, (n, 3)."""
     direction = rng.standard_normal((n, 3))
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -38,7 +38,7 @@ def tangents(rng: Generator, n: int, sigma: tuple[float, float]) -> Array:
 def mount(rng: Generator, point: bool) -> SE3:
     """A mount: within 0.1 m, turned anyhow, or not at all where it holds a mere `point`."""
     rotation = np.eye(3) if point else rotations(rng, 1)[0]
-    return SE3(rotation, in_ball(rng, 1, 0.1)[0])
+    return SE3(rotation, draw_in_ball(rng, 1, 0.1)[0])
 
 
 def lens(rng: Generator, scenario: Scenario) -> Camera:

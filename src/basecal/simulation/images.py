@@ -44,13 +44,13 @@ def render_recording(
     samples = simulated.recording.samples
     out = []
     for index, sample in enumerate(samples):
-        out.append(_rendered(simulated, sample, index, folder, seed + index, board, light))
+        out.append(_render_sample(simulated, sample, index, folder, seed + index, board, light))
         if step is not None:
             step(index + 1, len(samples))
     return replace(simulated.recording, samples=tuple(out), folder=str(folder))
 
 
-def _rendered(
+def _render_sample(
     simulated: SimulatedCell,
     sample: Sample,
     index: int,
@@ -91,10 +91,10 @@ def camera_from_target(simulated: SimulatedCell, camera: str, target: str, index
     return world_from_camera.inverse() @ world_from_target
 
 
-def _carrier(simulated: SimulatedCell, on: str, index: int) -> SE3:
+def _carrier(simulated: SimulatedCell, carrier: str, index: int) -> SE3:
     """Where what carries a camera or target truly was in the world: a flange, or the world itself."""
-    if on == WORLD:
+    if carrier == WORLD:
         return SE3.identity()
-    is_world = on == simulated.cell.reference
-    world_from_base = SE3.identity() if is_world else simulated.truth[simulated.cell.base_name(on)]
-    return world_from_base @ simulated.true_base_from_flange[on][index]
+    is_world = carrier == simulated.cell.reference
+    world_from_base = SE3.identity() if is_world else simulated.truth[simulated.cell.base_name(carrier)]
+    return world_from_base @ simulated.true_base_from_flange[carrier][index]

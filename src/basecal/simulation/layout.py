@@ -40,10 +40,10 @@ class Layout:
         return tuple(dict.fromkeys(carrier for carrier in carriers if carrier != WORLD))
 
 
-def layout_of(name: LayoutName, robots: int = 3) -> Layout:
+def make_layout(name: LayoutName, robots: int = 3) -> Layout:
     """The plan of that name; `robots` counts those of a `chain`, a `ring` or a `grid`."""
     if name in ("chain", "ring", "grid"):
-        return _many(name, robots)
+        return _many_robots(name, robots)
     wrist, both = (("wrist", "board"),), (("left_camera", "board"), ("right_camera", "board"))
     return {
         "dual": Layout(("eye", "hand"), {"wrist": "eye"}, {"board": "hand"}, (wrist,)),
@@ -56,7 +56,7 @@ def layout_of(name: LayoutName, robots: int = 3) -> Layout:
     }[name]
 
 
-def _many(name: LayoutName, robots: int) -> Layout:
+def _many_robots(name: LayoutName, robots: int) -> Layout:
     """Robots that each carry a camera if they see another, and a board if they are seen."""
     names = tuple(f"r{k + 1}" for k in range(robots))
     if name == "grid":

@@ -13,16 +13,16 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_exp
 from basecal.numerics.batch import concatenate, take
 from basecal.simulation import draw
-from basecal.simulation.arms import Arm, joints_near
+from basecal.simulation.arms import Arm, solve_joints
 from basecal.simulation.draw import Generator
 from basecal.simulation.layout import View
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.scene import Scene, front, is_flat
 
-_ROUNDS = 100
+_DRAW_ROUNDS = 100
 _MARGIN_PX = 2.0
 _FEWEST_POINTS = 8
-_FACING = 0.25
+_LEAST_FACING_COSINE = 0.25
 
 States = dict[str, SE3]
 Mask = NDArray[np.bool_]
@@ -71,12 +71,12 @@ def seen_points(scene: Scene, scenario: Scenario, view: View, states: Mapping[st
     if is_flat(scene.shapes[target]):
         normal = scene.camera_from_target(view, dict(states)).rotation @ front(scene.shapes[target])[:, 2]
         centre = points.mean(1)
-        facing = np.sum(normal * centre, -1) > _FACING * np.linalg.norm(centre, axis=-1)
+        facing = np.sum(normal * centre, -1) > _LEAST_FACING_COSINE * np.linalg.norm(centre, axis=-1)
         mask &= facing[:, None]
     return mask
 
 
-def _enough(scene: Scene, scenario: Scenario, group: int, states: States) -> Mask:
+def _visibility_mask(scene: Scene, scenario: Scenario, group: int, states: States) -> Mask:
     """Whether all views of a group see enough of their targets, (n,)."""
     enough = np.ones(len(next(iter(states.values()))), dtype=bool)
     for view in scene.layout.groups[group]:
@@ -86,55 +86,57 @@ def _enough(scene: Scene, scenario: Scenario, group: int, states: States) -> Mas
     return enough
 
 
-def _moved(scene: Scene, scenario: Scenario, group: int, robot: str, n: int, rng: Generator) -> SE3:
+def _draw_poses(scene: Scene, scenario: Scenario, group: int, robot: str, n: int, rng: Generator) -> SE3:
     """Poses about the home, (n,): turned about the target, so that it stays in view, and shifted."""
-    turn = rotation_exp(draw.in_ball(rng, n, scenario.spread_rad))
+    turn = rotation_exp(draw.draw_in_ball(rng, n, scenario.spread_rad))
     target = scene.layout.groups[group][0][1]
-    pivot: Array = scene.world_from(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
-    shift = draw.in_ball(rng, n, scenario.position_m)
+    pivot: Array = scene.body_pose(target, scene.homes[group]) @ scene.shapes[target].points.mean(0)
+    shift = draw.draw_in_ball(rng, n, scenario.position_m)
     moved = SE3(turn, pivot + shift - turn @ pivot)
     base = scene.bases[robot]
     return base.inverse() @ moved @ base @ scene.homes[group][robot]
 
 
 def _draw(
-    scene: Scene, scenario: Scenario, group: int, still: States, n: int, rng: Generator, arms: Mapping[str, Arm]
+    scene: Scene, scenario: Scenario, group: int, resting: States, n: int, rng: Generator, arms: Mapping[str, Arm]
 ) -> Motion:
-    """`n` samples with the robots of `still` there, at one stop, and the group's others moving.
+    """`n` samples with the robots of `resting` there, at one stop, and the group's others moving.
 
     Raises:
         InputError: if hardly any pose sees the target.
     """
     robots = scene.homes[group]
-    offset = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in still}
+    offset = {robot: SE3.exp(draw.tangents(rng, 1, scenario.robot_noise)) for robot in resting}
     batches: list[tuple[States, States, dict[str, Array]]] = []
     found = 0
     size = 2 * n + 16
-    for _ in range(_ROUNDS):
+    for _ in range(_DRAW_ROUNDS):
         recorded, true, joints = States(), States(), dict[str, Array]()
         reached = np.ones(size, dtype=bool)
         for robot in robots:
-            moves = robot not in still
-            place = _moved(scene, scenario, group, robot, size, rng) if moves else SE3.stack([still[robot]] * size)
+            moves = robot not in resting
+            place = (
+                _draw_poses(scene, scenario, group, robot, size, rng) if moves else SE3.stack([resting[robot]] * size)
+            )
             noise = SE3.exp(draw.tangents(rng, size, scenario.robot_noise)) if moves else offset[robot]
             recorded[robot], true[robot] = place, place @ noise
             if robot in arms:
                 arm = arms[robot]
-                joints[robot], within = joints_near(arm.chain, place, arm.home)
+                joints[robot], within = solve_joints(arm.chain, place, arm.home)
                 recorded[robot], true[robot] = arm.chain.forward(joints[robot]), arm.true.forward(joints[robot]) @ noise
                 reached &= within
-        kept = _enough(scene, scenario, group, true) & reached
+        kept = _visibility_mask(scene, scenario, group, true) & reached
         batches.append(take((recorded, true, joints), kept))
         found += int(kept.sum())
         if found >= n:
             return Motion(group, *take(concatenate(batches), slice(0, n)))
     raise InputError(
-        f"only {found} of {n} samples see the target after {_ROUNDS * size} tries: "
+        f"only {found} of {n} samples see the target after {_DRAW_ROUNDS * size} tries: "
         "make spread_rad, position_m or robot_noise smaller, or distance_m greater"
     )
 
 
-def _still(scene: Scene, group: int, robots: tuple[str, ...]) -> States:
+def _resting_states(scene: Scene, group: int, robots: tuple[str, ...]) -> States:
     return {robot: scene.homes[group][robot] for robot in robots}
 
 
@@ -144,22 +146,22 @@ def _parts(
     """Which robots stand still where, and for how many samples, one part after another."""
     movers = scene.layout.movers(scene.layout.groups[group])
     if not scenario.spread_rad and not scenario.position_m:
-        return [(_still(scene, group, movers), n)]
+        return [(_resting_states(scene, group, movers), n)]
     if scenario.arms == "both":
         return [({}, n)]
     if len(movers) < 2:
         raise InputError(f"arms {scenario.arms!r} needs two robots; layout {scenario.layout!r} has one: use 'both'")
     eye, hand = (movers[:1], movers[1:])
-    hand_still, eye_still = _still(scene, group, hand), _still(scene, group, eye)
+    hand_still, eye_still = _resting_states(scene, group, hand), _resting_states(scene, group, eye)
     if scenario.arms == "halves":
         return [(hand_still, n - n // 2), (eye_still, n // 2)]
     if scenario.arms == "stations":
         stops = _draw(scene, scenario, group, hand_still, min(scenario.stations, n), rng, arms).recorded[eye[0]]
-        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(_split(n, len(stops)))]
+        return [({eye[0]: stops[k]}, len(part)) for k, part in enumerate(_split_evenly(n, len(stops)))]
     return [(eye_still if scenario.arms == "eye_still" else hand_still, n)]
 
 
-def _split(n: int, parts: int) -> list[NDArray[np.int64]]:
+def _split_evenly(n: int, parts: int) -> list[NDArray[np.int64]]:
     return np.array_split(np.arange(n), parts)
 
 
@@ -172,7 +174,7 @@ def draw_motions(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping
     groups = range(len(scene.layout.groups))
     parts = [
         (group, *part)
-        for group, share in zip(groups, _split(scenario.samples, len(groups)), strict=True)
+        for group, share in zip(groups, _split_evenly(scenario.samples, len(groups)), strict=True)
         if len(share)
         for part in _parts(scene, scenario, group, len(share), rng, arms)
     ]

@@ -15,7 +15,7 @@ from basecal.simulation.scene import Scene
 
 
 def _pixels(
-    view: View, scene: Scene, scenario: Scenario, points: Array, seen: Mask, rng: Generator
+    view: View, scene: Scene, scenario: Scenario, points: Array, visible: Mask, rng: Generator
 ) -> list[Observation]:
     camera, target = view
     pixels = scene.lenses[camera].project(points)
@@ -23,18 +23,20 @@ def _pixels(
     if scenario.correlated_px:
         pixels += scenario.correlated_px * rng.standard_normal((len(pixels), 1, 2))
     ids = scene.shapes[target].ids
-    return [PixelObservation(camera, target, ids[mask], found[mask]) for found, mask in zip(pixels, seen, strict=True)]
+    return [
+        PixelObservation(camera, target, ids[mask], found[mask]) for found, mask in zip(pixels, visible, strict=True)
+    ]
 
 
 def _points(
-    view: View, scene: Scene, scenario: Scenario, points: Array, seen: Mask, rng: Generator
+    view: View, scene: Scene, scenario: Scenario, points: Array, visible: Mask, rng: Generator
 ) -> list[Observation]:
     noisy = points + scenario.point_m * rng.standard_normal(points.shape)
     ids = scene.shapes[view[1]].ids
     stated = scenario.state_observation_noise and scenario.point_m > 0
     return [
         PointObservation(*view, ids[mask], found[mask], np.full(mask.sum(), scenario.point_m) if stated else None)
-        for found, mask in zip(noisy, seen, strict=True)
+        for found, mask in zip(noisy, visible, strict=True)
     ]
 
 

@@ -15,7 +15,7 @@ from basecal.simulation.draw import Generator
 from basecal.simulation.layout import Layout, View
 from basecal.simulation.scenario import Scenario
 
-_CANDIDATES = 128
+_CANDIDATE_COUNT = 128
 _REACH_M = (0.25, 1.1)
 
 
@@ -41,7 +41,7 @@ class Scene:
     homes: tuple[dict[str, SE3], ...]
     parked: dict[str, SE3]
 
-    def world_from(self, name: str, base_from_flange: dict[str, SE3]) -> SE3:
+    def body_pose(self, name: str, base_from_flange: dict[str, SE3]) -> SE3:
         """Pose of a camera or target, (...), while the robots are at `base_from_flange`, (...)."""
         carrier = self.layout.carrier(name)
         if carrier == WORLD:
@@ -51,7 +51,7 @@ class Scene:
     def camera_from_target(self, view: View, base_from_flange: dict[str, SE3]) -> SE3:
         """What a camera sees, (...), while the robots are at `base_from_flange`, (...)."""
         camera, target = view
-        seen = self.world_from(camera, base_from_flange).inverse() @ self.world_from(target, base_from_flange)
+        seen = self.body_pose(camera, base_from_flange).inverse() @ self.body_pose(target, base_from_flange)
         return seen
 
 
@@ -73,7 +73,7 @@ def _bases(rng: Generator, robots: tuple[str, ...]) -> dict[str, SE3]:
     place = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)], -1)
     place += rng.uniform(-0.1, 0.1, (n, 3))
     yaw = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
-    upright = yaw @ rotation_exp(draw.in_ball(rng, n, 0.3))
+    upright = yaw @ rotation_exp(draw.draw_in_ball(rng, n, 0.3))
     anyhow = rng.random(n) < 0.2
     turned = np.where(anyhow[:, None, None], draw.rotations(rng, n), upright)
     world_from_base = {name: SE3(turned[k], place[k] - place[0]) for k, name in enumerate(robots)}
@@ -93,7 +93,7 @@ def _views(rng: Generator, scenario: Scenario, target: Target, n: int) -> SE3:
     rotation = draw.rotations(rng, n)
     if is_flat(target):
         roll = rotation_exp(rng.uniform(-np.pi, np.pi, (n, 1)) * np.eye(3)[2])
-        rotation = rotation_exp(draw.in_ball(rng, n, 0.4)) @ roll @ front(target).T
+        rotation = rotation_exp(draw.draw_in_ball(rng, n, 0.4)) @ roll @ front(target).T
     distance = rng.uniform(*scenario.distance_m, (n, 1))
     centre = distance * np.concatenate([rng.uniform(-0.1, 0.1, (n, 2)), np.ones((n, 1))], -1)
     return SE3(rotation, centre - rotation @ target.points.mean(0))
@@ -104,7 +104,7 @@ def as_point(pose: SE3, target: Target) -> SE3:
     return SE3(np.broadcast_to(np.eye(3), pose.rotation.shape).copy(), pose @ target.points[0] - target.points[0])
 
 
-def _settle(name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], fixed: dict[str, SE3]) -> None:
+def _place_body(name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], fixed: dict[str, SE3]) -> None:
     """Put a camera or target there: by its carrier's flange, or by its mount where it stands on the world."""
     carrier = scene.layout.carrier(name)
     target = scene.shapes.get(name)
@@ -121,21 +121,21 @@ def _place(
 ) -> tuple[dict[str, SE3], dict[str, SE3]]:
     """Candidates of `world_from_flange` of a group's robots, and of the mounts of what stands on the world."""
     first = scene.layout.movers(group)[0]
-    flanges = {first: scene.bases[first] @ _poses_in_reach(rng, _CANDIDATES)}
+    flanges = {first: scene.bases[first] @ _poses_in_reach(rng, _CANDIDATE_COUNT)}
     fixed: dict[str, SE3] = {}
 
-    def placed(name: str) -> SE3 | None:
+    def known_pose(name: str) -> SE3 | None:
         """Where a camera or a target stands, if that is known yet."""
         carrier = scene.layout.carrier(name)
         return flanges[carrier] @ scene.mounts[name] if carrier in flanges else fixed.get(name)
 
     for camera, target in group:
-        seen = _views(rng, scenario, scene.shapes[target], _CANDIDATES)
-        world_from_camera, world_from_target = placed(camera), placed(target)
+        seen = _views(rng, scenario, scene.shapes[target], _CANDIDATE_COUNT)
+        world_from_camera, world_from_target = known_pose(camera), known_pose(target)
         if world_from_camera is not None:
-            _settle(target, world_from_camera @ seen, scene, flanges, fixed)
+            _place_body(target, world_from_camera @ seen, scene, flanges, fixed)
         elif world_from_target is not None:
-            _settle(camera, world_from_target @ seen.inverse(), scene, flanges, fixed)
+            _place_body(camera, world_from_target @ seen.inverse(), scene, flanges, fixed)
     return flanges, fixed
 
 

@@ -20,13 +20,13 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Array, Camera
 from basecal.simulation.scenario import SimulatedCell
 
-_AWAY = 1e-9
+_PARALLEL_TOLERANCE = 1e-9
 
 
-def shift_directions(two_sided: bool) -> Array:
+def shift_directions(is_two_sided: bool) -> Array:
     """Where the light goes at a station, in units of the shift, (4, 3) or (7, 3); the first is the origin."""
     axes = np.eye(3)
-    return np.concatenate([np.zeros((1, 3)), axes, *([-axes] if two_sided else [])])
+    return np.concatenate([np.zeros((1, 3)), axes, *([-axes] if is_two_sided else [])])
 
 
 def simulate_shifts(
@@ -35,7 +35,7 @@ def simulate_shifts(
     hand_base_from_light: SE3,
     camera: Camera,
     shift_m: float,
-    two_sided: bool = False,
+    is_two_sided: bool = False,
     pixel_px: float = 0.0,
     seed: int = 0,
 ) -> SimulatedCell:
@@ -47,14 +47,14 @@ def simulate_shifts(
         hand_base_from_light: Where the light was before its shifts, (stations,).
         camera: The lens.
         shift_m: Length of the shifts [m].
-        two_sided: Whether the light goes to both sides along each axis.
+        is_two_sided: Whether the light goes to both sides along each axis.
         pixel_px: Sigma of a pixel coordinate [px].
         seed: Of the noise.
     """
     rng = np.random.default_rng(seed)
     samples, flanges = list[Sample](), list[tuple[SE3, SE3]]()
-    for eye, light in zip(_each(eye_base_from_camera), _each(hand_base_from_light), strict=True):
-        for shift in shift_m * shift_directions(two_sided):
+    for eye, light in zip(_poses(eye_base_from_camera), _poses(hand_base_from_light), strict=True):
+        for shift in shift_m * shift_directions(is_two_sided):
             hand = light @ SE3(np.eye(3), shift)
             flanges.append((eye, hand))
             at = (eye.inverse() @ eye_base_from_hand_base @ hand).translation
@@ -70,7 +70,7 @@ def simulate_shifts(
             "camera": CellCamera("camera", "eye", exactly, camera.model, camera.size_px, Intrinsics("fixed", camera))
         },
         targets={"light": CellTarget("light", "hand", exactly, led_target())},
-        pixel_px=pixel_px if pixel_px > _AWAY else None,
+        pixel_px=pixel_px if pixel_px > _PARALLEL_TOLERANCE else None,
     )
     truth = {
         "eye_base_from_hand_base": eye_base_from_hand_base,
@@ -82,5 +82,5 @@ def simulate_shifts(
     return SimulatedCell(cell, recording, truth, {"camera": camera}, where)
 
 
-def _each(transforms: SE3) -> list[SE3]:
+def _poses(transforms: SE3) -> list[SE3]:
     return [transforms[i] for i in range(len(transforms))]

@@ -8,7 +8,7 @@ from basecal.cell.recording import Recording, RobotState, Sample
 from basecal.geometry import SE3
 from basecal.numerics.batch import concatenate
 from basecal.simulation.arms import with_arms
-from basecal.simulation.layout import layout_of
+from basecal.simulation.layout import make_layout
 from basecal.simulation.motion import Motion, draw_motions
 from basecal.simulation.observe import observe
 from basecal.simulation.scenario import Scenario, SimulatedCell
@@ -16,11 +16,11 @@ from basecal.simulation.scene import Scene, draw_scene
 from basecal.simulation.stated_cell import stated_cell, truth
 
 
-def _laid_end_to_end(motions: list[Motion], scene: Scene, recorded: bool) -> dict[str, SE3]:
+def _laid_end_to_end(motions: list[Motion], scene: Scene, is_recorded: bool) -> dict[str, SE3]:
     """Poses of every robot in every sample, (samples,); parked while others are recorded."""
     poses: dict[str, list[SE3]] = {robot: [] for robot in scene.layout.robots}
     for motion in motions:
-        states = motion.recorded if recorded else motion.true
+        states = motion.recorded if is_recorded else motion.true
         count = len(next(iter(states.values())))
         for robot, found in poses.items():
             turn, place = scene.parked[robot].rotation, scene.parked[robot].translation
@@ -39,11 +39,11 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
         InputError: if the scenario's arms do not suit its layout, or hardly any pose sees the target.
     """
     for_scene, for_motion, for_noise, for_priors, for_arms = np.random.default_rng(seed).spawn(5)
-    scene = draw_scene(scenario, layout_of(scenario.layout, scenario.robots), for_scene)
+    scene = draw_scene(scenario, make_layout(scenario.layout, scenario.robots), for_scene)
     scene, arms = with_arms(scene, scenario, for_arms) if scenario.joints else (scene, {})
     motions = draw_motions(scene, scenario, for_motion, arms)
     seen = [found for motion in motions for found in observe(motion, scene, scenario, for_noise)]
-    poses = _laid_end_to_end(motions, scene, recorded=True)
+    poses = _laid_end_to_end(motions, scene, is_recorded=True)
     joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
 
     def states(motion: Motion, k: int) -> dict[str, RobotState]:
@@ -57,6 +57,6 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
         for k, (motion, observations) in enumerate(zip(of_samples, seen, strict=True))
     )
     cell = stated_cell(scene, scenario, for_priors, arms)
-    true = _laid_end_to_end(motions, scene, recorded=False)
+    true = _laid_end_to_end(motions, scene, is_recorded=False)
     robots = {robot: arm.true for robot, arm in arms.items()}
     return SimulatedCell(cell, Recording(samples), truth(scene, cell), scene.lenses, true, robots)

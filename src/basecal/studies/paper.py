@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.estimation.axis_shift.closed_form import (
     base_of_station,
-    orthonormalised,
+    orthonormalise,
 )
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import refined
@@ -55,7 +55,7 @@ def study_paper(seed: int | None = None, draws: int | None = None, length_draws:
     base = base_of_station(bed.eye_base_from_camera, raw, bed.hand_base_from_light)
     printed = {k: printed_pose(numbers["table1_camera_from_led"][k]) for k in levels}
     # The paper's Table 1 orthonormalised by its own iteration.
-    table_2 = {k: SE3(orthonormalised(pose.rotation), pose.translation) for k, pose in printed.items()}
+    table_2 = {k: SE3(orthonormalise(pose.rotation), pose.translation) for k, pose in printed.items()}
     table_3 = {k: base_of_station(bed.eye_base_from_camera, table_2[k], bed.hand_base_from_light) for k in levels}
     return {
         "noiseless": {"camera_from_led": _entry(raw), "eye_base_from_hand_base": _entry(base)},
@@ -129,7 +129,7 @@ def _at_length(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[str,
     closed = bed.closed_form(seen, shift_m).camera_from_light
     everywhere = np.ones(seen.shape[:2], dtype=bool)
     weight = everywhere / SIGMA_PX
-    points = shift_m * shift_directions(two_sided=False)
+    points = shift_m * shift_directions(is_two_sided=False)
     measurement = PixelMeasurement(points, seen, everywhere, weight, weight)
     camera = Camera("pinhole", np.array([*bed.focal_px, 0.0, 0.0]))
     likely = refined(measurement, closed, camera, iterations=100).camera_from_target

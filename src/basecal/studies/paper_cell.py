@@ -43,7 +43,7 @@ class Testbed:
 
     def image(self, camera_from_light: SE3, shift_m: float) -> Array:
         """Image coordinates about the principal point of the light, before and after its shifts, (4, 2) [px]."""
-        at = camera_from_light @ (shift_m * shift_directions(two_sided=False))
+        at = camera_from_light @ (shift_m * shift_directions(is_two_sided=False))
         image: Array = self.focal_px * at[:, :2] / at[:, 2:]
         return image
 

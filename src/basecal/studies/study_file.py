@@ -13,8 +13,8 @@ from pydantic.fields import FieldInfo
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.cell.schema.errors import problems_of
 from basecal.cell.targets.registry import AnyTargetEntry, TargetKindName
-from basecal.fields.problems import Loc, Problem, dataset_error, short
-from basecal.fields.values import LARGEST, Entry, Status, empty, known_names
+from basecal.fields.problems import Loc, Problem, dataset_error, shorten
+from basecal.fields.values import LARGEST_VALUE, Entry, Status, empty, known_names
 from basecal.geometry.lenses.registry import lens_models
 from basecal.simulation.scenario import Arms, LayoutName
 from basecal.studies.cells import OF_SHIFTS, statuses
@@ -33,7 +33,7 @@ _USUAL_POINTS = 36  # of the boards that are seen where none is given
 _LONGEST_TEXT = 10_000  # characters of what is said about a study
 
 _Count = Annotated[int, Field(ge=1, le=100_000)]
-_Size = Annotated[float, Field(ge=0, le=LARGEST)]
+_Size = Annotated[float, Field(ge=0, le=LARGEST_VALUE)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _Factor = Annotated[float, Field(ge=0.5, le=2)]
 _Turn = Annotated[float, Field(ge=0, le=3.15)]
@@ -135,10 +135,10 @@ def study_from_text(text: str, path: str) -> Study:
     document = parse_yaml(text, path)
     data, lines = document.data, document.lines
     if not isinstance(data, dict):
-        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}"
+        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}"
         raise dataset_error(path, [Problem((), message)], lines)
     if data.get("schema") != SCHEMA:
-        got = short(data["schema"]) if "schema" in data else "none"
+        got = shorten(data["schema"]) if "schema" in data else "none"
         raise dataset_error(path, [Problem(("schema",), f"expected {SCHEMA}, got {got}")], lines)
     try:
         entry = StudyEntry.model_validate(data)
@@ -226,5 +226,5 @@ def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
         found.append(("base", "nothing is left to solve for: every transform is fixed"))
     elif transform is not None and transform not in known:
         there = f"there are: {', '.join(known)}"
-        found.append(("", f"{short(transform)} is none that layout {s['layout']} solves for; {there}"))
+        found.append(("", f"{shorten(transform)} is none that layout {s['layout']} solves for; {there}"))
     return found

@@ -16,19 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 _STDERR = 2
-_MOST_CHATTER = 2**16  # [bytes] that are read of what a decoder writes
-_ONE_AT_A_TIME = threading.Lock()
+_MOST_COMPLAINT_BYTES = 2**16  # [bytes] that are read of what a decoder writes
+_STDERR_LOCK = threading.Lock()
 _WARNING = re.compile(r"^(\[ *(WARN|INFO)|Warning: )")  # OpenCV's, of tags that it does not know; libjpeg's of JFIF's
-_BEFORE_END = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
-_END = b"\xff\xd9"
+_EXTRANEOUS_BYTES = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
+_END_MARKER = b"\xff\xd9"
 _RIFF_HEAD, _CHUNK_HEAD = 12, 8  # [bytes]
-_UNUSED = 16  # bytes at the end of a lossy WebP's pixels: an encoder leaves less than two of them unused
-_LEAST_PIXELS = 100  # bytes of a lossy WebP, below which so many are a part of what an even picture needs
-_DECODERS = re.compile(
+_UNUSED_BYTES = 16  # bytes at the end of a lossy WebP's pixels: an encoder leaves less than two of them unused
+_LEAST_PIXEL_BYTES = 100  # bytes of a lossy WebP, below which so many are a part of what an even picture needs
+_DECODER_LINE = re.compile(
     r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |Warning: unknown JFIF|libpng)"
     r"|^\[ *"
 )
-_GOES_ON = re.compile(r"^(> .*)?$")  # a line of OpenCV's after its first
+_CONTINUATION = re.compile(r"^(> .*)?$")  # a line of OpenCV's after its first
 _PREFIX = re.compile(r"^(Corrupt JPEG data: |libpng \w+: |\[ *ERROR[^\]]*\] global \S+ \S+ )")
 
 
@@ -39,10 +39,10 @@ class Decoded(NamedTuple):
     amiss: str
 
 
-def decoded(data: bytes) -> Decoded:
+def decode(data: bytes) -> Decoded:
     """The pixels of an image, as the sensor gave them whatever EXIF says of turning them, and what is amiss."""
     said: list[str] = []
-    with _heard(said, data):
+    with _capture_complaints(said, data):
         try:
             pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
@@ -71,8 +71,8 @@ def _without_end(data: bytes) -> bytes | None:
     while at + _CHUNK_HEAD <= len(data):
         name, size = struct.unpack_from("<4sI", data, at)
         first, end = at + _CHUNK_HEAD, at + _CHUNK_HEAD + size
-        if name == b"VP8 " and size >= _LEAST_PIXELS and end <= len(data):
-            kept = data[first : end - _UNUSED]
+        if name == b"VP8 " and size >= _LEAST_PIXEL_BYTES and end <= len(data):
+            kept = data[first : end - _UNUSED_BYTES]
             body = data[_RIFF_HEAD:at] + struct.pack("<4sI", name, len(kept)) + kept + bytes(len(kept) % 2)
             return b"RIFF" + struct.pack("<I4s", 4 + len(body), b"WEBP") + body
         at = end + size % 2
@@ -80,9 +80,9 @@ def _without_end(data: bytes) -> bytes | None:
 
 
 @contextmanager
-def _heard(said: list[str], data: bytes) -> Iterator[None]:
+def _capture_complaints(said: list[str], data: bytes) -> Iterator[None]:
     """Complaints that decoders write to stderr meanwhile, in `said`; lines of others go on to stderr."""
-    with _ONE_AT_A_TIME:
+    with _STDERR_LOCK:
         try:
             kept = os.dup(_STDERR)
         except OSError:  # no stderr to hear
@@ -96,23 +96,25 @@ def _heard(said: list[str], data: bytes) -> Iterator[None]:
                 os.dup2(kept, _STDERR)
                 os.close(kept)
                 written.seek(0)
-                text = written.read(_MOST_CHATTER).decode("utf-8", "replace")
-                complaints = [line for line in text.splitlines() if _DECODERS.match(line) and not _WARNING.match(line)]
+                text = written.read(_MOST_COMPLAINT_BYTES).decode("utf-8", "replace")
+                complaints = [
+                    line for line in text.splitlines() if _DECODER_LINE.match(line) and not _WARNING.match(line)
+                ]
                 said += [_PREFIX.sub("", line).strip() for line in complaints if not _is_padding(line, data)]
-                _passed_on(text)
+                _forward_line(text)
 
 
 def _is_padding(line: str, data: bytes) -> bool:
     """Whether what is left over at the end of a JPEG is padding; else its decoder lost its way and came out short."""
-    left = _BEFORE_END.search(line)
-    end = data.rfind(_END)
+    left = _EXTRANEOUS_BYTES.search(line)
+    end = data.rfind(_END_MARKER)
     return left is not None and len(set(data[max(end - int(left[1]), 0) : end])) == 1
 
 
-def _passed_on(text: str) -> None:
+def _forward_line(text: str) -> None:
     others, within = [], False
     for line in text.splitlines(keepends=True):
-        within = bool(_DECODERS.match(line) or (within and _GOES_ON.match(line)))
+        within = bool(_DECODER_LINE.match(line) or (within and _CONTINUATION.match(line)))
         others += [] if within else [line]
     if others:
         os.write(_STDERR, "".join(others).encode("utf-8", "replace"))

@@ -17,7 +17,7 @@ from basecal.vision import cache
 from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import LIGHT, find
 from basecal.vision.image_file import grey_image, is_turned, read_bytes
-from basecal.vision.losses import Searched, lost_images, why_none
+from basecal.vision.losses import Searched, explain_no_target, lost_images
 
 Progress = Callable[[int, int], None]
 """Called with how many steps of how many are done."""
@@ -25,8 +25,8 @@ Progress = Callable[[int, int], None]
 # Samples that are looked at first, spread over the recording: where none shows a target and it is known why, the others
 # are not searched, which takes minutes. A target that three in ten images show is missed by all with a chance of 0.06,
 # and then something else would have to be taken for the reason.
-_FIRST = 8
-_WORTH_A_LOOK = 20  # samples: fewer are searched within seconds
+_FIRST_SAMPLES = 8
+_PREVIEW_SAMPLES = 20  # samples: fewer are searched within seconds
 
 
 def detect(
@@ -55,7 +55,7 @@ def detect(
     look = _Look(cell, sought, Path(folder or recording.folder or "."))
     samples = list(recording.samples)
     searched: list[Searched] = []
-    for done, index in enumerate(_spread_first(len(samples)), start=1):
+    for done, index in enumerate(_search_order(len(samples)), start=1):
         sample = samples[index]
         seen = [view for camera in sample.images if (view := _camera(look, sample, camera)) is not None]
         found = [each for view in seen for each in view.found]
@@ -64,7 +64,11 @@ def detect(
         searched += [view.searched for view in seen]
         if progress is not None:
             progress(done, len(samples) + 1)
-        if done == _FIRST and len(samples) >= _WORTH_A_LOOK and why_none(searched, sought, look.folder):
+        if (
+            done == _FIRST_SAMPLES
+            and len(samples) >= _PREVIEW_SAMPLES
+            and explain_no_target(searched, sought, look.folder)
+        ):
             break
     searched.sort(key=lambda image: image.sample)
     lost = list(lost_images(searched, sought, look.folder))
@@ -75,9 +79,9 @@ def detect(
     return replace(recording, samples=tuple(samples), findings=(*grave, *recording.findings, *others))
 
 
-def _spread_first(count: int) -> list[int]:
+def _search_order(count: int) -> list[int]:
     """Places of samples: a few that are spread over all, then the others in order."""
-    first = dict.fromkeys(np.linspace(0, count - 1, min(_FIRST, count)).astype(int).tolist())
+    first = dict.fromkeys(np.linspace(0, count - 1, min(_FIRST_SAMPLES, count)).astype(int).tolist())
     return [*first, *(place for place in range(count) if place not in first)]
 
 
@@ -147,17 +151,17 @@ def _bytes(look: _Look, path: str) -> bytes | _Unusable:
 
 
 def _detection(
-    look: _Look, sample: Sample, camera: str, target: Target, data: bytes, off: bytes | None
+    look: _Look, sample: Sample, camera: str, target: Target, data: bytes, dark_image: bytes | None
 ) -> tuple[Detection | None] | _Unusable:
     """The detection, in a tuple since it may be None, or why an image cannot be used."""
     size_px = look.cell.cameras[camera].size_px
-    name = cache.key(target, size_px, data, off)
+    name = cache.key(target, size_px, data, dark_image)
     if (kept := cache.read(look.folder, name)) is not None:
         return kept
     image = grey_image(data, size_px)
     if isinstance(image, str):
         return _Unusable(sample.images[camera], image)
-    background: Image | str | None = None if off is None else grey_image(off, size_px)
+    background: Image | str | None = None if dark_image is None else grey_image(dark_image, size_px)
     if isinstance(background, str):
         return _Unusable(sample.background[camera], background)
     if background is not None and (background.shape, background.dtype) != (image.shape, image.dtype):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray, read_only, read_only_ids
 
-_FULL_EIGHT = 255.0  # the highest level of 8 bits
+_WHITE_LEVEL = 255.0  # the highest level of 8 bits
 
 Image = NDArray[np.integer[Any]]
 """Grey levels, (h, w), uint8 or uint16."""
@@ -33,7 +33,7 @@ class Detection:
     sigma_px: Array
 
 
-def found(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
+def make_detection(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
     """A detection with rising ids; None where there is no point."""
     if not len(ids):
         return None
@@ -44,11 +44,11 @@ def found(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
 def full_scale(image: Image) -> float:
     """The highest level an image can hold: of 16 bits, those that are used, as cameras of 10 to 14 bits are stored."""
     if image.dtype == np.uint8:
-        return _FULL_EIGHT
-    return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, _FULL_EIGHT))
+        return _WHITE_LEVEL
+    return float(max(2 ** int(image.max(initial=0)).bit_length() - 1, _WHITE_LEVEL))
 
 
-def checked(image: Image) -> None:
+def check_image(image: Image) -> None:
     """Nothing, where an image can be searched.
 
     Raises:
@@ -64,7 +64,7 @@ def eight_bit(image: Image) -> NDArray[np.uint8]:
     Raises:
         InputError: if it is not a grey image of 8 or 16 bits.
     """
-    checked(image)
+    check_image(image)
     if image.dtype == np.uint8:
         return np.asarray(image, dtype=np.uint8)
-    return np.asarray(cv2.convertScaleAbs(image, alpha=_FULL_EIGHT / full_scale(image)), dtype=np.uint8)
+    return np.asarray(cv2.convertScaleAbs(image, alpha=_WHITE_LEVEL / full_scale(image)), dtype=np.uint8)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from basecal.cell.target import Finder, Target
 from basecal.errors import InputError
 from basecal.vision import survey
-from basecal.vision.detection import Detection, Image, checked, eight_bit
+from basecal.vision.detection import Detection, Image, check_image, eight_bit
 from basecal.vision.kinds import charuco, chessboard, circles, led, tags
 from basecal.vision.kinds.ways import Grey
 
@@ -46,7 +46,7 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or the target cannot be detected as described.
     """
-    checked(image)
+    check_image(image)
     if target.found_by is None:
         raise InputError(f"a target of kind {target.kind!r} is not found in images")
     if min(image.shape) < _LEAST_SIDE_PX:
@@ -56,7 +56,7 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
     return DETECTORS[target.found_by](image, target)
 
 
-def what_is_there(images: Iterable[Image], target: Target) -> str | None:
+def describe_other_targets(images: Iterable[Image], target: Target) -> str | None:
     """What is in the images instead of a target, as the end of a sentence; None where nothing is known.
 
     Args:
@@ -65,4 +65,4 @@ def what_is_there(images: Iterable[Image], target: Target) -> str | None:
     """
     grey = [eight_bit(image) for image in images]
     look = None if target.found_by is None else SURVEYS.get(target.found_by)
-    return (look(grey, target) if look else None) or survey.dark(grey) or survey.blurred(grey)
+    return (look(grey, target) if look else None) or survey.describe_darkness(grey) or survey.describe_blur(grey)

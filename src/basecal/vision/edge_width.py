@@ -10,10 +10,10 @@ import numpy as np
 from basecal.geometry import Array
 from basecal.vision.detection import Image
 
-_DIRECTIONS = 16  # of edges that are looked at, over half a turn: motion blurs those across it alone
-_SHARPER = 8  # power of the cosine by which edges count for a direction
+_DIRECTION_COUNT = 16  # of edges that are looked at, over half a turn: motion blurs those across it alone
+_COSINE_POWER = 8  # power of the cosine by which edges count for a direction
 _LEAST_SHARE = 0.5  # of the edges of the strongest direction that another has to have, to count
-_STRONG = 0.2  # of the strongest slopes: weaker ones are noise, or shading
+_STRONG_SHARE = 0.2  # of the strongest slopes: weaker ones are noise, or shading
 _BORDER_PX = 10  # about the points
 
 
@@ -41,11 +41,11 @@ def edge_width(image: Image, pixels: Array) -> EdgeWidth | None:
         return None
     u, v = (0.5 * cv2.Sobel(part, cv2.CV_32F, *which, ksize=1) for which in ((1, 0), (0, 1)))
     slope = np.hypot(u, v)
-    strong = slope > _STRONG * np.quantile(slope, 0.999)
+    strong = slope > _STRONG_SHARE * np.quantile(slope, 0.999)
     if not strong.any():
         return None
-    across = np.arctan2(v, u)[strong] - np.arange(_DIRECTIONS)[:, None] * np.pi / _DIRECTIONS
-    shares = np.cos(across) ** _SHARPER
+    across = np.arctan2(v, u)[strong] - np.arange(_DIRECTION_COUNT)[:, None] * np.pi / _DIRECTION_COUNT
+    shares = np.cos(across) ** _COSINE_POWER
     lengths, squares = shares @ slope[strong], shares @ slope[strong] ** 2
     counts = lengths > _LEAST_SHARE * lengths.max()
     contrast = float(np.quantile(part, 0.95) - np.quantile(part, 0.05))

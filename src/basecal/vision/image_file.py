@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.vision.decoder import decoded
+from basecal.vision.decoder import decode
 from basecal.vision.detection import Image
 from basecal.vision.image_header import header, png_chunks
 
@@ -20,17 +20,17 @@ _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
 _MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
 _MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-_MOST_NAMES = 10_000  # of a folder that are looked through
-_TURNED = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
+_OPEN_FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_MOST_FILE_NAMES = 10_000  # of a folder that are looked through
+_TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
 
 
 def read_bytes(path: Path) -> bytes | str:
     """What a file holds, or why it cannot be read: pipes and devices are not, nor files that have no end."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | _AT_ONCE)
+        descriptor = os.open(path, os.O_RDONLY | _OPEN_FLAGS)
     except FileNotFoundError:
-        return f"is missing{_elsewhere(path)}"
+        return f"is missing{_similar_path(path)}"
     except (OSError, ValueError) as error:
         return f"cannot be read ({getattr(error, 'strerror', None) or 'no name of a file'})"
     try:
@@ -49,13 +49,13 @@ def read_bytes(path: Path) -> bytes | str:
     return f"has more than {_LARGEST_BYTES // 2**20} MB, more than an image has" if too_large else data
 
 
-def _elsewhere(path: Path) -> str:
+def _similar_path(path: Path) -> str:
     """Where a file that is missing may be instead, as the end of a sentence."""
     if not path.parent.is_dir():
         return ", as is its folder"
     try:
         with os.scandir(path.parent) as entries:
-            names = [entry.name for entry in islice(entries, _MOST_NAMES)]
+            names = [entry.name for entry in islice(entries, _MOST_FILE_NAMES)]
     except OSError:
         return ""
     if not names:
@@ -74,9 +74,9 @@ def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
         data: What the file holds.
         size_px: Width and height it has to have; None where any will do.
     """
-    if (why := _why_not(data, size_px)) is not None:
+    if (why := _refusal_reason(data, size_px)) is not None:
         return why
-    pixels, amiss = decoded(data)
+    pixels, amiss = decode(data)
     if pixels is None:
         return f"is damaged ({amiss or 'its pixels cannot be read'})"
     if amiss:
@@ -93,10 +93,10 @@ def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
 def is_turned(data: bytes) -> bool:
     """Whether EXIF says that a picture is to be turned or mirrored before it is shown."""
     told = header(data)
-    return told is not None and told.orientation in _TURNED
+    return told is not None and told.orientation in _TURNED_ORIENTATIONS
 
 
-def _why_not(data: bytes, size_px: tuple[int, int] | None) -> str | None:
+def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
     """Why an image is not read, by all that is known before its pixels."""
     if not data:
         return "is empty"

@@ -7,13 +7,13 @@ import struct
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-_STARTS_OF_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # tables, reserved and arithmetic coding's
-_ALONE = frozenset({0x01, *range(0xD0, 0xD8)})  # JPEG markers without a length
+_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # tables, reserved and arithmetic coding's
+_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})  # JPEG markers without a length
 _MOST_SEGMENTS = 10_000  # of a JPEG: cameras write ten
 _MOST_CHUNKS = 2**17  # of a PNG: four times those of the largest file, 256 MB in chunks of 8 kB
 _MOST_TAGS = 500  # of one directory of a TIFF: cameras write fifty
 _WIDTH, _HEIGHT, _BITS, _ORIENTATION, _SAMPLES = 256, 257, 258, 274, 277  # tags of a TIFF
-_WHOLE = {3: "H", 4: "I"}  # its types of whole numbers
+_WHOLE_NUMBER_TYPES = {3: "H", 4: "I"}  # its types of whole numbers
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 4, 4: 4, 6: 4}  # by type of colour, as they are decoded
 _NETPBM = re.compile(rb"P[2356]\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s")
 
@@ -37,7 +37,7 @@ def header(data: bytes) -> Header | None:
 
     Source: PNG 3rd edition; ITU-T T.81; TIFF 6.0; EXIF 2.32; RFC 9649; netpbm's pages.
     """
-    for start, read in _FORMATS.items():
+    for start, read in _HEADER_READERS.items():
         if data.startswith(start):
             try:
                 return read(data)
@@ -78,7 +78,7 @@ def _jpeg(data: bytes) -> Header:
     for marker, at in _segments(data):
         if marker == 0xE1 and data[at + 2 : at + 8] == b"Exif\0\0":
             orientation = _tiff_tags(data[at + 8 : at + struct.unpack_from(">H", data, at)[0]]).get(_ORIENTATION, 1)
-        if marker in _STARTS_OF_FRAMES:
+        if marker in _FRAME_MARKERS:
             height, width = struct.unpack_from(">HH", data, at + 3)
             return Header((width, height), orientation)
     raise ValueError("no frame")
@@ -93,7 +93,7 @@ def _segments(data: bytes) -> Iterator[tuple[int, int]]:
             at += 1
         marker = data[at]
         at += 1
-        if marker not in _ALONE:
+        if marker not in _BARE_MARKERS:
             yield marker, at
             at += max(struct.unpack_from(">H", data, at)[0], 2)
 
@@ -112,10 +112,10 @@ def _tiff_tags(data: bytes) -> dict[int, int]:
     tags = {}
     for k in range(min(count, _MOST_TAGS)):
         tag, kind, values = struct.unpack_from(order + "HHI", data, at + 2 + 12 * k)
-        if kind in _WHOLE:
-            inside = values * struct.calcsize(_WHOLE[kind]) <= 4
+        if kind in _WHOLE_NUMBER_TYPES:
+            inside = values * struct.calcsize(_WHOLE_NUMBER_TYPES[kind]) <= 4
             place = at + 10 + 12 * k if inside else struct.unpack_from(order + "I", data, at + 10 + 12 * k)[0]
-            tags[tag] = struct.unpack_from(order + _WHOLE[kind], data, place)[0]
+            tags[tag] = struct.unpack_from(order + _WHOLE_NUMBER_TYPES[kind], data, place)[0]
     return tags
 
 
@@ -140,7 +140,7 @@ def _netpbm(data: bytes) -> Header:
     return Header((int(found[1]), int(found[2])))
 
 
-_FORMATS: dict[bytes, Callable[[bytes], Header]] = {
+_HEADER_READERS: dict[bytes, Callable[[bytes], Header]] = {
     b"\x89PNG\r\n\x1a\n": _png,
     b"\xff\xd8\xff": _jpeg,
     b"II*\0": _tiff,

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from basecal.cell.calibration import Finding
 from basecal.cell.target import Target
-from basecal.vision.detectors import what_is_there
+from basecal.vision.detectors import describe_other_targets
 from basecal.vision.image_file import grey_image, read_bytes
 
-_MANY = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
-_MOST = 1 / 2  # of them: then another target than the one stated may be in all of them
-_SURVEYED = 3  # images in which others are looked for, spread over the recording
+_MANY_SHARE = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
+_MOST_SHARE = 1 / 2  # of them: then another target than the one stated may be in all of them
+_SURVEYED_IMAGES = 3  # images in which others are looked for, spread over the recording
 _ADVICE = "look at light, focus and distance, and whether cell.yaml describes the target as it is printed"
-_SHOWN = 10  # samples in a sentence
+_SHOWN_SAMPLES = 10  # samples in a sentence
 
 
 @dataclass(frozen=True)
@@ -41,48 +41,52 @@ class Searched:
     unusable: str = ""
 
 
-def lost_images(searched: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
+def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
     """Findings about images that gave nothing, the gravest first.
 
     Args:
-        searched: All images that were looked at.
+        searches: All images that were looked at.
         targets: By name.
         folder: From which the images' paths count.
     """
     by_camera: dict[str, list[Searched]] = {}
-    for image in searched:
+    for image in searches:
         by_camera.setdefault(image.camera, []).append(image)
     for camera, images in by_camera.items():
-        yield from _few(camera, images, targets, folder)
+        yield from _few_images(camera, images, targets, folder)
     for camera, images in by_camera.items():
-        for reason, of in _by_reason(images).items():
+        for reason, of in _group_by_reason(images).items():
             about = (*(str(image.sample) for image in of), camera)
-            what = f"{_some_of(of, images)} {reason}."
+            what = f"{_sample_phrase(of, images)} {reason}."
             yield Finding("dropped-sample", "info", about, what, why=f"They are left out for {camera!r}.")
         if turned := [image.sample for image in images if image.turned]:
-            what = f"EXIF of {len(turned)} images of {camera!r} rotates them for display: samples {_listed(turned)}."
+            what = (
+                f"EXIF of {len(turned)} images of {camera!r} rotates them for display: samples {_list_samples(turned)}."
+            )
             why = "They are searched as the sensor gave them."
             do = ("State the lens of images as the sensor gives them.",)
             yield Finding("turned-images", "info", (camera,), what, do, why)
         for name in dict.fromkeys(name for image in images for name in image.missed):
             where = [image.sample for image in images if name in image.missed]
-            what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_listed(where)}."
+            what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_list_samples(where)}."
             yield Finding("dropped-sample", "info", (camera, name), what)
 
 
-def why_none(searched: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
+def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
     """Why images show no target, as the end of a sentence; empty where one does, or nobody knows."""
-    if not searched or any(image.found for image in searched):
+    if not searches or any(image.found for image in searches):
         return ""
-    return "; ".join([*_reasons(searched), *_hints(searched, targets, folder)])
+    return "; ".join([*_reasons(searches), *_hints(searches, targets, folder)])
 
 
-def _few(camera: str, images: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> Iterator[Finding]:
+def _few_images(
+    camera: str, images: Sequence[Searched], targets: Mapping[str, Target], folder: Path
+) -> Iterator[Finding]:
     empty = [image for image in images if not image.found]
-    if len(empty) <= _MANY * len(images):
+    if len(empty) <= _MANY_SHARE * len(images):
         return
     why = _reasons(empty)
-    if len(empty) > _MOST * len(images):
+    if len(empty) > _MOST_SHARE * len(images):
         why += _hints(empty, targets, folder)
     what = f"{len(empty)} of {len(images)} images of {camera!r} show no target."
     yield Finding(
@@ -92,12 +96,12 @@ def _few(camera: str, images: Sequence[Searched], targets: Mapping[str, Target],
 
 def _reasons(images: Sequence[Searched]) -> list[str]:
     """Why images cannot be used, each reason once, the most frequent first."""
-    by_reason = _by_reason(images)
+    by_reason = _group_by_reason(images)
     often = sorted(by_reason.items(), key=lambda each: -len(each[1]))
-    return [f"{_some_of(of, images)} {reason}" for reason, of in often]
+    return [f"{_sample_phrase(of, images)} {reason}" for reason, of in often]
 
 
-def _by_reason(images: Sequence[Searched]) -> dict[str, list[Searched]]:
+def _group_by_reason(images: Sequence[Searched]) -> dict[str, list[Searched]]:
     by_reason: dict[str, list[Searched]] = {}
     for image in images:
         if image.unusable:
@@ -105,12 +109,16 @@ def _by_reason(images: Sequence[Searched]) -> dict[str, list[Searched]]:
     return by_reason
 
 
-def _some_of(some: Sequence[Searched], images: Sequence[Searched]) -> str:
+def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) -> str:
     """Which of several images, by the samples where these are not all."""
-    if len(some) == 1:
-        return f"sample {some[0].sample}: {some[0].path}"
-    which = "each of them" if len(some) == len(images) else f"each of samples {_listed([i.sample for i in some])}"
-    return f"{which}, such as {some[0].path},"
+    if len(selection) == 1:
+        return f"sample {selection[0].sample}: {selection[0].path}"
+    which = (
+        "each of them"
+        if len(selection) == len(images)
+        else f"each of samples {_list_samples([i.sample for i in selection])}"
+    )
+    return f"{which}, such as {selection[0].path},"
 
 
 def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
@@ -118,13 +126,13 @@ def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Pat
     hints = []
     for name, target in targets.items():
         missed = [image for image in empty if name in image.missed]
-        some = missed[:: max(1, len(missed) // _SURVEYED)][:_SURVEYED]
+        some = missed[:: max(1, len(missed) // _SURVEYED_IMAGES)][:_SURVEYED_IMAGES]
         read = [read_bytes(folder / image.path) for image in some]
         images = [grey_image(data, None) for data in read if not isinstance(data, str)]
-        hint = what_is_there([image for image in images if not isinstance(image, str)], target)
+        hint = describe_other_targets([image for image in images if not isinstance(image, str)], target)
         hints += [f"{name!r}: {hint}"] if hint else []
     return hints
 
 
-def _listed(samples: Sequence[int]) -> str:
-    return ", ".join(map(str, samples[:_SHOWN])) + (", ..." if len(samples) > _SHOWN else "")
+def _list_samples(samples: Sequence[int]) -> str:
+    return ", ".join(map(str, samples[:_SHOWN_SAMPLES])) + (", ..." if len(samples) > _SHOWN_SAMPLES else "")

@@ -15,20 +15,20 @@ from basecal.geometry import Array
 from basecal.vision.detection import Image
 
 Levels = NDArray[np.float32]
-_NO_EDGES = 1e-9  # of squared slopes, which nothing is divided by
+_LEAST_SQUARED_SLOPE = 1e-9  # of squared slopes, which nothing is divided by
 
-_FEWER = 2  # pixels a side are one: less work, and as exact where many pixels say the same
+_REDUCTION = 2  # pixels a side are one: less work, and as exact where many pixels say the same
 _BLOCK_PX = 40  # of a block's side, of such pixels: some squares of a board, and a light with its surroundings
-_SURE_PX = 0.05  # sigma of a block's shift: others have too little structure to tell
+_CERTAIN_PX = 0.05  # sigma of a block's shift: others have too little structure to tell
 _SMOOTH_PX = 0.8  # of such pixels, so that noise makes no edges
-_TO_SIGMA = 1.4826  # of a normal distribution over its median absolute deviation
-_EVERY = 7  # th pixel tells the noise
-_BEYOND_NOISE = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand pictures
+_MAD_SIGMAS = 1.4826  # of a normal distribution over its median absolute deviation
+_NOISE_STRIDE = 7  # th pixel tells the noise
+_NOISE_SIGMAS = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand pictures
 
 
-def small(picture: Image) -> Levels:
+def reduce_picture(picture: Image) -> Levels:
     """A picture as `shift_between` takes it: smaller and smoother."""
-    size = (picture.shape[1] // _FEWER, picture.shape[0] // _FEWER)
+    size = (picture.shape[1] // _REDUCTION, picture.shape[0] // _REDUCTION)
     fewer = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(fewer, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
@@ -39,30 +39,30 @@ def picture_shift(first: Image, second: Image) -> float:
     Raises:
         InputError: if the pictures differ in size.
     """
-    return shift_between(small(first), small(second))
+    return shift_between(reduce_picture(first), reduce_picture(second))
 
 
 def shift_between(first: Levels, second: Levels) -> float:
-    """As `picture_shift`, of pictures made `small`."""
+    """As `picture_shift`, of pictures made `reduce_picture`."""
     if first.shape != second.shape:
         raise InputError("pictures of different sizes are not of one camera")
     middle, change = cv2.addWeighted(first, 0.5, second, 0.5, 0.0), second - first
     along_u, along_v = (cv2.Sobel(middle, cv2.CV_32F, *which, ksize=1, scale=0.5) for which in ((1, 0), (0, 1)))
-    uu, uv, vv = (_summed(each) for each in (along_u * along_u, along_u * along_v, along_v * along_v))
-    downhill = np.stack([_summed(along_u * change), _summed(along_v * change)], -1)
-    strongest = np.maximum(0.5 * (uu + vv + np.hypot(uu - vv, 2 * uv)), _NO_EDGES)
+    uu, uv, vv = (_block_sums(each) for each in (along_u * along_u, along_u * along_v, along_v * along_v))
+    downhill = np.stack([_block_sums(along_u * change), _block_sums(along_v * change)], -1)
+    strongest = np.maximum(0.5 * (uu + vv + np.hypot(uu - vv, 2 * uv)), _LEAST_SQUARED_SLOPE)
     along = 0.5 * np.arctan2(2 * uv, uu - vv)
     axis = np.stack([np.cos(along), np.sin(along)], -1)
     # Smoothed noise of neighbours is alike: so many pixels count as one.
     alike = 1.0 + 4 * np.pi * _SMOOTH_PX**2
-    noise = _TO_SIGMA * float(np.median(np.abs(change[::_EVERY, ::_EVERY]))) * np.sqrt(alike)
+    noise = _MAD_SIGMAS * float(np.median(np.abs(change[::_NOISE_STRIDE, ::_NOISE_STRIDE]))) * np.sqrt(alike)
     sigma = noise / np.sqrt(strongest)
     shift = np.abs((downhill * axis).sum(-1)) / strongest
-    beyond = np.where(_FEWER * sigma < _SURE_PX, shift - _BEYOND_NOISE * sigma, 0.0)
-    return _FEWER * float(max(beyond.max(initial=0.0), 0.0))
+    beyond = np.where(_REDUCTION * sigma < _CERTAIN_PX, shift - _NOISE_SIGMAS * sigma, 0.0)
+    return _REDUCTION * float(max(beyond.max(initial=0.0), 0.0))
 
 
-def _summed(levels: Levels) -> Array:
+def _block_sums(levels: Levels) -> Array:
     """Sums over blocks; what is left at the borders is not looked at."""
     rows, columns = (max(1, side // _BLOCK_PX) for side in levels.shape)
     height, width = (side // count for side, count in zip(levels.shape, (rows, columns), strict=True))

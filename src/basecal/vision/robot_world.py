@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
-_SIDEWAYS = 0.05  # cosine of the angle from the axis, of what a flat image can hold
+_LEAST_AXIS_COSINE = 0.05  # cosine of the angle from the axis, of what a flat image can hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,19 +20,19 @@ class RobotWorld:
     last: SE3
 
 
-def camera_from_target(camera: Camera, points: Array, pixels: Array, seen: BoolArray) -> SE3 | None:
+def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: BoolArray) -> SE3 | None:
     """The pose of a target in one view by `solvePnP`; None where it finds none.
 
     Args:
         camera: The lens, whose distortion is taken out beforehand by our own model.
         points: (p, 3) [m].
         pixels: (p, 2) [px].
-        seen: (p,) which of them.
+        visible: (p,) which of them.
     """
     fx, fy, cx, cy = camera.parameters[:4]
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
     rays, valid = camera.undistort(pixels)
-    used = seen & valid & (rays[:, 2] > _SIDEWAYS)
+    used = visible & valid & (rays[:, 2] > _LEAST_AXIS_COSINE)
     straight = camera.focal * rays[used, :2] / rays[used, 2:] + camera.center
     try:
         found, turn, shift = cv2.solvePnP(points[used], straight, matrix, None)

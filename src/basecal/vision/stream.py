@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.vision.detection import Image
 
-_STAMPED = "V4L2"
+_STAMPED_BACKEND = "V4L2"
 _TIMEOUT_MS = 5000  # without a picture; OpenCV waits 30 s
 _TIMEOUTS = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS]
 
@@ -31,7 +31,7 @@ class Stream:
     @property
     def is_stamped(self) -> bool:
         """Whether pictures have a time of their own: of what OpenCV opens, cameras of Linux do."""
-        return str(self.capture.getBackendName()) == _STAMPED
+        return str(self.capture.getBackendName()) == _STAMPED_BACKEND
 
     def stamp_s(self) -> float:
         """The time of the last picture [s], by the kernel's clock."""

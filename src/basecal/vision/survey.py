@@ -16,29 +16,29 @@ from basecal.cell.targets.circles import circles_target
 from basecal.vision.kinds import charuco, circles
 from basecal.vision.kinds.charuco_layout import likely_boards
 from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary
-from basecal.vision.kinds.ways import Grey, Way, best
+from basecal.vision.kinds.ways import Grey, Way, best_result
 
-_LISTED = 5  # ids in a sentence
-_NO_CLUTTER = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one
+_LISTED_IDS = 5  # ids in a sentence
+_LEAST_MARKERS = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one
 _WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
-_SMALLEST = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
-_CLEARLY_DARK = 40  # level that 99 of 100 pixels are below
-_PERCENT = 99
+_SMALLEST_BOARD = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
+_DARK_LEVEL = 40  # level that 99 of 100 pixels are below
+_DARK_PERCENT = 99
 _BLURRED_PX = 4.0  # sigma of edges: markers are read up to 3 px, whose codes have cells of some 8 px
 _DENOISED_PX = 1.0  # sigma of a smoothing that leaves little of the noise of single pixels
 _STEEPEST_PERCENT = 99.9  # of the slopes: some hundred pixels are on the sharpest edges
 
 
-def dark(images: list[Grey]) -> str | None:
+def describe_darkness(images: list[Grey]) -> str | None:
     """That nearly all of the images is dark."""
-    top = max((float(np.percentile(image, _PERCENT)) for image in images), default=255.0)
-    if top >= _CLEARLY_DARK:
+    top = max((float(np.percentile(image, _DARK_PERCENT)) for image in images), default=255.0)
+    if top >= _DARK_LEVEL:
         return None
-    level = f"{_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
+    level = f"{_DARK_PERCENT} % of their pixels are below level {top + 1:.0f} of 255"
     return f"the images are dark: {level}; more light, or a longer exposure"
 
 
-def blurred(images: list[Grey]) -> str | None:
+def describe_blur(images: list[Grey]) -> str | None:
     """That edges are wide in all images: by how steep the steepest are, for the levels that there are."""
     widths = [width for image in images if (width := _edge_px(image)) is not None]
     if len(widths) < len(images) or min(widths, default=0.0) < _BLURRED_PX:
@@ -52,8 +52,8 @@ def _edge_px(image: Grey) -> float | None:
     The steepest slope of a step that is blurred by a Gaussian is its height over sqrt(2 pi) sigma. What smooths noise
     away is taken off.
     """
-    low, high = np.percentile(image, (100 - _PERCENT, _PERCENT))
-    if high - low < _CLEARLY_DARK:
+    low, high = np.percentile(image, (100 - _DARK_PERCENT, _DARK_PERCENT))
+    if high - low < _DARK_LEVEL:
         return None
     smooth = cv2.GaussianBlur(image, (0, 0), _DENOISED_PX).astype(np.float64)
     down, right = np.gradient(smooth)
@@ -67,7 +67,7 @@ def other_tags(images: list[Grey], target: Target) -> str | None:
     if target.tags is None:
         return None
     family, wanted = target.tags.family, {int(number) for number in target.tags.numbers}
-    seen = _seen(images, family)
+    seen = _found_markers(images, family)
     if not seen:
         return _other_set(images, family, "tag")
     verb = "tag {} is" if len(seen) == 1 else "tags {} are"
@@ -77,7 +77,7 @@ def other_tags(images: list[Grey], target: Target) -> str | None:
 def other_charuco(images: list[Grey], target: Target) -> str | None:
     """Another dictionary, layout or size of board."""
     of = target.options
-    seen, stated = _seen(images, of["dictionary"]), of["squares"][0] * of["squares"][1] // 2
+    seen, stated = _found_markers(images, of["dictionary"]), of["squares"][0] * of["squares"][1] // 2
     if not seen:
         other = _other_set(images, of["dictionary"], "marker")
         if other is None:
@@ -129,16 +129,16 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
-def _sizes_of_board(image: Grey, stated: tuple[int, ...]) -> list[tuple[int, ...]]:
+def _sizes_of_board(image: Grey, stated_ids: tuple[int, ...]) -> list[tuple[int, ...]]:
     """The size of a board in an image: near the one stated, or else as large as it is seen; none where none is."""
-    small = Way(0.5).applied(image)
+    small = Way(0.5).apply(image)
     for more in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1)):
-        size = (stated[0] + more[0], stated[1] + more[1])
-        if min(size) >= _SMALLEST and cv2.findChessboardCornersSB(small, size)[0]:
+        size = (stated_ids[0] + more[0], stated_ids[1] + more[1])
+        if min(size) >= _SMALLEST_BOARD and cv2.findChessboardCornersSB(small, size)[0]:
             return [size]
-    seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST, _SMALLEST), cv2.CALIB_CB_LARGER)
+    seen, _, board = cv2.findChessboardCornersSBWithMeta(image, (_SMALLEST_BOARD, _SMALLEST_BOARD), cv2.CALIB_CB_LARGER)
     # One that did not grow may be clutter.
-    return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST else []
+    return [(max(board.shape), min(board.shape))] if seen and min(board.shape) > _SMALLEST_BOARD else []
 
 
 def other_circles(images: list[Grey], target: Target) -> str | None:
@@ -149,25 +149,25 @@ def other_circles(images: list[Grey], target: Target) -> str | None:
     sizes = [(rows, columns), *((columns + more, rows + longer) for more, longer in steps)]
     tried = [*((size, asymmetric) for size in sizes), *((size, not asymmetric) for size in [(columns, rows), *sizes])]
     for size, kind in tried:
-        if min(size) >= _SMALLEST:
+        if min(size) >= _SMALLEST_BOARD:
             other = circles_target(size, target.options["spacing_m"], asymmetric=kind)
             if any(circles.is_seen(image, other) for image in images):
-                return f"{_grid_of(other)} circles fits, not {_grid_of(target)}"
+                return f"{_grid_phrase(other)} circles fits, not {_grid_phrase(target)}"
     return markers_instead(images)
 
 
-def _grid_of(target: Target) -> str:
+def _grid_phrase(target: Target) -> str:
     columns, rows = target.options["circles"]
     return f"{'an asymmetric' if target.options['asymmetric'] else 'a symmetric'} grid of {columns}x{rows}"
 
 
-def _seen(images: list[Grey], name: str) -> set[int]:
+def _found_markers(images: list[Grey], name: str) -> set[int]:
     """Markers of a dictionary: those in several images, or in an image so many that they are no clutter."""
     detector = cv2.aruco.ArucoDetector(dictionary(name))
-    found = [best(image, _WAYS, partial(_markers, detector), 1) or set[int]() for image in images]
+    found = [best_result(image, _WAYS, partial(_markers, detector), 1) or set[int]() for image in images]
     count = Counter(number for each in found for number in each)
     again = {number for number, times in count.items() if times > 1 or len(images) == 1}
-    return again.union(*(each for each in found if len(each) >= _NO_CLUTTER))
+    return again.union(*(each for each in found if len(each) >= _LEAST_MARKERS))
 
 
 def _markers(detector: Any, image: Grey, way: Way) -> set[int]:
@@ -175,12 +175,12 @@ def _markers(detector: Any, image: Grey, way: Way) -> set[int]:
     return set() if numbers is None else {int(number) for number in numbers.ravel()}
 
 
-def _other_set(images: list[Grey], stated: str, kind: str) -> str | None:
+def _other_set(images: list[Grey], stated_ids: str, kind: str) -> str | None:
     """The dictionary of which most markers are seen, the smallest that has them all."""
     seen: dict[tuple[str, ...], set[int]] = {}
     for names in MARKER_SETS:
-        seen[names] = set() if stated in names else _seen(images, names[-1])
-        if len(seen[names]) > _NO_CLUTTER:
+        seen[names] = set() if stated_ids in names else _found_markers(images, names[-1])
+        if len(seen[names]) > _LEAST_MARKERS:
             break
     most = max(seen, key=lambda names: len(seen[names]))
     if not seen[most]:
@@ -192,4 +192,4 @@ def _other_set(images: list[Grey], stated: str, kind: str) -> str | None:
 
 def _ids(numbers: Iterable[int]) -> str:
     some = sorted(numbers)
-    return ", ".join(map(str, some[:_LISTED])) + (", ..." if len(some) > _LISTED else "")
+    return ", ".join(map(str, some[:_LISTED_IDS])) + (", ..." if len(some) > _LISTED_IDS else "")

@@ -7,7 +7,7 @@ import numpy as np
 
 from basecal.vision.image_file import grey_image
 
-_QUALITY = 70  # of JPEG: where blocks begin to show on edges
+_JPEG_QUALITY = 70  # of JPEG: where blocks begin to show on edges
 _BRIGHT_PERCENT = 99.5  # of the pixels of an image of 16 bits, which seldom fills them, shown below white
 
 
@@ -28,5 +28,5 @@ def thumbnail(data: bytes, size_px: tuple[int, int] | None, width: int) -> bytes
     scale = min(1.0, width / image.shape[1])
     size = max(1, round(image.shape[1] * scale)), max(1, round(image.shape[0] * scale))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    written, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    written, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     return jpeg.tobytes() if written else None

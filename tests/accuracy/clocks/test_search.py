@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.clocks import search
-from basecal.accuracy.clocks.search import clocked
+from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.cell import Clock, Robot, RollingShutter
 from basecal.errors import NotObservable
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_packed
-from basecal.estimation.streams.streams import streams_of
+from basecal.estimation.streams.streams import recording_streams
 from quick import quick
 from stream_cells import Streamed, pictured, streamed
 
@@ -23,9 +23,9 @@ SIGMA_S = 4e-4  # of the offset of these recordings, at most
 
 
 def found(made: Streamed, settings: Settings | None = None) -> dict[str, float]:
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    return clocked(streams, settings or Settings()).offsets_s
+    return search_offsets(streams, settings or Settings()).offsets_s
 
 
 @pytest.mark.parametrize(
@@ -48,17 +48,17 @@ def test_a_fixed_offset_stays() -> None:
 @pytest.mark.slow
 def test_many_views_end_where_all_do() -> None:
     made = streamed(0.02, seconds=26.0)
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert len(streams.instants) > 200
-    assert clocked(streams, Settings()).offsets_s["wrist"] == pytest.approx(0.02, abs=3.3 * SIGMA_S)
+    assert search_offsets(streams, Settings()).offsets_s["wrist"] == pytest.approx(0.02, abs=3.3 * SIGMA_S)
 
 
 def test_the_samples_are_by_the_offsets_that_were_found() -> None:
     made = streamed(0.03)
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    of = clocked(streams, Settings())
+    of = search_offsets(streams, Settings())
     stamps = [s.stamp_s for s in of.recording.samples]
     np.testing.assert_allclose(stamps, np.arange(0.5, 7.5, 0.1) - 0.03 + of.offsets_s["wrist"], atol=1e-9)
 
@@ -66,9 +66,9 @@ def test_the_samples_are_by_the_offsets_that_were_found() -> None:
 @pytest.mark.parametrize("shutter", [RollingShutter("fixed", 3e-5), RollingShutter("prior", 2.7e-5, 3e-6)])
 def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter) -> None:
     made = pictured(3e-5, shutter)
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    of = clocked(streams, Settings())
+    of = search_offsets(streams, Settings())
     assert of.offsets_s["wrist line"] == pytest.approx(3e-5, abs=1e-6)
     solution = solve(of.streams.cell, made.recording)
     mended = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
@@ -78,7 +78,7 @@ def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter)
 
 def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list[float], float]:
     """Offsets that are tried of the camera's clock, and the best by a misfit."""
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     seen: list[float] = []
 
@@ -88,7 +88,7 @@ def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list
         return misfit(offsets["wrist"])
 
     monkeypatch.setattr(search, "_misfit", misfit_of)
-    return seen, search._best(streams, {**streams.stated, "wrist": -5.0}, "wrist", Settings())["wrist"]
+    return seen, search._best_offset(streams, {**streams.stated, "wrist": -5.0}, "wrist", Settings())["wrist"]
 
 
 def test_an_offset_is_looked_for_within_a_second_or_three_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,12 +105,12 @@ def test_an_offset_is_looked_for_within_a_second_or_three_sigmas(monkeypatch: py
 def test_a_step_is_no_longer_than_a_second() -> None:
     """Beyond it the arm's velocity tells nothing; clocks without a step stay."""
     step = ClockStep(("a", "b"), np.array([0.25, -3.0]), np.eye(2), np.zeros((6, 2)), np.ones(2, dtype=bool))
-    assert search._after({"a": 1.0, "b": 2.0, "c": 3.0}, step) == {"a": 1.25, "b": 1.0, "c": 3.0}
+    assert search._apply_step({"a": 1.0, "b": 2.0, "c": 3.0}, step) == {"a": 1.25, "b": 1.0, "c": 3.0}
 
 
 def test_the_misfit_is_least_at_the_true_offset() -> None:
     """For each residual about one by stated sigmas; more where views are taken for those of other instants."""
-    streams = streams_of((made := streamed(0.03)).cell, made.recording)
+    streams = recording_streams((made := streamed(0.03)).cell, made.recording)
     assert streams is not None
     few = streams.thinned(12)
     at, beside = (search._misfit(few, {**streams.stated, "wrist": offset}, Settings()) for offset in (0.03, 0.13))
@@ -125,7 +125,7 @@ def solved_as(hopeless: bool = False, robots: object = (), jitter_s: object = ()
 
 
 def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",), fails_at: int = 99):
-    """What `_stepped` gives where views ask for these steps, in sigmas of 0.01 s; and what solutions started from."""
+    """Result of `_step_offsets` if views ask for these steps, in sigmas of 0.01 s; and the starts of solutions."""
     near, left = [], iter(steps)
 
     def solve_once(streams, offsets, settings, last):
@@ -140,11 +140,11 @@ def stepped(monkeypatch: pytest.MonkeyPatch, steps, solution=None, names=("a",),
         sizes = 0.01 * np.broadcast_to(next(left), (len(names),))
         return ClockStep(names, sizes, 1e-4 * np.eye(len(names)), np.zeros((0, 1)), np.ones(len(names), dtype=bool))
 
-    monkeypatch.setattr(search, "_solved", solve_once)
+    monkeypatch.setattr(search, "_solve_at_offsets", solve_once)
     monkeypatch.setattr(search, "clock_step", step)
     monkeypatch.setattr(search, "is_hopeless", lambda problem, state: problem)
     monkeypatch.setattr(search, "is_as_of_arms", lambda last: last.of_arms)
-    return search._stepped(SimpleNamespace(open=names), {"a": 1.0, "b": 2.0}, Settings()), near
+    return search._step_offsets(SimpleNamespace(open=names), {"a": 1.0, "b": 2.0}, Settings()), near
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_noise_as_of_arms_explains_views(monkeypatch: pytest.MonkeyPatch, soluti
 
 
 def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tuple[list[object], dict[str, float]]:
-    """What `clocked` does, one after the other, and the offsets it ends with."""
+    """What `search_offsets` does, one after the other, and the offsets it ends with."""
     done: list[object] = []
 
     def thinned(count):
@@ -221,10 +221,10 @@ def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tu
         done.append((of.views, name))
         return {"a": offsets["a"] + 10.0}
 
-    monkeypatch.setattr(search, "_stepped", step)
-    monkeypatch.setattr(search, "_best", best)
-    monkeypatch.setattr(search, "_synchronised", lambda of, offsets, last: (of.views, last))
-    found = clocked(streams, Settings())
+    monkeypatch.setattr(search, "_step_offsets", step)
+    monkeypatch.setattr(search, "_best_offset", best)
+    monkeypatch.setattr(search, "_synchronise", lambda of, offsets, last: (of.views, last))
+    found = search_offsets(streams, Settings())
     assert (found.near, found.synchronised) == ("last", ("all", "last"))
     return done, found.offsets_s
 
@@ -248,11 +248,11 @@ def test_the_misfit_is_minus_twice_the_log_likelihood_a_residual(monkeypatch: py
         return SimpleNamespace(cost=12.0, noise=noise, problem=None), None
 
     counts = {"stated": 10, "pixel_px": 20, "pose_m": 5}
-    monkeypatch.setattr(search, "_solved", solve_once)
+    monkeypatch.setattr(search, "_solve_at_offsets", solve_once)
     monkeypatch.setattr(search, "residual_counts", lambda problem: counts)
     made = streamed(seconds=2.0)
     cell = replace(made.cell, robots={"arm": Robot("arm", noise=np.full(6, 1e-3))})
-    streams = streams_of(cell, made.recording)
+    streams = recording_streams(cell, made.recording)
     assert streams is not None
     expected = (12 + 40 * np.log(0.5) + 10 * np.log(2.0)) / 35
     assert search._misfit(streams, {}, Settings()) == pytest.approx(expected)
@@ -266,9 +266,9 @@ def test_where_nothing_is_solved_the_misfit_is_infinite(monkeypatch: pytest.Monk
     def fails(*given):
         raise error
 
-    monkeypatch.setattr(search, "_solved", fails)
+    monkeypatch.setattr(search, "_solve_at_offsets", fails)
     made = streamed(seconds=2.0)
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert search._misfit(streams, {}, Settings()) == np.inf
 
@@ -279,8 +279,8 @@ def test_noise_of_robots_is_estimated_unless_taken_as_stated(monkeypatch: pytest
     monkeypatch.setattr(search, "solve_packed", lambda problem, cell, settings: "plain")
     monkeypatch.setattr(search, "with_noise", lambda plain, settings: "with noise")
     made = streamed(seconds=2.0)
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    solution, samples = search._solved(streams, streams.stated, Settings(robot_noise=noise))
+    solution, samples = search._solve_at_offsets(streams, streams.stated, Settings(robot_noise=noise))
     assert solution == expected
     assert len(samples.recording.samples) == len(streams.instants)

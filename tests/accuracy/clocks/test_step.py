@@ -13,17 +13,17 @@ from basecal.cell import Clock, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.rolling_shutter import Known
-from basecal.estimation.streams.streams import Synchronised, streams_of, synchronised
+from basecal.estimation.streams.streams import Synchronised, recording_streams, synchronise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from stream_cells import Streamed, pictured, streamed
 
 
 def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchronised]:
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": offset_s}
-    samples = synchronised(streams, offsets)
+    samples = synchronise(streams, offsets)
     problem, _ = build_problem(made.cell, samples.recording)
     solution = solve_packed(problem, made.cell)
     return clock_step(streams, samples, offsets, solution), solution, samples
@@ -68,10 +68,10 @@ def test_two_arms_of_the_same_clock_count_together() -> None:
     """The offset of the camera is minus that of the one robot there is."""
     made = streamed()
     robots = {"arm": replace(made.cell.robots["arm"], clock=Clock("prior", 0.0, 10.0))}
-    streams = streams_of(replace(made.cell, robots=robots), made.recording)
+    streams = recording_streams(replace(made.cell, robots=robots), made.recording)
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": 0.028}
-    samples = synchronised(streams, offsets)
+    samples = synchronise(streams, offsets)
     problem, _ = build_problem(made.cell, samples.recording)
     found = clock_step(streams, samples, offsets, solve_packed(problem, made.cell))
     assert set(found.clocks) == {"arm", "wrist"}
@@ -82,13 +82,13 @@ def test_two_arms_of_the_same_clock_count_together() -> None:
 def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
     """Of rows of 20 us, from a fifth of that aside; the clock known."""
     made = pictured(2e-5, RollingShutter("free", 2e-5 + away_s))
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    of, solution = synchronised(streams, streams.stated), None
+    of, solution = synchronise(streams, streams.stated), None
     for _ in range(2):  # as the line time stands, pixels are mended by the first solution
         solution = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
         known = Known(made.cell, solution.state.transforms, solution.state.cameras)
-        of = synchronised(streams, streams.stated).at_once(known, streams.stated)
+        of = synchronise(streams, streams.stated).correct_rows(known, streams.stated)
     assert solution is not None
     found = clock_step(streams, of, streams.stated, solution)
     assert found.clocks == ("wrist line",)
@@ -159,9 +159,11 @@ def test_views_move_with_the_clocks_of_camera_and_robots(monkeypatch: pytest.Mon
     for eye, hand in (("eye", "hand"), (None, "hand"), ("eye", None)):
         at = SE3.identity((3,))
         group = replace(views(end(eye, at), end(hand, at), camera="wrist"), sample=numbers)
-        situation = SimpleNamespace(problem=SimpleNamespace(groups=[None, group]), by_flange=lambda k, robot: by[robot])
+        situation = SimpleNamespace(
+            problem=SimpleNamespace(groups=[None, group]), flange_jacobian=lambda k, robot: by[robot]
+        )
         clocks = ("hand", "wrist", "wrist line", "eye", "other")
-        found = step._moves(situation, 1, clocks, SimpleNamespace(robots=robots))
+        found = step._clock_jacobian(situation, 1, clocks, SimpleNamespace(robots=robots))
         moved = {name: np.einsum("nij,nj->ni", by[name], velocity[name][numbers]) for name in (eye, hand) if name}
         whole = sum(moved.values())
         none = np.zeros((3, 6))

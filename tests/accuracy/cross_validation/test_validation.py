@@ -438,7 +438,7 @@ def test_a_fold_determines_what_is_asked_or_is_none(monkeypatch, converged, spar
     )
     inverse = type("Inverse", (), {"__getitem__": lambda self, where: "by dense"})()
     dense = SimpleNamespace(unobservable=frozenset(unobservable), inverse=inverse)
-    monkeypatch.setattr(validation, "condition_where_seen", lambda *of: condition)
-    monkeypatch.setattr(validation, "observability_of", lambda used, *of: dense if used == "used" else None)
+    monkeypatch.setattr(validation, "condition_number", lambda *of: condition)
+    monkeypatch.setattr(validation, "analyse_observability", lambda used, *of: dense if used == "used" else None)
     found = _fold(SimpleNamespace(noise=SimpleNamespace(factor=1.0)), ["a"], np.zeros(1), fit)
     assert (None if found is None else found.columns) == told

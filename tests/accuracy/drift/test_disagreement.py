@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.drift.disagreement import SUSPECT, disagreement
-from basecal.accuracy.drift.shifts import SIZE
+from basecal.accuracy.drift.disagreement import SUSPECT_CHANCE, disagreement
+from basecal.accuracy.drift.shifts import SIZE_KIND
 from basecal.cell import Recording
 from drift_cells import BASE, later
 
@@ -18,7 +18,7 @@ def test_samples_of_a_cell_that_is_unchanged_agree():
     """Their chance is large, and no cause is looked for."""
     made = later(0)
     found = disagreement(made.cell, made.calibration, made.recording)
-    assert found.chance > SUSPECT
+    assert found.chance > SUSPECT_CHANCE
     assert found.causes == ()
 
 
@@ -51,5 +51,5 @@ def test_another_board_is_named_by_its_size():
     smaller = replace(shape, points=shape.points / 1.02)
     cell = replace(made.cell, targets={name: replace(made.cell.targets[name], target=smaller)})
     found = disagreement(cell, made.calibration, made.recording)
-    assert (found.causes[0].frame, found.causes[0].transform) == (name, SIZE)
+    assert (found.causes[0].frame, found.causes[0].transform) == (name, SIZE_KIND)
     np.testing.assert_allclose(found.causes[0].size, 0.02, atol=2e-3)

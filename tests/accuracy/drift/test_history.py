@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from basecal.accuracy.drift.history import FEWEST, drifts, past_verification
+from basecal.accuracy.drift.history import FEWEST_VERIFICATIONS, drifts, record_verification
 from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import Verification
 from basecal.cell import MeasuredShift, PastVerification
@@ -50,7 +50,7 @@ def test_too_little_to_tell(rng: np.random.Generator) -> None:
     """Nothing, two verifications, all at once, or of runs before tell of no drift."""
     assert drifts([]) == ()
     assert drifts(history([0.0, 1.0], np.zeros(3), rng)) == ()
-    assert drifts(history([1.0] * FEWEST, np.zeros(3), rng)) == ()
+    assert drifts(history([1.0] * FEWEST_VERIFICATIONS, np.zeros(3), rng)) == ()
     before = history([0.0, 1.0, 2.0], np.zeros(3), rng)
     assert drifts([*before, *history([3.0, 4.0], np.zeros(3), rng, "later")]) == ()
 
@@ -60,14 +60,14 @@ def test_what_is_kept_of_a_verification() -> None:
     covariance = np.diag([1.0, 4.0, -1e-30, 9.0, 9.0, 9.0]) * 1e-8
     shift = Shift("hand_base", "a_from_b", None, np.arange(6.0), covariance, np.eye(6), 9.0, 6)
     found = Verification(True, 0.01, shift, (), 2e-3, (4, 7, 8), asked=(shift,))
-    kept = past_verification(found, START, "r")
+    kept = record_verification(found, START, "r")
     assert (kept.samples, kept.moved, kept.chance, kept.detectable_m) == (3, True, 0.01, 2e-3)
     assert (kept.frame, list(kept.shifts)) == ("hand_base", ["a_from_b"])
     np.testing.assert_array_equal(kept.shifts["a_from_b"].t_m, [0.0, 1.0, 2.0])
     np.testing.assert_allclose(kept.shifts["a_from_b"].sigma_m, [1e-4, 2e-4, 0.0])
-    assert past_verification(replace(found, moved=False), START, "r").frame is None
-    assert past_verification(replace(found, moved=None), START, "r").frame is None
-    assert past_verification(replace(found, shift=None), START, "r").frame is None
+    assert record_verification(replace(found, moved=False), START, "r").frame is None
+    assert record_verification(replace(found, moved=None), START, "r").frame is None
+    assert record_verification(replace(found, shift=None), START, "r").frame is None
 
 
 def measured(day: float, t_m: list[float], sigma_m: list[float]) -> PastVerification:

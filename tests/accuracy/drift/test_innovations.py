@@ -35,7 +35,7 @@ def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
     made, tangent = later(), np.array([1e-4, -5e-5, 2e-5, 1e-4, 0.0, -1e-4])
     before = innovations(made.cell, made.calibration, made.recording)
     after = innovations(made.cell, made.calibration, made.with_base_moved(tangent))
-    expected = before.of(before.by_frame(BASE)) @ tangent
+    expected = before.of(before.frame_jacobian(BASE)) @ tangent
     np.testing.assert_allclose(after.off - before.off, expected, atol=0.02 * np.abs(expected).max())
 
 
@@ -43,12 +43,12 @@ def test_leaving_a_sample_out_is_as_not_having_it() -> None:
     made = later()
     number = made.recording.samples[2].sample
     less = Recording(tuple(s for s in made.recording.samples if s.sample != number))
-    without = innovations(made.cell, made.calibration, made.recording).without(number)
+    without = innovations(made.cell, made.calibration, made.recording).drop_sample(number)
     never = innovations(made.cell, made.calibration, less)
     np.testing.assert_allclose(without.off, never.off, atol=1e-9)
     np.testing.assert_allclose(without.predicted, never.predicted, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(without.covariance_inverse, never.covariance_inverse, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(without.by_frame(BASE), never.by_frame(BASE), atol=1e-9)
+    np.testing.assert_allclose(without.frame_jacobian(BASE), never.frame_jacobian(BASE), atol=1e-9)
 
 
 def test_views_of_one_stop_share_the_error_of_the_arm() -> None:
@@ -99,7 +99,7 @@ def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
     at = of.posture("hand")
     assert at is not None
     sigma = np.tile(np.repeat([5e-4, 1e-3], 3), at.chain.n + 1)
-    moved = of.of(of.by_flange("hand") @ (at.true.by_links * sigma))
+    moved = of.of(of.flange_jacobian("hand") @ (at.true.link_derivative * sigma))
     added = predicted(link_parameters=links) - predicted()
     np.testing.assert_allclose(added, moved @ moved.T, atol=1e-9 * np.abs(added).max())
     older = predicted(link_parameters={"sigma": [1e-3] * 6}) - predicted()
@@ -130,7 +130,7 @@ def test_errors_of_arms_are_those_of_their_stops() -> None:
     for robot in ("eye", "hand"):
         known = made.calibration.noise["robots"][robot]
         sigma = np.array([*known["sigma_t_m"], *known["sigma_r_rad"]])
-        moved = of.root.mT @ of.by_flange(robot) * sigma * (known.get("rms_factor") or 1.0)
+        moved = of.root.mT @ of.flange_jacobian(robot) * sigma * (known.get("rms_factor") or 1.0)
         for k, each in enumerate(moved):
             wanted[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += each @ each.T
     np.testing.assert_allclose(of.predicted, wanted, atol=1e-9 * np.abs(wanted).max())
@@ -154,11 +154,11 @@ def test_either_arm_moves_them_as_its_derivative_says(robot: str, joints: bool) 
         moved = RobotState(joints_rad=of.joints_rad + by) if joints else RobotState(of.base_from_flange @ SE3.exp(by))
         samples.append(replace(sample, robots={**sample.robots, robot: moved}))
     after = innovations(made.cell, made.calibration, Recording(tuple(samples)))
-    moves = before.by_joints(robot) if joints else before.by_flange(robot)
+    moves = before.joint_jacobian(robot) if joints else before.flange_jacobian(robot)
     expected = -pulls(before, before.of(moves) @ by)
     found = pulls(after, after.off) - pulls(before, before.off)
     np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
-    assert before.by_joints(robot).shape == (6, 6, 6 if joints else 0)
+    assert before.joint_jacobian(robot).shape == (6, 6, 6 if joints else 0)
 
 
 def test_noise_is_known_by_the_fewest_freedoms() -> None:
@@ -187,7 +187,7 @@ def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
         for each in (made.calibration, replace(made.calibration, noise=noise))
     )
     poses, stands = of.stands("hand")
-    moved = of.root.mT @ (of.by_flange("hand") * sigma)
+    moved = of.root.mT @ (of.flange_jacobian("hand") * sigma)
     alike = kernel(poses, poses)
     added = more.predicted - of.predicted
     for i in range(len(moved)):

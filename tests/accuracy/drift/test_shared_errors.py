@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.drift.innovations import innovations
-from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, _of_camera, with_shared_errors
+from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, _camera_covariance, with_shared_errors
 from basecal.accuracy.drift.shifts import frame_shifts, joint_shifts
 from basecal.accuracy.drift.verify import verify
 from basecal.cell import Recording, RobotState
@@ -79,7 +79,7 @@ def test_few_samples_are_not_asked() -> None:
 def test_a_joint_that_moved_is_none_of_them() -> None:
     """What its zero explains is left out, too."""
     found = of(many(0, joints=True, robot_noise=(1e-4, 2e-4)))
-    moves = found.of(found.by_joints("hand")[..., 2:3])
+    moves = found.of(found.joint_jacobian("hand")[..., 2:3])
     off = replace(found, off=found.off + 0.01 * moves[:, 0])
     joint = next(shift for shift in joint_shifts(off) if shift.frame == "hand_flange" and shift.joint == 2)
     assert with_shared_errors(off, joint) is off
@@ -102,7 +102,7 @@ def test_what_scatters_beyond_chance_is_open(scatter: float, told: float, views:
     sample = np.tile(np.arange(COUNT), views)
     left = np.tile(said / np.sqrt(views), (views, 1)).ravel()
     of = SimpleNamespace(covariance_inverse=np.eye(6 * len(sample)), sample=sample)
-    found = _of_camera(of, np.tile(np.eye(6), (len(sample), 1)), left)
+    found = _camera_covariance(of, np.tile(np.eye(6), (len(sample), 1)), left)
     first = np.diag([told, 0, 0, 0, 0, 0]) / (COUNT * views)
     alike = np.where(sample[:, None] == sample, 1 + COUNT, 1)
     np.testing.assert_allclose(found, np.kron(alike, first), atol=1e-9)
@@ -116,7 +116,7 @@ def test_a_place_that_is_not_seen_is_not_open() -> None:
     inverse = 4.0 * np.eye(6)
     said = np.sqrt(COUNT) * directions * np.sqrt([5.0, 5.0, 1.0, 9.0, 9.0, 9.0])
     of = SimpleNamespace(covariance_inverse=np.kron(np.eye(COUNT), inverse), sample=np.arange(COUNT))
-    found = _of_camera(of, np.tile(by_place, (COUNT, 1)), (2.0 * said).ravel())
+    found = _camera_covariance(of, np.tile(by_place, (COUNT, 1)), (2.0 * said).ravel())
     open_by = np.diag([4.0, 4.0, 0, 0, 0, 0]) / (4 * COUNT)
     np.testing.assert_allclose(found[:6, 6:12], open_by, atol=1e-9)
     np.testing.assert_allclose(found[:6, :6], (1 + COUNT) * open_by, atol=1e-9)

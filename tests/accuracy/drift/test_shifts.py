@@ -133,9 +133,9 @@ def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
     made = later(joints=joints)
     of = innovations(made.cell, made.calibration, made.with_base_moved(TANGENT) if not joints else made.recording)
     root = np.linalg.cholesky(np.eye(len(of.off)) + of.predicted)
-    found = [(each, of.by_frame(each.transform)) for each in frame_shifts(of)]
+    found = [(each, of.frame_jacobian(each.transform)) for each in frame_shifts(of)]
     zeros = [each for each in joint_shifts(of) if each.freedoms]
-    found += [(each, of.by_joints(each.frame[:-7])[..., each.joint : each.joint + 1]) for each in zeros]
+    found += [(each, of.joint_jacobian(each.frame[:-7])[..., each.joint : each.joint + 1]) for each in zeros]
     assert bool(zeros) == joints
     off = np.linalg.solve(root, of.off)
     for each, moves in found:

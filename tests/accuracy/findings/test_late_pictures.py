@@ -8,7 +8,7 @@ import pytest
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.late_pictures import _Late, _what, late_pictures
+from basecal.accuracy.findings.late_pictures import _Late, _problem_sentence, late_pictures
 from basecal.cell import Finding, PoseObservation, Recording, Sample
 from basecal.estimation.outliers.left_out import LeftOut
 from basecal.estimation.problem.build import build_problem
@@ -80,8 +80,8 @@ def test_many_are_a_warning():
 def test_the_first_five_delays_are_told(count: int, words: str) -> None:
     """Late or early, to a millisecond; of more pictures than that an ellipsis says so."""
     late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
-    assert words in _what("wrist", late)
-    assert ("..." in _what("wrist", late)) == (count > 5)
+    assert words in _problem_sentence("wrist", late)
+    assert ("..." in _problem_sentence("wrist", late)) == (count > 5)
 
 
 MOTION = np.array([0.1, -0.2, 0.05, 0.3, 0.1, -0.2])  # of a camera before its target, a second

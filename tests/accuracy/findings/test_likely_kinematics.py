@@ -31,7 +31,7 @@ OF = "of eye and hand"
 )
 def test_what_is_likely_is_an_info(evidence, monkeypatch, term, code, what, entry):
     """With its size, and what to write; of what yields to gravity where that is taken to pull."""
-    monkeypatch.setattr(module, "gravity_taken", lambda *_: "gravity pulls")
+    monkeypatch.setattr(module, "describe_gravity", lambda *_: "gravity pulls")
     (found,) = likely_kinematics(evidence(noise(term)))
     assert (found.code, found.severity, found.about) == (code, "info", ("eye", "hand"))
     assert found.message.startswith(what)
@@ -51,6 +51,6 @@ def test_it_is_told_once(evidence, monkeypatch):
     error = FoundEffect("bending", "deflection", "eye", False, False, None, "", np.ones(1), np.eye(1), np.zeros(6))
     assert likely_kinematics(evidence(noise("joint_offsets"), systematic_error=error)) == []
     monkeypatch.setattr(module, "robot_model", lambda _: ["finding"])
-    monkeypatch.setattr(module, "gravity_taken", lambda *_: "gravity pulls")
+    monkeypatch.setattr(module, "describe_gravity", lambda *_: "gravity pulls")
     assert likely_kinematics(evidence(noise("link_parameters"))) == []
     assert len(likely_kinematics(evidence(noise("deflection")))) == 1

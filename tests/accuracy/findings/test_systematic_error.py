@@ -88,7 +88,7 @@ WORDS = {
 def test_words(evidence, monkeypatch, kind):
     """Each is a warning about whom it concerns, with its size, its sigma in the same unit, and its direction."""
     error, words = WORDS[kind]
-    monkeypatch.setattr("basecal.accuracy.findings.systematic_error.gravity_taken", lambda *_: "gravity pulls")
+    monkeypatch.setattr("basecal.accuracy.findings.systematic_error.describe_gravity", lambda *_: "gravity pulls")
     (finding,) = systematic_error(evidence(systematic_error=error))
     code = {"clock-drift": "clock-offset"}.get(error.code, error.code)
     about = (error.about, *(each.about for each in error.alternatives))

@@ -324,8 +324,8 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
         return (state,)
 
     monkeypatch.setattr(conventions, "has_many_robots", lambda problem: True)
-    monkeypatch.setattr(conventions, "pairs_alone", lambda *given: pairs)
-    monkeypatch.setattr(conventions, "agreed", lambda pairs, found: found)
+    monkeypatch.setattr(conventions, "solve_single_pairs", lambda *given: pairs)
+    monkeypatch.setattr(conventions, "merge_findings", lambda pairs, found: found)
     monkeypatch.setattr(conventions, "build_problem", lambda cell, recording: (f"problem of {cell}", ()))
     monkeypatch.setattr(conventions, "_checked", checked)
     monkeypatch.setattr(conventions, "_in_step", lambda checks: steps.append(len(checks)) or in_step(checks))

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.accuracy.phrases.gravity import gravity_taken
+from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.geometry import SE3
 from basecal.simulation.arms import six_axis
 
@@ -24,7 +24,7 @@ def said(robots, base=ON_THE_WALL, hand_down=(0.0, 0.0, -1.0)):
     chain = six_axis()
     hand = replace(chain, masses=replace(chain.masses, down=np.array(hand_down)))
     problem = SimpleNamespace(chains={"eye": chain, "hand": hand, "light": replace(chain, masses=None)})
-    return gravity_taken(CELL, solved(problem, {"eye_base_from_hand_base": base}), robots)
+    return describe_gravity(CELL, solved(problem, {"eye_base_from_hand_base": base}), robots)
 
 
 def test_arms_that_stand_alike_contradict_nothing():
@@ -54,5 +54,5 @@ def test_a_base_that_is_not_known_says_nothing():
     chain = six_axis()
     tilted = replace(chain, masses=replace(chain.masses, down=np.array([0.6, 0, -0.8])))
     problem = SimpleNamespace(chains={"hand": tilted})
-    words = gravity_taken(CELL, solved(problem, {}), ("hand",))
+    words = describe_gravity(CELL, solved(problem, {}), ("hand",))
     assert words == "Gravity is assumed along (0.6, 0, -0.8) of hand_base."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.accuracy.phrases.held_out_error import why_held_out_errors_are_larger
+from basecal.accuracy.phrases.held_out_error import explain_held_out_error
 from basecal.cell import Calibration, Residuals, Validation
 
 NOISE = {"robots": {"eye": {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}}}
@@ -14,9 +14,7 @@ NOISE = {"robots": {"eye": {"sigma_t_m": [2e-4] * 3, "sigma_r_rad": [4e-4] * 3}}
 def told(rms_px, held_out_px, noise):
     """The sentence about a calibration with these errors."""
     validation = Validation("k-fold", 5, held_out_px)
-    return why_held_out_errors_are_larger(
-        Calibration("good", residuals=Residuals(rms_px), validation=validation, noise=noise)
-    )
+    return explain_held_out_error(Calibration("good", residuals=Residuals(rms_px), validation=validation, noise=noise))
 
 
 def test_both_figures_and_the_noise_that_absorbs_are_named():
@@ -43,7 +41,7 @@ def test_nothing_is_said_where_there_is_nothing_to_explain(rms_px, held_out_px, 
 
 def test_not_validated_is_not_explained():
     """Without cross-validation there is no second figure."""
-    assert why_held_out_errors_are_larger(Calibration("good", residuals=Residuals(0.1), noise=NOISE)) is None
+    assert explain_held_out_error(Calibration("good", residuals=Residuals(0.1), noise=NOISE)) is None
 
 
 @pytest.mark.parametrize(("length_m", "angle_rad"), [(3e-4, 0.0), (0.0, 5e-4)])

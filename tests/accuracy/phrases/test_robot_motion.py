@@ -14,7 +14,7 @@ from basecal.accuracy.phrases.robot_motion import (
     describe_cause,
     describe_motion,
     describe_poor_motions,
-    hardly_rotates,
+    has_little_rotation,
 )
 from basecal.estimation.observability.motions import Motion, motions
 from basecal.estimation.problem.build import build_problem
@@ -44,7 +44,7 @@ def problem(made):
 @pytest.mark.parametrize(("turn", "poor"), [(0.149, True), (0.151, False)])
 def test_a_second_axis_counts_from_a_limit_on(turn, poor):
     """Of 0.15 rad."""
-    assert hardly_rotates(moved(0.5, turn)) is poor
+    assert has_little_rotation(moved(0.5, turn)) is poor
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.residuals.fit import residuals, view_alone
+from basecal.accuracy.residuals.fit import residuals, single_view_pose
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -122,7 +122,7 @@ def alone(target, seen_points, samples=3):
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
     true = state.camera_from_target(group, problem.stops)
     near = true @ SE3.exp(np.full((samples, 6), 0.01))
-    return view_alone(state, few, near), true
+    return single_view_pose(state, few, near), true
 
 
 @pytest.mark.parametrize(("target", "points", "enough"), [
@@ -152,7 +152,7 @@ def test_points_in_space_count_by_their_sigmas():
     of = group.measurement
     weight = np.random.default_rng(0).uniform(0.1, 3.0, of.weight.shape)
     group = replace(group, measurement=replace(of, weight=weight))
-    (found, given) = view_alone(State(made.truth, made.cameras, np.zeros((0, 6))), group, None)
+    (found, given) = single_view_pose(State(made.truth, made.cameras, np.zeros((0, 6))), group, None)
     assert given.all()
     for k in range(2):
         share = weight[k] ** 2 / np.sum(weight[k] ** 2)

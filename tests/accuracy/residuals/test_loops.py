@@ -13,7 +13,7 @@ from tests.ends import views as group_of
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.residuals import loops as module
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.residuals.loops import _closed, _Relation, loops
+from basecal.accuracy.residuals.loops import _close_loop, _Relation, loops
 from basecal.cell import Recording, RobotState, SampleResidual, Unknown
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
@@ -94,7 +94,7 @@ def test_the_way_to_a_ring_and_back_is_no_part_of_it():
 
     out = [step("a", "b", 5.0), step("b", "c", 7.0)]
     ring = [step("c", "d", 1.0), step("d", "e", 1.0), step("e", "c", -1.5)]
-    loop = _closed([*out, *ring, *(each.reversed() for each in reversed(out))])
+    loop = _close_loop([*out, *ring, *(each.reversed() for each in reversed(out))])
     assert (loop.path[0], loop.path[-1], loop.views) == ("c", "c", 30)
     assert set(loop.path).isdisjoint({"a", "b"})
     assert loop.rms_m == pytest.approx(0.5)
@@ -178,7 +178,7 @@ def related(monkeypatch, *groups, columns=(), alone=lambda mounts: "state"):
         told = alone(mounts)
         return None if told is None else SimpleNamespace(transforms=told)
 
-    monkeypatch.setattr(module, "_alone", fit)
+    monkeypatch.setattr(module, "_fit_pair", fit)
     monkeypatch.setattr(ViewGroup, "eye_base_from_hand_base", lambda group, told: (told, group.camera))
     found = module._relations(solution_of(*groups, columns=columns))
     return [(r.path, r.start_from_end, r.views) for r in found], tried
@@ -223,10 +223,10 @@ def test_a_pair_alone_is_fitted_by_its_base_and_mounts(monkeypatch, converged, o
 
     monkeypatch.setattr(module, "bundle_adjust", adjust)
     seen = SimpleNamespace(unobservable=open_names)
-    monkeypatch.setattr(module, "observability_of", lambda problem, state, hessian, factor: seen)
+    monkeypatch.setattr(module, "analyse_observability", lambda problem, state, hessian, factor: seen)
     (group,) = solution.problem.groups
     base, mounts = group.hand.base, [group.hand.mount]
-    end = module._alone(solution, group, base, mounts)
+    end = module._fit_pair(solution, group, base, mounts)
     assert (end is not None) == found
     ((problem, dof),) = given
     assert dict(problem.columns) == {group.hand.mount: slice(0, 6), base: slice(6, 12)}
@@ -241,7 +241,7 @@ def ring(monkeypatch, *steps, reference="a"):
         for start, end, camera, x in steps
     ]
     monkeypatch.setattr(module, "_relations", lambda solution: relations)
-    found = module._around_rings(SimpleNamespace(problem=SimpleNamespace(groups=steps, reference=reference)))
+    found = module._ring_loops(SimpleNamespace(problem=SimpleNamespace(groups=steps, reference=reference)))
     return [(" ".join(loop.path), loop.views, round(loop.rms_m, 9)) for loop in found]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.stages import concluding
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.widening import widened
+from basecal.accuracy.widening import widen
 from basecal.cell import Certificate, ClockOffset, Finding
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -18,7 +18,7 @@ from evidence import evidence_of
 
 MADE = simulate(Scenario(samples=6), seed=0)
 SOLUTION = solve(MADE.cell, MADE.recording)
-WIDER = widened(SOLUTION, np.sqrt(np.diag(SOLUTION.covariance)))
+WIDER = widen(SOLUTION, np.sqrt(np.diag(SOLUTION.covariance)))
 
 
 def case(**parts):
@@ -51,12 +51,12 @@ def test_the_calibration_has_the_covariance_of_effects():
 def test_clocks_widen_the_answer_and_are_reported(monkeypatch):
     """Their findings count in the verdict."""
     late = Finding("prior-contradicted", "warning", ("wrist",), "The clock is off.")
-    last = widened(WIDER, np.sqrt(np.diag(WIDER.covariance)))
-    monkeypatch.setattr(concluding, "clocks_left", lambda clocked, solution: "left")
+    last = widen(WIDER, np.sqrt(np.diag(WIDER.covariance)))
+    monkeypatch.setattr(concluding, "remaining_step", lambda clocked, solution: "left")
     monkeypatch.setattr(concluding, "clock_findings", lambda clocked, left: [late])
     monkeypatch.setattr(concluding, "clock_offsets", lambda clocked, left: {"wrist": ClockOffset(0.1, 0.01)})
     monkeypatch.setattr(concluding, "line_times", lambda clocked, left: {})
-    monkeypatch.setattr(concluding, "settled", lambda solution, left: last)
+    monkeypatch.setattr(concluding, "apply_remaining_step", lambda solution, left: last)
     found = concluding.conclude(case(clocked=SimpleNamespace()))
     assert found.calibration.verdict == "doubtful"
     assert found.calibration.clocks == {"wrist": ClockOffset(0.1, 0.01)}

@@ -92,7 +92,7 @@ def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected)
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [Finding(c, "error", (), "") for c in hidden])
     monkeypatch.setattr(solving, "hopeless", lambda *given: Finding("poor-fit", "error", (), ""))
-    monkeypatch.setattr(solving, "agreeing_of", lambda robust: [Finding("agree", "info", (), "")])
+    monkeypatch.setattr(solving, "agreement_findings", lambda robust: [Finding("agree", "info", (), "")])
     before = case(robust=SimpleNamespace(solution=SOLVED), findings=(Finding("poor-fit", "info", (), ""), WARNING))
     found = solving.refuse_unexplained(before)
     assert found.is_ended

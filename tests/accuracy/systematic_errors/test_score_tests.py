@@ -46,7 +46,9 @@ def solved(scenario, seed=0, off=None):
 
 
 def mount_freed(of):
-    return Candidates("", (MOUNT,), (None,), "", tuple(of.by_frame(k, MOUNT)[:, None] for k in range(len(of.links))))
+    return Candidates(
+        "", (MOUNT,), (None,), "", tuple(of.frame_jacobian(k, MOUNT)[:, None] for k in range(len(of.links)))
+    )
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])

@@ -13,7 +13,7 @@ from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors import search
 from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.widening import widened
+from basecal.accuracy.widening import widen
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found import FoundEffect
@@ -109,7 +109,7 @@ def test_the_covariance_covers_the_answer_without_the_error():
     made = simulate(SCENARIO, 0)
     base = "eye_base_from_hand_base"
     off = (solution.state.transforms[base].inverse() @ made.truth[base]).log()
-    alone, both = (s.covariance_of([base]) for s in (solution, widened(solution, error.moved)))
+    alone, both = (s.covariance_of([base]) for s in (solution, widen(solution, error.moved)))
     assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
 
@@ -177,7 +177,7 @@ def test_an_error_that_reconciles_residuals_with_their_sigmas():
     for recording, code in ((moved, "base-moved"), (Recording(tuple(halved)), None)):
         problem, _ = build_problem(cell, recording)
         solution = solve_packed(problem, cell, SETTINGS)
-        assert any(each.too_small for each in contradicted_sigmas(solution))
+        assert any(each.is_too_small for each in contradicted_sigmas(solution))
         found = _reconciling(solution, solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
         assert (None if found is None else found.code) == code
 
@@ -216,7 +216,7 @@ def test_a_joint_that_is_off_is_found():
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     base = "eye_base_from_hand_base"
     off = (solution.state.transforms[base].inverse() @ made.truth[base]).log()
-    alone, both = (s.covariance_of([base]) for s in (solution, widened(solution, error.moved)))
+    alone, both = (s.covariance_of([base]) for s in (solution, widen(solution, error.moved)))
     assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
 
@@ -383,7 +383,7 @@ def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
     monkeypatch.setattr(search, "linearised", lambda problem, state: (problem, state))
     monkeypatch.setattr(search, "score", lambda about, kind: again if about == ("held problem", "state") else None)
-    monkeypatch.setattr(search, "step_between", lambda before, after: (before, after.state))
+    monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after.state))
     after = SimpleNamespace(
         noise=SimpleNamespace(held_by=lambda problem: f"held {problem}"), problem="problem", state="state"
     )

@@ -31,19 +31,19 @@ def test_frames_move_views_as_unknowns_do():
     assert len(of.frames) == 3
     for name in of.frames:
         where = np.flatnonzero(np.isin(columns, np.arange(of.problem.width)[of.problem.columns[name]]))
-        np.testing.assert_allclose(of.by_frame(0, name), derivative[..., where], atol=1e-12)
+        np.testing.assert_allclose(of.frame_jacobian(0, name), derivative[..., where], atol=1e-12)
 
 
 @pytest.mark.parametrize("robot", ["eye", "hand"])
 def test_flanges_move_views_as_their_poses_do(robot):
-    """A small tangent of a recorded pose moves the view by what `by_flange` says."""
+    """A small tangent of a recorded pose moves the view by what `flange_jacobian` says."""
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
     tangent = np.array([1e-6, -2e-6, 3e-6, 2e-6, 1e-6, -1e-6])
     poses = group.end_of(robot).base_from_flange @ SE3.exp(tangent)
     moved = (with_eye if robot == "eye" else with_hand)(group, base_from_flange=poses)
     before, after = (of.state.camera_from_target(g, of.problem.stops) for g in (group, moved))
-    np.testing.assert_allclose((before.inverse() @ after).log(), of.by_flange(0, robot) @ tangent, atol=1e-10)
+    np.testing.assert_allclose((before.inverse() @ after).log(), of.flange_jacobian(0, robot) @ tangent, atol=1e-10)
 
 
 def test_robots_that_move():
@@ -175,9 +175,9 @@ def test_views_move_with_each_frame_as_it_stands_in_the_chain():
     of = recorded(views(end(None, at, mount="a", base="b"), end(None, at, mount="d", base="c")))
     vars(of)["links"] = (Chain((Link(-1.0, eye, at, camera), Link(1.0, hand, at, None)), camera),)
     assert of.frames == ("a", "b", "d", "c")
-    np.testing.assert_array_equal(of.by_frame(0, "a"), -camera.adjoint())
-    np.testing.assert_array_equal(of.by_frame(0, "b"), -eye.adjoint())
-    np.testing.assert_array_equal(of.by_frame(0, "c"), hand.adjoint())
-    np.testing.assert_array_equal(of.by_frame(0, "d"), np.tile(np.eye(6), (2, 1, 1)))
-    np.testing.assert_array_equal(of.by_frame(0, "e"), np.zeros((2, 6, 6)))
+    np.testing.assert_array_equal(of.frame_jacobian(0, "a"), -camera.adjoint())
+    np.testing.assert_array_equal(of.frame_jacobian(0, "b"), -eye.adjoint())
+    np.testing.assert_array_equal(of.frame_jacobian(0, "c"), hand.adjoint())
+    np.testing.assert_array_equal(of.frame_jacobian(0, "d"), np.tile(np.eye(6), (2, 1, 1)))
+    np.testing.assert_array_equal(of.frame_jacobian(0, "e"), np.zeros((2, 6, 6)))
     np.testing.assert_array_equal(of.recorded_pose(0, "arm").matrix, np.tile(np.eye(4), (2, 1, 1)))

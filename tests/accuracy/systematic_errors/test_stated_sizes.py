@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
-from basecal.accuracy.widening import step_between
+from basecal.accuracy.widening import solution_step
 from basecal.cell import Recording
 from basecal.effects.faces.found import FoundEffect
 from basecal.estimation.settings import Settings
@@ -35,7 +35,7 @@ def test_one_sigma_moves_the_answer_as_a_larger_board_does():
     (moved,) = moved_by_sizes(cell, solution, None)
     share = 1e-4
     larger = solve(with_board(MADE.cell, 1 + share), MADE.recording, STATED)
-    expected = step_between(solution, larger) * sigma / share
+    expected = solution_step(solution, larger) * sigma / share
     np.testing.assert_allclose(np.abs(moved), np.abs(expected), rtol=0.02, atol=0.01 * np.abs(expected).max())
 
 

@@ -7,11 +7,11 @@ import pytest
 from tests.ends import end, problem_of, views
 
 from basecal.accuracy.task.arms_at_points import (
-    in_base_axes,
-    joints_at,
     kinematics_of_robot,
     moved_by_kinematics,
+    reach_points,
     recorded_joints,
+    to_base_axes,
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -71,7 +71,7 @@ def test_an_arm_is_sent_to_points_turned_as_in_the_nearest_pose(arms):
     poses = kinematics.forward(recorded)
     order = np.array([5, 0, 3])
     points = poses.translation[order] + np.array([4e-3, -3e-3, 5e-3])
-    sent = kinematics.forward(joints_at(problem, state, "eye", recorded, points))
+    sent = kinematics.forward(reach_points(problem, state, "eye", recorded, points))
     np.testing.assert_allclose(sent.translation, points, atol=3e-4)
     np.testing.assert_allclose((poses[order].inverse() @ sent).rotvec, 0, atol=1e-3)
 
@@ -93,7 +93,7 @@ def test_derivatives_in_the_axes_of_the_base():
     """Shifts and turns of the flange, each by its rotation."""
     rng = np.random.default_rng(0)
     by_columns, rotation = rng.standard_normal((2, 6, 4)), SE3.exp(rng.standard_normal((2, 6))).rotation
-    found = in_base_axes(by_columns, rotation)
+    found = to_base_axes(by_columns, rotation)
     for k in range(2):
         np.testing.assert_allclose(found[k, :3], rotation[k] @ by_columns[k, :3])
         np.testing.assert_allclose(found[k, 3:], rotation[k] @ by_columns[k, 3:])

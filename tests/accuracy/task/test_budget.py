@@ -10,8 +10,8 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.task import budget as module
-from basecal.accuracy.task.budget import COMMON, REST, _at_task, _entry, budget, calibration_budget
-from basecal.accuracy.task.task import Task, task_at
+from basecal.accuracy.task.budget import NOISE_SOURCE, SHARED_SOURCE, _entry, _task_variance, budget, calibration_budget
+from basecal.accuracy.task.task import Task, make_task
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve
 from basecal.simulation import Scenario, simulate
@@ -29,7 +29,7 @@ PRIORS = Scenario(
 
 
 def at(solution: Solution, name: str) -> tuple[Task, float]:
-    task = task_at(name, solution.state.transforms, np.array([POINT]))
+    task = make_task(name, solution.state.transforms, np.array([POINT]))
     return task, task.variance_m2(solution.transforms[name].covariance)
 
 
@@ -52,7 +52,7 @@ def test_sources_add_to_the_total(scenario, seed):
     solution = solve(made.cell, made.recording)
     task, total = at(solution, "eye_base_from_hand_base")
     entries = budget(solution, task, total, {})
-    assert {entry.source for entry in entries}.isdisjoint({REST}) or entries[-1].share < 1e-3
+    assert {entry.source for entry in entries}.isdisjoint({NOISE_SOURCE}) or entries[-1].share < 1e-3
     assert sum(entry.rms_m**2 for entry in entries) == pytest.approx(total, rel=1e-3)
     assert sum(entry.share for entry in entries) == pytest.approx(1.0, rel=1e-3)
     for entry in entries:
@@ -67,7 +67,7 @@ def test_what_is_added_is_a_source():
     entries = {e.source: e for e in budget(solution, task, 3 * total, {"clocks": total})}
     assert entries["clocks"].share == pytest.approx(1 / 3)
     assert entries["clocks"].halved_rms_m ** 2 == pytest.approx(2.25 * total)
-    assert entries[REST].share == pytest.approx(1 / 3, rel=1e-2)
+    assert entries[NOISE_SOURCE].share == pytest.approx(1 / 3, rel=1e-2)
 
 
 HALVED = {
@@ -109,7 +109,7 @@ def test_a_calibration_has_a_budget_where_a_task_is_named():
     made = simulate(Scenario(samples=15, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 4)
     calibration = calibrate(made.cell, made.recording, Settings(task_point=POINT))
     base = calibration["eye_base_from_hand_base"]
-    total = task_at("b", {"b": base.mean}, np.array([POINT])).variance_m2(base.covariance)
+    total = make_task("b", {"b": base.mean}, np.array([POINT])).variance_m2(base.covariance)
     assert sum(entry.rms_m**2 for entry in calibration.budget) == pytest.approx(total, rel=1e-6)
     assert {e.source for e in calibration.budget} >= {"views of wrist", "repeatability of eye", "repeatability of hand"}
     assert calibrate(made.cell, made.recording).budget is None
@@ -124,8 +124,8 @@ def test_what_is_left_over_is_called_by_what_was_estimated(common):
     solution = replace(solution, noise=replace(solution.noise, common=common))
     found = calibration_budget(made.cell, replace(calibration, transforms=wide), solution, {}, np.array(POINT))
     shares = {entry.source: entry.share for entry in found}
-    assert shares[COMMON if common else REST] == pytest.approx(2 / 3, rel=1e-2)
-    assert len({REST, COMMON} & shares.keys()) == 1
+    assert shares[SHARED_SOURCE if common else NOISE_SOURCE] == pytest.approx(2 / 3, rel=1e-2)
+    assert len({NOISE_SOURCE, SHARED_SOURCE} & shares.keys()) == 1
     nothing = replace(calibration, transforms={})
     assert calibration_budget(made.cell, nothing, solution, {}, np.array(POINT)) is None
 
@@ -154,7 +154,7 @@ def test_all_shrink_where_the_answer_is_known_better_than_by_its_sources(of_prio
     """Half the variance is half of each source's, and halving one still brings the same share; the largest first."""
     solution, task, total = of_priors
     whole, half = (budget(solution, task, of, {}) for of in (total, total / 2))
-    assert [entry.source for entry in half] == [entry.source for entry in whole if entry.source != REST]
+    assert [entry.source for entry in half] == [entry.source for entry in whole if entry.source != NOISE_SOURCE]
     assert sum(entry.rms_m**2 for entry in half) == pytest.approx(total / 2, rel=1e-9)
     for before, after in zip(whole, half, strict=False):
         assert after.share == pytest.approx(before.share, rel=2e-3)
@@ -170,7 +170,7 @@ def test_the_variance_at_a_task_is_of_the_columns_of_its_transform(size):
     solution = SimpleNamespace(problem=SimpleNamespace(columns={"a_from_b": slice(2, 2 + size)}))
     task = Task("a_from_b", np.array([[0.0, 0.0, 2.0]]))
     turns = 4 * (6 + 7) if size == 6 else 0
-    assert _at_task(solution, task, covariance) == pytest.approx(3 + 4 + 5 + turns)
+    assert _task_variance(solution, task, covariance) == pytest.approx(3 + 4 + 5 + turns)
 
 
 @pytest.mark.parametrize(("variance", "gain", "left"), [(4.0, 3.0, 13.0**0.5), (4.0, 17.0, 0.0)])
@@ -184,7 +184,7 @@ def test_an_entry_is_a_root_a_share_and_what_is_left(variance, gain, left):
 def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, told):
     """Three quarters of its variance go where it is halved; sources that make no error have no line."""
     monkeypatch.setattr(module, "_variance", lambda *given: 1.0)
-    monkeypatch.setattr(module, "sources_of", lambda problem: [])
+    monkeypatch.setattr(module, "error_sources", lambda problem: [])
     solution = SimpleNamespace(problem=None, state=None)
     found = budget(solution, None, 1.0, {"clocks": 1.0 - left, "nothing": 0.0}, "rest")
     assert [entry.source for entry in found] == (["clocks", "rest"] if told else ["clocks"])
@@ -195,7 +195,7 @@ def test_a_share_is_the_derivative_to_the_logarithm_of_a_variance(monkeypatch):
     """Of a part that grows by the square of its sigma beside one that does not; halving brings three quarters of it."""
     part = SimpleNamespace(name="part", scaled=lambda problem, state, factor: (factor, None))
     monkeypatch.setattr(module, "_variance", lambda solution, task, problem, state: 3.0 * problem**2 + 2.0)
-    monkeypatch.setattr(module, "sources_of", lambda problem: [part])
+    monkeypatch.setattr(module, "error_sources", lambda problem: [part])
     (found, rest) = budget(SimpleNamespace(problem=1.0, state=None), None, 5.0, {}, "rest")
     assert found.rms_m**2 == pytest.approx(3.0, rel=1e-3)
     assert found.halved_rms_m**2 == pytest.approx(5.0 - 0.75 * 3.0)

@@ -10,7 +10,7 @@ import pytest
 from tests.ends import end, views
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.task.error_map import STEPS, _box, error_map, seen_at
+from basecal.accuracy.task.error_map import MAP_STEPS, _box, error_map, target_places
 from basecal.cell import Calibration
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -33,12 +33,12 @@ def test_the_box_holds_the_task_and_every_target(mapped):
     made, _, found = mapped
     base_from_board = made.true_base_from_flange["hand"] @ made.truth["hand_flange_from_board"]
     places = np.concatenate([(made.truth[BASE] @ base_from_board).translation, POINT[None]])
-    assert len(found.points_m) == STEPS**3
+    assert len(found.points_m) == MAP_STEPS**3
     np.testing.assert_allclose(found.points_m.min(0), places.min(0), atol=5e-3)
     np.testing.assert_allclose(found.points_m.max(0), places.max(0), atol=5e-3)
 
 
-@pytest.mark.parametrize("number", [0, STEPS**3 // 2, STEPS**3 - 1])
+@pytest.mark.parametrize("number", [0, MAP_STEPS**3 // 2, MAP_STEPS**3 - 1])
 def test_errors_drawn_are_below_in_95_of_100(mapped, number):
     """Draws of the base by its covariance and of both robots by their noise, within three sigmas of 20,000 (0.5 %)."""
     _, calibration, found = mapped
@@ -68,12 +68,12 @@ def test_a_flat_box_has_one_layer():
     """A board that stays where it is, on the world: the camera's places make the box, which the task may flatten."""
     made = simulate(Scenario(samples=10, layout="eye_in_hand", robot_noise=(1e-4, 1e-4)), 1)
     calibration = calibrate(made.cell, made.recording, Settings(task_point=(0.0, 0.0, 0.3)))
-    assert len(calibration.error_map.points_m) == STEPS**3
+    assert len(calibration.error_map.points_m) == MAP_STEPS**3
     solution = solve(made.cell, made.recording)
     (group,) = solution.problem.groups
     few = replace(solution, problem=solution.problem.with_groups([group.take(np.array([2]))]))
     at = (group.eye.base_from_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
-    assert len(error_map(made.cell, calibration, few, at + np.array([0.1, 0, 0])).points_m) == STEPS
+    assert len(error_map(made.cell, calibration, few, at + np.array([0.1, 0, 0])).points_m) == MAP_STEPS
 
 
 def test_nothing_found_has_no_map():
@@ -83,13 +83,13 @@ def test_nothing_found_has_no_map():
     assert error_map(made.cell, Calibration("refused"), solution, POINT) is None
 
 
-@pytest.mark.parametrize(("thick_m", "layers"), [(0.9e-3, 1), (1.1e-3, STEPS)])
+@pytest.mark.parametrize(("thick_m", "layers"), [(0.9e-3, 1), (1.1e-3, MAP_STEPS)])
 def test_points_are_spread_over_the_box(thick_m, layers):
     """Five along each edge, from corner to corner, x first; one in the middle of an edge below a millimetre."""
     places = np.array([[1.0, -2.0, 3.0], [2.0, 0.0, 3.0 + thick_m], [1.5, -1.0, 3.0]])
     found = _box(places)
-    heights = np.linspace(3.0, 3.0 + thick_m, STEPS) if layers > 1 else [3.0 + thick_m / 2]
-    wanted = [(x, y, z) for x in np.linspace(1, 2, STEPS) for y in np.linspace(-2, 0, STEPS) for z in heights]
+    heights = np.linspace(3.0, 3.0 + thick_m, MAP_STEPS) if layers > 1 else [3.0 + thick_m / 2]
+    wanted = [(x, y, z) for x in np.linspace(1, 2, MAP_STEPS) for y in np.linspace(-2, 0, MAP_STEPS) for z in heights]
     np.testing.assert_allclose(found, wanted, atol=1e-12)
 
 
@@ -102,7 +102,7 @@ def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, base
     arm, world = SE3.exp(rng.standard_normal((3, 6))), SE3.identity((3,))
     moving = end("arm", arm, mount="mount", base="base" if based else None)
     still = end(None, world, mount="other")
-    found = seen_at(
+    found = target_places(
         views(still, moving) if on_arm else views(moving, still),
         SimpleNamespace(transforms={"base": base, "mount": mount, "other": other}),
     )

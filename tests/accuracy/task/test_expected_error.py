@@ -16,11 +16,11 @@ from basecal.accuracy.task import expected_error
 from basecal.accuracy.task.expected_error import (
     ExpectedError,
     _places,
-    at_points,
     check_tolerance,
     expected_errors,
     length_quantile,
     length_quantiles,
+    point_covariances,
 )
 from basecal.cell import Tolerance
 from basecal.estimation.problem.build import build_problem
@@ -185,7 +185,7 @@ def test_covariances_at_points():
     shift, turn = 1e-3, 2e-3
     covariance = np.diag([shift**2] * 3 + [0.0, 0.0, turn**2])
     covariance[0, 5] = covariance[5, 0] = 0.5 * shift * turn
-    (at,) = at_points(covariance, np.array([[0.0, 3.0, 7.0]]))
+    (at,) = point_covariances(covariance, np.array([[0.0, 3.0, 7.0]]))
     expected = np.diag([shift**2 + 9 * turn**2 - 2 * 3 * 0.5 * shift * turn, shift**2, shift**2])
     np.testing.assert_allclose(at, expected, atol=1e-15)
 

@@ -12,15 +12,15 @@ from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.task import local_fits as module
-from basecal.accuracy.task.error_map import seen_at
+from basecal.accuracy.task.error_map import target_places
 from basecal.accuracy.task.local_fits import (
-    CHANCE,
+    CHANCE_LIMIT,
     FEWEST_SAMPLES,
     MOST_PARTS,
     _chance_of_noise,
-    _compared,
+    _compare_fits,
     _halves,
-    _inside,
+    _samples_inside,
     _squares,
     local_fits,
 )
@@ -77,7 +77,7 @@ def test_bent_arms_are_better_calibrated_locally(made: SimulatedCell) -> None:
     found = local_fits(solve(made.cell, bent(made, 3e-3)), [BASE])
     better = [part for part in found if part.is_better]
     assert better
-    assert all(part.local_m < part.global_m and part.chance < CHANCE for part in better)
+    assert all(part.local_m < part.global_m and part.chance < CHANCE_LIMIT for part in better)
     assert all(np.isfinite(part.transforms[BASE].matrix).all() for part in found)
 
 
@@ -90,14 +90,14 @@ def test_a_box_is_the_only_part(made: SimulatedCell) -> None:
     """Of two opposite corners, whichever they are: the samples whose targets are in it, and whether it is better."""
     solution = solve(made.cell, bent(made, 3e-3))
     halves = local_fits(solution, [BASE])
-    places = np.array([seen_at(group, solution.state) for group in solution.problem.groups])[0]
+    places = np.array([target_places(group, solution.state) for group in solution.problem.groups])[0]
     low, high = places.min(0), places.max(0)
     high[0] = np.median(places[:, 0])
     (found,) = local_fits(solution, [BASE], [*high, *low])
     inside = solution.problem.groups[0].sample[np.all((places >= low) & (places <= high), axis=-1)]
     assert found.samples == tuple(sorted(inside))
     assert FEWEST_SAMPLES < len(found.samples) < 48
-    assert found.is_better == (found.chance < CHANCE and found.local_m < found.global_m)
+    assert found.is_better == (found.chance < CHANCE_LIMIT and found.local_m < found.global_m)
     assert len(halves) > 1
 
 
@@ -119,7 +119,7 @@ def test_views_count_by_how_near_they_are_to_the_part(made: SimulatedCell, monke
     solution = solve(made.cell, made.recording)
     found = local_fits(solution, [BASE])
     (group,) = solution.problem.groups
-    places = seen_at(group, solution.state)
+    places = target_places(group, solution.state)
     everywhere, *parts = given
     assert everywhere is None
     assert len(parts) == len(found)
@@ -196,7 +196,7 @@ def test_a_box_holds_what_is_on_its_sides(corners: list[float]) -> None:
     inside = np.array([[0, 0, 0], [1, 2, 3], [0.5, 1, 1.5], [1, 0, 3]])
     outside = np.array([[1.1, 1, 1], [-0.1, 1, 1], [0.5, 2.1, 1], [0.5, 1, -0.1]])
     places = np.concatenate([np.repeat(inside, 3, axis=0), outside])
-    (found,) = _inside(places, np.arange(16), corners)
+    (found,) = _samples_inside(places, np.arange(16), corners)
     assert found.tolist() == list(range(12))
 
 
@@ -204,7 +204,7 @@ def test_a_box_holds_what_is_on_its_sides(corners: list[float]) -> None:
 def test_a_box_holds_ten_samples(count: int, told: bool) -> None:
     """Each counts once."""
     samples = np.repeat(np.arange(count), 2)
-    assert bool(list(_inside(np.zeros((2 * count, 3)), samples, [-1, -1, -1, 1, 1, 1]))) == told
+    assert bool(list(_samples_inside(np.zeros((2 * count, 3)), samples, [-1, -1, -1, 1, 1, 1]))) == told
 
 
 @pytest.mark.parametrize(("by_all", "by_part", "chance", "is_better"), [
@@ -223,7 +223,7 @@ def test_a_part_is_better_where_it_predicts_better_beyond_chance(
     whole = SimpleNamespace(optimum=SimpleNamespace(converged=True, state=SimpleNamespace(transforms={"a": 1, "b": 2})))
     squares = {"all": by_all, "part": by_part}
     monkeypatch.setattr(module, "_squares", lambda solution, fit, inside: np.array(squares[fit.kind]))
-    found = _compared(None, [fit["all"]], [fit["part"], whole], [], np.zeros(3), np.array([4, 7]), ["b"], chance)
+    found = _compare_fits(None, [fit["all"]], [fit["part"], whole], [], np.zeros(3), np.array([4, 7]), ["b"], chance)
     assert (found.samples, found.transforms) == ((4, 7), {"b": 2})
     assert found.is_better == bool(is_better)
     if is_better is None:

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.arms_at_points import joints_at, recorded_joints
+from basecal.accuracy.task.arms_at_points import reach_points, recorded_joints
 from basecal.accuracy.task.error_map import error_map
-from basecal.accuracy.task.kinematic_errors import EXPECTED, kinematic_errors
+from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_errors
 from basecal.accuracy.task.meeting_errors import _Expected, _mixture, _own_variance, meeting_errors
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration
@@ -100,7 +100,7 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
         monkeypatch.setattr("basecal.accuracy.task.meeting_errors.MODELS", (tuple(kinds),))
         arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
-        evidence = sigmas_with(problem, state, solution.noise, arms, EXPECTED).surprise
+        evidence = sigmas_with(problem, state, solution.noise, arms, EXPECTED_PRIOR).surprise
         likelihoods.append(np.exp(-evidence / 2 - 500))
         alone = meeting_errors(made.cell, calibration, solution, task, points)
         means.append(alone[0][0])
@@ -141,7 +141,7 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     hand = state.kinematics(problem.models["hand"])
     at_hand = hand.forward(recorded).translation
     points = base @ at_hand
-    eye_joints = joints_at(problem, state, "eye", recorded_joints(problem, "eye"), points)
+    eye_joints = reach_points(problem, state, "eye", recorded_joints(problem, "eye"), points)
     mean, found = meeting_errors(made.cell, calibration, solution, Task(BASE, at_hand), points)
     np.testing.assert_array_equal(mean, 0)
     columns = np.zeros((len(points), 6, problem.width))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.task.sources import sources_of
+from basecal.accuracy.task.sources import error_sources
 from basecal.cell import Recording
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
@@ -34,7 +34,7 @@ def solution():
 
 def test_every_source_has_a_name(solution):
     """Views, robots' stops, and each kind of prior."""
-    assert [source.name for source in sources_of(solution.problem)] == [
+    assert [source.name for source in error_sources(solution.problem)] == [
         "views of wrist",
         "repeatability of eye",
         "repeatability of hand",
@@ -49,7 +49,7 @@ def test_all_sources_together_scale_the_covariance(solution):
     """With every sigma twice as large the information is a quarter, to rounding: no source is forgotten."""
     problem, state = solution.problem, solution.state
     before = linearise(problem, state).hessian
-    for source in sources_of(problem):
+    for source in error_sources(problem):
         problem, state = source.scaled(problem, state, 2.0)
     after = linearise(problem, state).hessian
     np.testing.assert_allclose(4 * after, before, rtol=0, atol=1e-7 * np.abs(before).max())
@@ -57,7 +57,7 @@ def test_all_sources_together_scale_the_covariance(solution):
 
 def test_a_scaled_source_leaves_the_state_where_it_is(solution):
     """Errors of stops stay what they are in metres: every view is predicted as before."""
-    (source,) = [each for each in sources_of(solution.problem) if each.name == "repeatability of eye"]
+    (source,) = [each for each in error_sources(solution.problem) if each.name == "repeatability of eye"]
     problem, state = source.scaled(solution.problem, solution.state, 3.0)
     (group,) = problem.groups
     before = solution.state.camera_from_target(group, solution.problem.stops)
@@ -75,7 +75,7 @@ def test_a_source_is_that_of_its_name_alone():
     ]
     problem, _ = build_problem(cell, Recording(tuple(samples)))
     state = State({}, {}, np.zeros((len(problem.stops), 6)))
-    scaled = {source.name: source.scaled(problem, state, 2.0)[0] for source in sources_of(problem)}
+    scaled = {source.name: source.scaled(problem, state, 2.0)[0] for source in error_sources(problem)}
     assert {"views of second", "prior of eye_flange_from_second", "lens of second"} <= scaled.keys()
     for name, other in scaled.items():
         weights = {f"views of {g.camera}": g.measurement.weight for g in problem.groups}

@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from basecal.acquisition.links.reach import reached
+from basecal.acquisition.links.reach import connect
 from basecal.errors import DriverError
 from shared.second_process import own_host
 
@@ -15,7 +15,7 @@ def test_what_listens_is_reached():
     """The connection is one to the port."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        with reached("eye", "127.0.0.1", port, "anything") as line:
+        with connect("eye", "127.0.0.1", port, "anything") as line:
             assert line.getpeername() == ("127.0.0.1", port)
 
 
@@ -37,7 +37,7 @@ def test_why_not_is_a_line(monkeypatch, error, words):
 
     monkeypatch.setattr(socket, "create_connection", no)
     with pytest.raises(DriverError) as raised:
-        reached("eye", "there", 7, "a clock")
+        connect("eye", "there", 7, "a clock")
     assert str(raised.value).startswith(words)
     assert "\n" not in str(raised.value)
 
@@ -45,4 +45,4 @@ def test_why_not_is_a_line(monkeypatch, error, words):
 def test_a_port_at_which_nothing_listens():
     """As the system itself says it."""
     with pytest.raises(DriverError, match="nothing listens"):
-        reached("eye", own_host(), 9, "a clock")
+        connect("eye", own_host(), 9, "a clock")

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.driver import Camera, Picture, Switches
-from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.feed import feed_camera
 from basecal.acquisition.pictures.latency import ArmMotion
-from basecal.acquisition.stillness import Moving, picture_after
+from basecal.acquisition.stillness import Moving, wait_for_picture_after
 from basecal.errors import DriverError
 
 pytestmark = pytest.mark.timed
@@ -48,7 +48,7 @@ def opened():
     feeds = []
 
     def feed(camera, arms=None):
-        feeds.append(fed("wrist", camera, arms or ArmMotion()))
+        feeds.append(feed_camera("wrist", camera, arms or ArmMotion()))
         return feeds[-1]
 
     yield feed
@@ -101,9 +101,9 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
 def test_older_pictures_are_not_counted(opened):
     """The picture after an instant was exposed after it; one that nobody exposes in time is told."""
     feed, now_s = opened(Film()), time.monotonic()
-    assert picture_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
+    assert wait_for_picture_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
     with pytest.raises(Moving, match="picture too old"):
-        picture_after(feed, now_s + 1000, 0.1)
+        wait_for_picture_after(feed, now_s + 1000, 0.1)
 
 
 def test_buffered_images_are_skipped(opened):
@@ -183,13 +183,13 @@ def test_the_light_is_switched_between_pictures(opened):
 
     class Lit(Film):
         def light(self, on):
-            self.lit, self.thread = on, threading.current_thread()
+            self.fit_light, self.thread = on, threading.current_thread()
 
     film = Lit()
     feed = opened(film)
     assert isinstance(feed, Switches)
     feed.light(False)
-    assert film.lit is False
+    assert film.fit_light is False
     assert film.thread is not threading.current_thread()
 
 

@@ -13,7 +13,7 @@ from tests.shared.pose_trial import SIGMAS, Source, tried
 
 from basecal.acquisition.driver import Place
 from basecal.acquisition.drivers.opencv import open_camera
-from basecal.acquisition.pictures.feed import fed
+from basecal.acquisition.pictures.feed import feed_camera
 from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.cell import Cell, Robot
 from basecal.errors import DriverError
@@ -68,7 +68,7 @@ def address():
 def test_a_stream_that_freezes_is_told_in_time(address, tmp_path, monkeypatch):
     """OpenCV is not waited for half a minute: whoever waits for a picture is told after the stated time."""
     monkeypatch.setattr(module, "_TIMEOUTS", [cv2.CAP_PROP_READ_TIMEOUT_MSEC, 700])
-    feed = fed(
+    feed = feed_camera(
         "wrist",
         open_camera(Place("wrist", Cell("eye", {"eye": Robot("eye")}), tmp_path, {"source": address})),
         ArmMotion(),

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.geometry import SE3
-from basecal.vision.draw.motion_blur import smeared
+from basecal.vision.draw.motion_blur import blur_motion
 from basecal.vision.draw.render import RenderSettings, expose, radiance
 from basecal.vision.edge_width import EdgeWidth, edge_width
 from shared.facing_arms import facing_arms
@@ -22,7 +22,7 @@ def is_blurred(before, away_m=0.65, way=(0.0, 0.0), blur_px=0.5):
     settings = RenderSettings(blur_px=blur_px)
     at = SE3(np.eye(3), np.array([0.0, 0.0, away_m]) - BOARD.points.mean(0))
     pixels = LENS.project(at @ BOARD.points)
-    picture = expose(smeared(radiance(LENS, [(BOARD, at)], settings), np.array(way)), settings, 0)
+    picture = expose(blur_motion(radiance(LENS, [(BOARD, at)], settings), np.array(way)), settings, 0)
     return before.is_blurred(VIEW, edge_width(picture, pixels), pixels, BOARD.points)
 
 

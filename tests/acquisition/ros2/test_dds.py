@@ -11,7 +11,7 @@ from basecal.acquisition.ros2.types import type_hash
 from basecal.errors import InputError
 
 pytest.importorskip("cyclonedds")
-from basecal.acquisition.ros2.dds import Discovery, Listener, Speaker, domain_of
+from basecal.acquisition.ros2.dds import Discovery, Listener, Speaker, choose_domain
 from shared.ros2_domain import DOMAIN, LOOPBACK
 
 TEXT = "std_msgs/msg/String"
@@ -66,10 +66,10 @@ def test_a_topic_that_nobody_sends():
 def test_the_domain_is_that_of_the_environment(monkeypatch):
     """Where none is stated; a variable that is no domain is told."""
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    assert (domain_of(None), domain_of(3)) == (7, 3)
+    assert (choose_domain(None), choose_domain(3)) == (7, 3)
     monkeypatch.delenv("ROS_DOMAIN_ID")
-    assert domain_of(None) == 0
+    assert choose_domain(None) == 0
     for wrong in ("x", "-1", "233"):
         monkeypatch.setenv("ROS_DOMAIN_ID", wrong)
         with pytest.raises(InputError, match=r"ROS_DOMAIN_ID is .*: expected a number from 0 to 232"):
-            domain_of(None)
+            choose_domain(None)

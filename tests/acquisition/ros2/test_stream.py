@@ -25,7 +25,7 @@ def network(monkeypatch):
     def received(wait_s):
         return [(there.sender, each) for each in (there.coming.pop(0) if there.coming else [])]
 
-    listener = SimpleNamespace(received=received, publishers=lambda: there.publishers)
+    listener = SimpleNamespace(receive=received, publishers=lambda: there.publishers)
     monkeypatch.setattr(module, "Discovery", lambda domain: discovery)
     monkeypatch.setattr(module, "Listener", lambda *_: listener)
     monkeypatch.setattr(module, "STALE_S", 0.01)

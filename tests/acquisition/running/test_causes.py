@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.drift.shifts import SIZE, Shift
+from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.effects.faces.found import FoundEffect
 
@@ -27,7 +27,7 @@ def shift(frame, transform, joint, size):
         ),
         (shift("board", "f_from_board", None, TANGENT), "board was remounted or moved at sample 12 by 5 mm and 1 deg"),
         (shift("eye_flange", "", 1, np.radians([2])), "joint 2 of eye slipped by 2 deg at sample 12"),
-        (shift("board", SIZE, None, [-0.04]), "board is another board since sample 12, 4 % smaller"),
+        (shift("board", SIZE_KIND, None, [-0.04]), "board is another board since sample 12, 4 % smaller"),
     ],
 )
 def test_a_shift_is_named_with_its_size_and_sample(cause, words):

@@ -11,7 +11,7 @@ import pytest
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.supervision.arm_process import ArmProcess
 from basecal.acquisition.supervision.frames import Channel, Kind
-from basecal.acquisition.supervision.limits import HELD_S, SILENT_S, STALE_S
+from basecal.acquisition.supervision.limits import HOLD_S, SILENCE_LIMIT_S, STALE_S
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 
@@ -79,10 +79,10 @@ def test_an_arm_that_is_held_up_is_reported(served):
     process, robot, heard = served
     read(process, HOME)
     process._ask(robot, "move", (GOAL, 1.0))
-    process._supervisor_s = process._read_s = time.monotonic() + HELD_S
-    process._judge(time.monotonic() + 0.9 * HELD_S)
+    process._supervisor_s = process._read_s = time.monotonic() + HOLD_S
+    process._judge(time.monotonic() + 0.9 * HOLD_S)
     assert troubles(heard) == []
-    process._judge(time.monotonic() + 1.1 * HELD_S)
+    process._judge(time.monotonic() + 1.1 * HOLD_S)
     assert [why.partition(". Look")[0] for why in troubles(heard)] == [
         "left: it stands still, but not where it was sent"
     ]
@@ -116,9 +116,9 @@ def test_a_closed_connection_and_a_silent_supervisor_stop_it(served):
 def test_a_silent_supervisor_stops_it(served):
     """Without a heartbeat of the supervisor for 0.4 s the arm is stopped."""
     process, robot, _ = served
-    process._judge(time.monotonic() + 0.9 * SILENT_S)
+    process._judge(time.monotonic() + 0.9 * SILENCE_LIMIT_S)
     assert robot.stops == 0
-    process._judge(time.monotonic() + 1.1 * SILENT_S)
+    process._judge(time.monotonic() + 1.1 * SILENCE_LIMIT_S)
     until = time.monotonic() + 2
     while not robot.stops and time.monotonic() < until:
         time.sleep(0.01)

@@ -38,7 +38,7 @@ def test_frames_arrive_whole_and_in_order(pair):
 
 def test_nobody_waits_for_a_reader(pair, monkeypatch):
     """What is not read is kept, up to a limit; beyond it the link counts as broken, and sending goes on to return."""
-    monkeypatch.setattr(frames, "_FULL_BYTES", 2**20)
+    monkeypatch.setattr(frames, "_FULL_BUFFER_BYTES", 2**20)
     here, _ = pair
     for _ in range(40):
         here.send(Kind.READING, bytes(2**16))

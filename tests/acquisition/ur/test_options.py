@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from basecal.acquisition.ur.options import UrOptions, in_a_line
+from basecal.acquisition.ur.options import UrOptions, join_lines
 
 
 def test_only_the_host_must_be_said():
@@ -23,5 +23,5 @@ def test_what_is_wrong_is_refused(wrong):
 
 def test_an_error_is_a_line():
     """Line breaks of ur-rtde's words go; an error without words is told by its kind."""
-    assert in_a_line(RuntimeError("Please\n  wait ")) == "Please wait"
-    assert in_a_line(ValueError()) == "ValueError"
+    assert join_lines(RuntimeError("Please\n  wait ")) == "Please wait"
+    assert join_lines(ValueError()) == "ValueError"

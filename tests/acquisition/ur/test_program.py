@@ -24,10 +24,10 @@ def test_it_is_sent_when_it_is_first_asked_and_ends_with_the_capture(there):
     """Before it is asked nothing of it is on the controller; closed, it has been told to stop."""
     process, place = there
     asked = program(place)
-    assert not asked.was_asked
+    assert not asked.was_sent
     assert process.tell("tell").split()[2:] == []
     assert asked.ask(lambda line: line.isJointsWithinSafetyLimits([0.0] * 6))
-    assert asked.was_asked
+    assert asked.was_sent
     asked.close()
     assert process.tell("tell").split()[2:] == ["35", "37", "255"]
 

@@ -11,8 +11,8 @@ import pytest
 from basecal.accuracy.calibrate import calibrate
 from basecal.errors import NotConverged, NotObservable
 from basecal.estimation.axis_shift import closed_form
-from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient, orthonormalised
-from basecal.estimation.axis_shift.stations import find_stations, for_task, fused
+from basecal.estimation.axis_shift.closed_form import base_of_station, estimate, image_gradient, orthonormalise
+from basecal.estimation.axis_shift.stations import base_for_task, find_stations, fuse_bases
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -64,7 +64,7 @@ def test_noiseless_translation_is_the_papers_but_for_its_slip():
 def test_table_2_follows_from_table_1(level):
     """Both ways of orthonormalising give every entry within 1e-4, and one another within 1e-10."""
     rows = np.array(PAPER["table1_camera_from_led"][level]["R"])
-    iterated = orthonormalised(rows)
+    iterated = orthonormalise(rows)
     np.testing.assert_allclose(iterated, PAPER["table2_orthonormalised"][level], atol=1e-4)
     np.testing.assert_allclose(iterated, nearest_rotation(rows), atol=1e-10)
 
@@ -88,13 +88,13 @@ def test_iteration_and_closed_form_agree_far_from_a_rotation():
     rng = np.random.default_rng(0)
     for _ in range(300):
         rows = nearest_rotation(rng.normal(size=(3, 3))) + 0.1 * rng.normal(size=(3, 3))
-        np.testing.assert_allclose(orthonormalised(rows), nearest_rotation(rows), atol=1e-10)
+        np.testing.assert_allclose(orthonormalise(rows), nearest_rotation(rows), atol=1e-10)
 
 
 def test_iteration_that_does_not_settle_says_so():
     """Rows without a nearest rotation near the start end in an error with the last state."""
     with pytest.raises((NotConverged, np.linalg.LinAlgError)):
-        orthonormalised(np.full((3, 3), np.nan))
+        orthonormalise(np.full((3, 3), np.nan))
 
 
 def test_oblique_and_unequal_shifts_give_what_the_papers_give():
@@ -131,9 +131,9 @@ def test_choice_for_a_task_point():
     stations = find_stations(problem, lenses(problem, simulated.cell))
     base = stations[1].base()
     task = (base @ stations[1].hand_base_from_light).translation
-    np.testing.assert_allclose(for_task(stations, task, nearest=True).matrix, base.matrix, atol=1e-12)
-    np.testing.assert_allclose(for_task(stations, task, nearest=False).matrix, base.matrix, atol=1e-6)
-    mean = fused([s.base() for s in stations], [1, 1, 1]).translation
+    np.testing.assert_allclose(base_for_task(stations, task, is_nearest=True).matrix, base.matrix, atol=1e-12)
+    np.testing.assert_allclose(base_for_task(stations, task, is_nearest=False).matrix, base.matrix, atol=1e-6)
+    mean = fuse_bases([s.base() for s in stations], [1, 1, 1]).translation
     assert np.linalg.norm(mean - base.translation) > 1e-4
 
 
@@ -141,7 +141,7 @@ def test_the_closed_form_calibrates_and_knows_what_it_neglects():
     """The truth lies within four sigmas, of which the neglected depth is a part, and the verdict is doubtful."""
     simulated = simulate_shifts(
         TRUE, batch(EYE_BASE_FROM_CAMERA, 0.02, 6, 1), batch(HAND_BASE_FROM_LIGHT, 0.05, 6, 2), CAMERA, 0.1,
-        two_sided=True, pixel_px=0.05,
+        is_two_sided=True, pixel_px=0.05,
     )  # fmt: skip
     calibration = calibrate(simulated.cell, simulated.recording, Settings(method="axis-shift"))
     estimated = calibration["eye_base_from_hand_base"]
@@ -238,7 +238,7 @@ def test_rows_that_are_nearly_parallel_are_left_to_the_general_way(monkeypatch, 
     for sign in (1, -1):
         k2 = sign * np.array([np.cos(angle), np.sin(angle), 0.0])
         raw = np.stack([k1, k2, np.cross(k1, k2)])
-        found = closed_form._nearest_to(raw)
+        found = closed_form._nearest_rotations(raw)
         np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-9)
     assert len(asked) == (0 if closed else 2)
-    assert closed_form._nearest_to(np.zeros((0, 3, 3))).shape == (0, 3, 3)
+    assert closed_form._nearest_rotations(np.zeros((0, 3, 3))).shape == (0, 3, 3)

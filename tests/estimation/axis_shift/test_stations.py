@@ -10,7 +10,7 @@ from tests.ends import with_eye, with_hand
 
 from basecal.cell import Unknown
 from basecal.errors import NotObservable
-from basecal.estimation.axis_shift.stations import Station, _station, find_stations, for_task, fused
+from basecal.estimation.axis_shift.stations import Station, _station, base_for_task, find_stations, fuse_bases
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3, Camera
 from basecal.simulation.shifts import simulate_shifts
@@ -94,11 +94,11 @@ def test_mounts_must_be_known():
 def test_several_bases_are_fused_by_their_weights():
     """Translations are averaged, rotations to the nearest; a weight of zero counts for nothing."""
     one, two = SE3.from_rotvec([0, 0, 0.1], [0, 0, 0]), SE3.from_rotvec([0, 0, 0.3], [1, 0, 0])
-    middle = fused([one, two], [2.0, 2.0])
+    middle = fuse_bases([one, two], [2.0, 2.0])
     np.testing.assert_allclose(middle.rotvec, [0, 0, 0.2], atol=1e-12)
     np.testing.assert_allclose(middle.translation, [0.5, 0, 0])
-    np.testing.assert_allclose(fused([one, two], [3.0, 1.0]).translation, [0.25, 0, 0])
-    np.testing.assert_allclose(fused([one, two], [0.0, 1.0]).matrix, two.matrix, atol=1e-12)
+    np.testing.assert_allclose(fuse_bases([one, two], [3.0, 1.0]).translation, [0.25, 0, 0])
+    np.testing.assert_allclose(fuse_bases([one, two], [0.0, 1.0]).matrix, two.matrix, atol=1e-12)
 
 
 def test_the_base_for_a_task():
@@ -108,11 +108,15 @@ def test_the_base_for_a_task():
     bases = [first.base(), second.base()]
     lights = [(b @ s.hand_base_from_light).translation for b, s in zip(bases, (first, second), strict=True)]
     task = lights[1] + [0.0, 0.0, 0.01]
-    np.testing.assert_array_equal(for_task([first, second], task, nearest=True).matrix, bases[1].matrix)
+    np.testing.assert_array_equal(base_for_task([first, second], task, is_nearest=True).matrix, bases[1].matrix)
     weights = [np.linalg.norm(light - task) ** -2 for light in lights]
-    expected = fused(bases, weights)
-    np.testing.assert_allclose(for_task([first, second], task, nearest=False).matrix, expected.matrix, atol=1e-12)
-    np.testing.assert_allclose(for_task([first, second], lights[0], nearest=False).matrix, bases[0].matrix, atol=1e-9)
+    expected = fuse_bases(bases, weights)
+    np.testing.assert_allclose(
+        base_for_task([first, second], task, is_nearest=False).matrix, expected.matrix, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        base_for_task([first, second], lights[0], is_nearest=False).matrix, bases[0].matrix, atol=1e-9
+    )
 
 
 SHIFTS = np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.06]])

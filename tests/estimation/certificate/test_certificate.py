@@ -12,9 +12,9 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.certify import certified
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
-from basecal.estimation.certificate.certificate import _about, certify, proven_loops
-from basecal.estimation.certificate.relaxation import product_of
-from basecal.estimation.certificate.rotation_cost import factors_of, loop_form, present
+from basecal.estimation.certificate.certificate import _turned_states, certify, proven_loops
+from basecal.estimation.certificate.relaxation import kronecker_product
+from basecal.estimation.certificate.rotation_cost import loop_form, present, rotation_factors
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.problem import State
@@ -100,7 +100,7 @@ def test_form_is_the_sum_over_loops():
         loop = made.loop
         turned = np.swapaxes(loop.a.rotation @ x @ loop.b.rotation, -1, -2) @ y @ loop.c.rotation @ z
         angles = np.linalg.norm(rotation_log(turned), axis=-1)
-        v = product_of(factors_of(loop, x, y, z))
+        v = kronecker_product(rotation_factors(loop, x, y, z))
         assert v @ made.form @ v == pytest.approx(np.average(np.sin(angles / 2) ** 2, weights=loop.weight), abs=1e-12)
 
 
@@ -132,7 +132,7 @@ def test_no_state_costs_less_than_the_bound_of_its_rotations(name):
             state = shifted(solution, rng, size)
             least = sum(v.constant.sum() for v in views)
             for group, made in zip(problem.groups, forms, strict=True):
-                v = product_of(factors_of(made.loop, *present(problem, state, group, made.merged)))
+                v = kronecker_product(rotation_factors(made.loop, *present(problem, state, group, made.merged)))
                 least += made.weight * (v @ made.form @ v)
             assert linearise(problem, state).cost >= least * (1 - 1e-9)
 
@@ -262,7 +262,7 @@ def test_other_starts_are_turned_by_what_is_asked(target):
     """All rotations together by 0.5 rad; a light, which has none, and what is fixed stay."""
     solution = solved(Scenario(target=target, samples=8))
     moves = [name for name in solution.problem.columns if name not in solution.problem.point_mounts]
-    for state in _about(solution, 0.5):
+    for state in _turned_states(solution, 0.5):
         off = {n: (t.inverse() @ state.transforms[n]).log() for n, t in solution.state.transforms.items()}
         assert np.linalg.norm([off[n][3:] for n in moves]) == pytest.approx(0.5)
         assert not any(off[n].any() for n in off if n not in moves)
@@ -271,7 +271,7 @@ def test_other_starts_are_turned_by_what_is_asked(target):
 @pytest.mark.parametrize("reference", ["eye", "hand"])
 def test_the_proven_rotations_lead_back_from_a_worse_state(reference, monkeypatch):
     """By few steps to the best fit, whichever arm's base is the world; of what stood there nothing is claimed."""
-    monkeypatch.setattr("basecal.estimation.certificate.certificate._ITERATIONS", 2)
+    monkeypatch.setattr("basecal.estimation.certificate.certificate._DESCENT_STEPS", 2)
     made = simulate(Scenario(target="pose", samples=12, pose_noise=(1e-3, 1e-2)), 1)
     # Arms that face one another have a base that is its own inverse, nearly: this one stands askew.
     askew = SE3.exp([0.3, 0.2, -0.1, 0.5, -0.4, 0.8])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.certificate import relaxation
-from basecal.estimation.certificate.relaxation import Bound, bound, local_minimum, product_of
+from basecal.estimation.certificate.relaxation import Bound, kronecker_product, local_minimum, lower_bound
 
 
 def units(rng: np.random.Generator, count: int) -> tuple[np.ndarray, ...]:
@@ -28,7 +28,7 @@ def brute_force(form: np.ndarray, count: int, starts: int, seed: int) -> tuple[t
 
 def near_a_product(rng: np.random.Generator, count: int, noise: float) -> np.ndarray:
     """A form that is nearly zero on one product, as data with little noise give."""
-    best = product_of(units(rng, count))
+    best = kronecker_product(units(rng, count))
     rows = rng.standard_normal((3 * 4**count, 4**count))
     rows -= np.outer(rows @ best, best) * (1 - noise)
     return rows.T @ rows / (3 * 16**count)
@@ -41,7 +41,7 @@ def test_no_product_lies_below_the_bound(count, rank):
     rng = np.random.default_rng([count, rank])
     form = random_form(rng, count, rank)
     factors, least = brute_force(form, count, 20, 1)
-    found = bound(form, factors)
+    found = lower_bound(form, factors)
     factors_of_all = rng.standard_normal((count, 2000, 4))
     factors_of_all /= np.linalg.norm(factors_of_all, axis=-1, keepdims=True)
     vectors = np.ones((2000, 1))
@@ -55,12 +55,12 @@ def test_growth_holds_on_every_product(count):
     """The form is nowhere below lower + growth (1 - (v' best)^2), near the best product and far from it."""
     rng = np.random.default_rng(count)
     form = near_a_product(rng, count, 0.05)
-    found = bound(form, brute_force(form, count, 10, 2)[0])
-    best = product_of(found.factors)
+    found = lower_bound(form, brute_force(form, count, 10, 2)[0])
+    best = kronecker_product(found.factors)
     for size in (0.01, 0.1, 1.0, 10.0):
         for _ in range(200):
             near = [f + size * rng.standard_normal(4) for f in found.factors]
-            v = product_of([f / np.linalg.norm(f) for f in near])
+            v = kronecker_product([f / np.linalg.norm(f) for f in near])
             assert v @ form @ v >= found.lower + found.growth * (1 - (v @ best) ** 2) - 1e-12
 
 
@@ -70,7 +70,7 @@ def test_proof_is_tight_where_one_product_stands_out(count):
     rng = np.random.default_rng(count)
     for _ in range(5):
         form = near_a_product(rng, count, 0.05)
-        found = bound(form, brute_force(form, count, 10, 3)[0])
+        found = lower_bound(form, brute_force(form, count, 10, 3)[0])
         assert found.value - found.lower < 1e-9 * np.linalg.eigvalsh(form)[-1]
         assert found.growth > 1e-3 * np.linalg.eigvalsh(form)[-1]
 
@@ -80,12 +80,12 @@ def test_a_local_minimum_is_not_proven():
     axes = np.eye(4)
     deep, shallow = (axes[0], axes[1]), (axes[2], axes[3])
     form = np.eye(16) - sum(
-        depth * np.outer(product_of(of), product_of(of)) for depth, of in ((1, deep), (0.9, shallow))
+        depth * np.outer(kronecker_product(of), kronecker_product(of)) for depth, of in ((1, deep), (0.9, shallow))
     )
     kept, value = local_minimum(form, shallow)
     assert value == pytest.approx(0.1)
-    assert bound(form, kept).lower <= 1e-12
-    assert bound(form, deep).lower == pytest.approx(0.0, abs=1e-9)
+    assert lower_bound(form, kept).lower <= 1e-12
+    assert lower_bound(form, deep).lower == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_continuum_of_minima_has_no_growth():
@@ -93,7 +93,7 @@ def test_a_continuum_of_minima_has_no_growth():
     rng = np.random.default_rng(6)
     rows = rng.standard_normal((40, 4))
     form = np.kron(np.eye(4), rows.T @ rows / 40)
-    found = bound(form, brute_force(form, 2, 3, 1)[0])
+    found = lower_bound(form, brute_force(form, 2, 3, 1)[0])
     assert found.value - found.lower < 1e-9
     assert found.growth < 1e-6
 
@@ -130,7 +130,7 @@ def by_clarabel(form: np.ndarray, count: int) -> float:
 def test_bound_is_that_of_another_solver(seed, noise):
     """An interior-point solver for semidefinite programs finds the same bound, to 1e-6 of the form."""
     form = near_a_product(np.random.default_rng([seed, 9]), 2, noise)
-    found: Bound = bound(form, brute_force(form, 2, 10, 1)[0])
+    found: Bound = lower_bound(form, brute_force(form, 2, 10, 1)[0])
     assert found.lower == pytest.approx(by_clarabel(form, 2), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
 
 
@@ -138,7 +138,7 @@ def test_bound_is_that_of_another_solver(seed, noise):
 def test_bound_of_three_factors_is_that_of_another_solver():
     """As above with three factors, where that solver takes seconds."""
     form = near_a_product(np.random.default_rng(9), 3, 0.1)
-    found = bound(form, brute_force(form, 3, 10, 1)[0])
+    found = lower_bound(form, brute_force(form, 3, 10, 1)[0])
     assert found.lower == pytest.approx(by_clarabel(form, 3), abs=1e-6 * np.linalg.eigvalsh(form)[-1])
 
 
@@ -160,7 +160,7 @@ def test_products_see_the_mean_over_exchanges(count, rng):
     """That of all 2^k; what is exchanged changes nothing."""
     matrix = rng.standard_normal((4**count, 4**count))
     mean = sum(exchanged(matrix, count)) / 2**count
-    np.testing.assert_allclose(relaxation._on_products(matrix, count), mean, atol=1e-12)
+    np.testing.assert_allclose(relaxation._exchange_mean(matrix, count), mean, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -180,9 +180,9 @@ def test_classes_hold_what_exchanges_carry_into_one_another(count):
 def test_a_form_is_cleared_of_its_first_row(count, rng):
     """As far as products do not tell: what its entries have in others' classes is spread there alike."""
     matrix = random_form(rng, count, 30)
-    found = relaxation._cleared(matrix, count)
+    found = relaxation._clear_first_row(matrix, count)
     np.testing.assert_allclose(
-        relaxation._on_products(found, count), relaxation._on_products(matrix, count), atol=1e-12
+        relaxation._exchange_mean(found, count), relaxation._exchange_mean(matrix, count), atol=1e-12
     )
     np.testing.assert_array_equal(found, found.T)
     assert found[0, 0] == matrix[0, 0]
@@ -204,7 +204,7 @@ def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
     found = project(matrix)
     whole = np.zeros((size + 1, size + 1))
     whole[1:, 1:] = found
-    np.testing.assert_allclose(relaxation._on_products(whole, count), 0.0, atol=1e-12)
+    np.testing.assert_allclose(relaxation._exchange_mean(whole, count), 0.0, atol=1e-12)
     np.testing.assert_allclose(project(found), found, atol=1e-12)
     assert np.vdot(found, matrix - found) == pytest.approx(0.0, abs=1e-9)
     inner = relaxation._classes(count)[1:, 1:]
@@ -215,7 +215,7 @@ def test_what_vanishes_on_products_is_what_is_left_of_class_means(count, rng):
 
 def test_newtons_step_is_stationary(rng, monkeypatch):
     """Of what the barrier is to second order: in every direction that vanishes on products, and in the level."""
-    monkeypatch.setattr(relaxation, "_GRADIENT_LEFT", 1e-12)
+    monkeypatch.setattr(relaxation, "_GRADIENT_TOLERANCE", 1e-12)
     project, size = relaxation._vanishing(2), 15
     root = rng.standard_normal((size, 40))
     inverse, pull = np.linalg.inv(root @ root.T / 40), 50.0
@@ -241,15 +241,17 @@ def test_gradients_end_where_a_hundredth_is_left(rng, monkeypatch):
         """Of the first gradient."""
         return np.linalg.norm(right - matrix @ found) / np.linalg.norm(right)
 
-    found, steps = relaxation._solved(operator, right), len(asked)
+    found, steps = relaxation._solve_conjugate_gradients(operator, right), len(asked)
     assert 2 < steps < 12
     assert left(found) <= 1e-2
     monkeypatch.setattr(relaxation, "_MOST_GRADIENTS", steps - 1)
-    assert left(relaxation._solved(operator, right)) > 1e-2
-    monkeypatch.setattr(relaxation, "_GRADIENT_LEFT", 1e-9)
+    assert left(relaxation._solve_conjugate_gradients(operator, right)) > 1e-2
+    monkeypatch.setattr(relaxation, "_GRADIENT_TOLERANCE", 1e-9)
     monkeypatch.setattr(relaxation, "_MOST_GRADIENTS", 50)
-    np.testing.assert_allclose(relaxation._solved(operator, right), np.linalg.solve(matrix, right), rtol=1e-6)
-    np.testing.assert_array_equal(relaxation._solved(operator, 0 * right), 0.0)
+    np.testing.assert_allclose(
+        relaxation._solve_conjugate_gradients(operator, right), np.linalg.solve(matrix, right), rtol=1e-6
+    )
+    np.testing.assert_array_equal(relaxation._solve_conjugate_gradients(operator, 0 * right), 0.0)
 
 
 def test_what_leaks_into_products_is_taken_off_the_bound(monkeypatch):
@@ -257,9 +259,9 @@ def test_what_leaks_into_products_is_taken_off_the_bound(monkeypatch):
     rng = np.random.default_rng(3)
     form = near_a_product(rng, 2, 0.05)
     factors, value = brute_force(form, 2, 5, 1)
-    honest, raised = bound(form, factors), relaxation._raised
-    monkeypatch.setattr(relaxation, "_raised", lambda rest, count: raised(rest, count) + 0.1 * np.eye(len(rest)))
-    found = bound(form, factors)
+    honest, raised = lower_bound(form, factors), relaxation._maximise_dual
+    monkeypatch.setattr(relaxation, "_maximise_dual", lambda rest, count: raised(rest, count) + 0.1 * np.eye(len(rest)))
+    found = lower_bound(form, factors)
     assert found.value == honest.value == pytest.approx(value)
     assert found.lower <= honest.lower + 1e-9
     assert found.lower == pytest.approx(honest.lower - 0.1, abs=1e-6)
@@ -270,7 +272,7 @@ def test_a_local_minimum_is_lowest_in_each_factor(count, rng):
     """The others at rest; of a single factor it is the smallest eigenvalue, found at once and seen to stand still."""
     form = random_form(rng, count, 6)
     factors, value = local_minimum(form, units(rng, count))
-    best = product_of(factors)
+    best = kronecker_product(factors)
     assert best @ form @ best == pytest.approx(value, rel=1e-9)
     for j in range(count):
         axes = [np.eye(4) if i == j else f[:, None] for i, f in enumerate(factors)]
@@ -285,8 +287,8 @@ def test_a_local_minimum_is_lowest_in_each_factor(count, rng):
 def test_sweeps_end_where_nothing_is_gained(rng, monkeypatch):
     """Of one factor the second sweep stands still; asked for one there is one."""
     form, start = random_form(rng, 1, 6), units(rng, 1)
-    made, whole = [], relaxation.product_of
-    monkeypatch.setattr(relaxation, "product_of", lambda of: made.append(len(of)) or whole(of))
+    made, whole = [], relaxation.kronecker_product
+    monkeypatch.setattr(relaxation, "kronecker_product", lambda of: made.append(len(of)) or whole(of))
     _, value = local_minimum(form, start)
     assert value == pytest.approx(np.linalg.eigvalsh(form)[0])
     assert made == [0, 0]
@@ -302,7 +304,7 @@ def test_raising_reaches_what_is_there_to_reach():
     flat, lowering = np.diag(np.linspace(1.0, 2.0, 15)), project(root + root.T)
     form = flat - 3.0 * lowering / np.abs(np.linalg.eigvalsh(lowering)).max()
     assert np.linalg.eigvalsh(form)[0] < -0.5
-    raised = relaxation._raised(form, 2)
+    raised = relaxation._maximise_dual(form, 2)
     np.testing.assert_allclose(project(raised - form), raised - form, atol=1e-9)
     assert np.linalg.eigvalsh(raised)[0] > 0.85
-    np.testing.assert_array_equal(relaxation._raised(form[:3, :3], 1), form[:3, :3])
+    np.testing.assert_array_equal(relaxation._maximise_dual(form[:3, :3], 1), form[:3, :3])

@@ -10,7 +10,12 @@ import pytest
 from tests.ends import with_eye, with_hand
 
 from basecal.cell import Unknown
-from basecal.estimation.certificate.rotation_cost import factors_of, loop_form, present, rotations_of
+from basecal.estimation.certificate.rotation_cost import (
+    loop_form,
+    present,
+    rotation_factors,
+    rotations_from_factors,
+)
 from basecal.estimation.certificate.view_rotation import ViewCosts
 from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.problem.view_group import End, ViewGroup
@@ -59,7 +64,7 @@ def test_the_form_is_the_loops_cost(rng, fixed):
     for _ in range(5):
         rotation = {n: state.transforms[n].rotation if n in fixed else random_poses(rng).rotation for n in (X, Y, Z)}
         x, y, z = (rotation[name] for name in (X, Y, Z))
-        vector = reduce(np.kron, factors_of(found.loop, x, y, z))
+        vector = reduce(np.kron, rotation_factors(found.loop, x, y, z))
         expected = np.average(half_sines(group, costs, x, y, z), weights=costs.weight)
         assert vector @ found.form @ vector == pytest.approx(expected, rel=1e-10)
 
@@ -69,7 +74,7 @@ def test_factors_stand_for_rotations(rng):
     problem, state, group, costs = loop_of(rng, (Y,))
     loop = loop_form(problem, state, group, costs).loop
     x, z = random_poses(rng).rotation, random_poses(rng).rotation
-    back = rotations_of(loop, factors_of(loop, x, np.eye(3), z))
+    back = rotations_from_factors(loop, rotation_factors(loop, x, np.eye(3), z))
     np.testing.assert_allclose(back.x, x, atol=1e-14)
     np.testing.assert_allclose(back.y, state.transforms[Y].rotation, atol=1e-14)
     np.testing.assert_allclose(back.z, z, atol=1e-14)
@@ -87,7 +92,7 @@ def test_a_lacking_arm_merges_two_unknowns(rng, eye, hand, merged):
     whole = [state.transforms[name].rotation for name in (X, Y, Z)]
     expected = half_sines(group, costs, *whole)
     np.testing.assert_allclose(half_sines(group, costs, x, y, z), expected, atol=1e-12)
-    vector = reduce(np.kron, factors_of(found.loop, x, y, z))
+    vector = reduce(np.kron, rotation_factors(found.loop, x, y, z))
     assert vector @ found.form @ vector == pytest.approx(np.average(expected, weights=costs.weight), rel=1e-10)
 
 
@@ -115,5 +120,5 @@ def test_views_beyond_one_chunk(rng):
     found = loop_form(problem, state, group, costs)
     z = random_poses(rng).rotation
     x, y = (state.transforms[name].rotation for name in (X, Y))
-    (q,) = factors_of(found.loop, x, y, z)
+    (q,) = rotation_factors(found.loop, x, y, z)
     assert q @ found.form @ q == pytest.approx(np.average(half_sines(group, costs, x, y, z), weights=costs.weight))

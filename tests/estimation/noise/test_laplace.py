@@ -272,8 +272,8 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     columns = np.array([0, 3, 10])
     mean, covariance, squares = moments(sure, columns)
     known = columns_given(sure.model, sure.logs)
-    np.testing.assert_allclose(mean, known.in_units(columns)[0])
-    np.testing.assert_allclose(covariance, known.in_units(columns)[1], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(mean, known.rescale(columns)[0])
+    np.testing.assert_allclose(covariance, known.rescale(columns)[1], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(squares, np.exp(2 * sure.logs))
 
 

@@ -257,7 +257,7 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
     assert not found.blocks.lost.any()
     some, known = np.array([1, 4, 10]), columns_given(model, np.log(sigmas))
     units = expected.scales[some]
-    of_some = known.in_units(some)
+    of_some = known.rescale(some)
     np.testing.assert_allclose(of_some[0], mean[some] * units, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(
         of_some[1], covariance[np.ix_(some, some)] * np.outer(units, units), rtol=1e-6, atol=1e-8
@@ -351,7 +351,9 @@ def test_what_would_be_rounded_away_does_not_break_the_sums(rng):
 def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
     """By a hundred billionth of its own information, that known beforehand included."""
     model, parts = made_up(rng, OPEN)
-    alike = {key: replace(of, by_columns=of.by_columns[:, [0, 1, 1, *range(3, COLUMNS)]]) for key, of in parts.items()}
+    alike = {
+        key: replace(of, by_columns=of.column_jacobian[:, [0, 1, 1, *range(3, COLUMNS)]]) for key, of in parts.items()
+    }
     prior, gradient = model.prior.copy(), np.zeros(COLUMNS)
     prior[:3, :3] = 0.0
     prior[1:3, 1:3] = 500.0

@@ -27,9 +27,9 @@ from tests.pose_problem import MOUNT, TARGET, pose_problem, two_arm_problem
 from basecal.cell import Unknown
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import (
-    HARDLY_RAD,
+    STILL_RAD,
     _indistinct,
-    _least,
+    _least_motion,
     gauge_partners,
     motions,
     null_directions,
@@ -74,8 +74,8 @@ def test_axis_and_extent_are_those_of_the_motion():
     assert hand["planar"].turn_rad[0] > 0.5
     assert hand["planar"].turn_rad[1] < 1e-9
     assert [kind for kind in MOVES if hand[kind].is_still] == ["still"]
-    assert [kind for kind in MOVES if hand[kind].only_shifts] == ["shifts", "still"]
-    assert [kind for kind in MOVES if hand[kind].turn_rad[1] < HARDLY_RAD < hand[kind].turn_rad[0]] == [
+    assert [kind for kind in MOVES if hand[kind].is_translation_only] == ["shifts", "still"]
+    assert [kind for kind in MOVES if hand[kind].turn_rad[1] < STILL_RAD < hand[kind].turn_rad[0]] == [
         "one line",
         "planar",
         "one axis",
@@ -167,7 +167,7 @@ def test_a_hundredth_of_a_radian_and_a_millimetre_are_motion(turn_rad, travel_m,
     poses = SE3.from_rotvec(away[:, 3:], np.zeros((len(group), 3)))
     moved = SE3(poses.rotation @ at.rotation, at.translation + away[:, :3])
     hand = motions(problem.with_groups([with_hand(group, base_from_flange=moved)]))["hand"]
-    assert (hand.is_still, hand.only_shifts) == (kind == "still", kind != "turns")
+    assert (hand.is_still, hand.is_translation_only) == (kind == "still", kind != "turns")
     assert hand.orientations == (2 if kind == "turns" else 1)
 
 
@@ -186,7 +186,7 @@ def test_what_hardly_moves_is_still(travel, turn):
     found = motions(moving([[0, 0, 0.3], [0, 0, 0.3 + turn]], [[1, 2, 3], [1, 2 - travel, 3]]))["eye"]
     assert found.travel_m == pytest.approx(travel)
     np.testing.assert_allclose(found.turn_rad, [turn, 0.0, 0.0], atol=1e-9)
-    assert found.only_shifts == (turn < 0.01)
+    assert found.is_translation_only == (turn < 0.01)
     assert found.is_still == (turn < 0.01 and travel < 1e-3)
 
 
@@ -233,7 +233,7 @@ def test_motion_counts_from_five_sigmas_of_a_robots_noise():
     problem, _ = pose_problem(np.zeros((2, 6)), None, stop_sigma=np.ones(6))
     sigma = np.array([[2e-3, 1e-3, 0, 0, 1e-3, 0], [9, 9, 9, 9, 9, 9], [0, 0, 0, 2e-3, 3e-3, 1e-3], [1e-5] * 6])
     noisy = replace(problem, stops=Stops(sigma, ("a", "a", "b", "c")))
-    found = _least(noisy)
+    found = _least_motion(noisy)
     assert found == {"a": pytest.approx(5 * 2e-3 / SCALE[0]), "b": pytest.approx(5 * 3e-3), "c": LEAST_RMS}
 
 

@@ -14,7 +14,7 @@ from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability import observability as module
 from basecal.estimation.observability.motions import null_directions
-from basecal.estimation.observability.observability import observability_of, sparse_observability, without_priors
+from basecal.estimation.observability.observability import analyse_observability, sparse_observability, without_priors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
@@ -38,7 +38,7 @@ def seen_with(sigmas, factor=1.0, lens=()):
     if len(lens):
         columns = {**problem.columns, "camera": slice(6, 14)}
         problem = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
-    return observability_of(problem, state, np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
+    return analyse_observability(problem, state, np.diag(1.0 / np.array([*sigmas, *lens]) ** 2), factor)
 
 
 GOOD = np.array([1e-3] * 6)
@@ -50,9 +50,9 @@ def test_sparse_matrices_say_the_same():
     problem, _ = build_problem(made.cell, made.recording)
     state = solve_packed(problem, made.cell, Settings(robot_noise="stated")).state
     hessian = linearise(problem, state).hessian
-    sparse, dense = SparseHessian(csc_array(hessian)), observability_of(problem, state, hessian, 1.0)
+    sparse, dense = SparseHessian(csc_array(hessian)), analyse_observability(problem, state, hessian, 1.0)
     assert sparse_observability(problem, state, sparse, 1e6) is None
-    assert observability_of(problem, state, hessian, 1e6).unobservable
+    assert analyse_observability(problem, state, hessian, 1e6).unobservable
     found = sparse_observability(problem, state, sparse, 1.0)
     assert found is not None
     assert found.condition == pytest.approx(dense.condition, rel=2e-3)
@@ -119,7 +119,7 @@ def test_a_lens_must_have_its_focal_lengths_and_centre(k, gated):
 def test_without_unknowns_everything_is_observable():
     """An empty information has the condition one and no null space."""
     problem, state = pose_problem(np.zeros((4, 6)), np.ones(6))
-    found = observability_of(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
+    found = analyse_observability(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
     assert found.condition == 1.0
     assert found.unobservable == frozenset()
 
@@ -145,7 +145,7 @@ def test_units_are_a_distance_a_radian_a_focal_length_and_a_large_distortion():
 def test_a_problem_without_unknowns_is_seen():
     """It has no direction that could be open."""
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6))
-    found = observability_of(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
+    found = analyse_observability(replace(problem, columns={}), state, np.zeros((0, 0)), 1.0)
     assert (found.inverse.shape, found.onto_held.shape, found.condition) == ((0, 0), (0, 0), 1.0)
     assert (found.null_space, found.unobservable) == ((), frozenset())
 
@@ -169,7 +169,7 @@ def test_units_of_columns_are_those_of_what_they_move():
     lens = replace(problem, columns=columns, lenses={"camera": Intrinsics("free", LENS)})
     found = module._scales(lens, replace(state, cameras={"camera": LENS}), 2.5)
     np.testing.assert_array_equal(found, [1000.0] * 4 + [10.0] * 4 + [2.5] * 3 + [1.0] * 3)
-    assert [module._gated(lens, name) for name in (MOUNT, "camera", "eye_joint_offsets")] == [6, 4, 0]
+    assert [module._required_columns(lens, name) for name in (MOUNT, "camera", "eye_joint_offsets")] == [6, 4, 0]
 
 
 def test_priors_are_taken_off_and_what_is_fixed_stays():
@@ -193,7 +193,7 @@ def test_sparse_information_is_seen_below_three_tenths(sigma, factor, seen):
     state = replace(state, transforms={**state.transforms, MOUNT: SE3.from_rotvec([0, 0, 0], [0, 0, -2.0])})
     sigmas = np.array([2e-2, 2e-2, 2e-2, 1e-2, 1e-2, sigma])
     hessian = np.diag(sigmas**-2.0)
-    found = module.condition_where_seen(problem, state, SparseHessian(csc_array(hessian)), factor)
+    found = module.condition_number(problem, state, SparseHessian(csc_array(hessian)), factor)
     assert (found is not None) == seen
     if seen:
         assert found == pytest.approx(sigma / 1e-2, rel=1e-2)

@@ -15,7 +15,7 @@ from basecal.estimation.start import all_pairs
 from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.start.pair_views import PairViews, pair_views
-from basecal.estimation.start.refinement import refined_together
+from basecal.estimation.start.refinement import refine_jointly
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -60,9 +60,9 @@ def test_pairs_that_drifted_need_no_search(made, monkeypatch, rng) -> None:
 
     def watched(wishes):
         wished.extend(wishes)
-        return refined_together(wishes)
+        return refine_jointly(wishes)
 
-    monkeypatch.setattr(all_pairs, "refined_together", watched)
+    monkeypatch.setattr(all_pairs, "refine_jointly", watched)
     problem, _ = build_problem(made.cell, made.recording)
     drifted = {name: pose @ SE3.exp(rng.normal(0, 0.3, 6)) for name, pose in made.truth.items()}
     assert farthest(made, placed_by_pairs(problem, sights(made, problem), drifted, ())) < 0.02
@@ -119,7 +119,9 @@ def ring(rng):
 
 def placed(monkeypatch, pairs, given=()):
     """Where pairs place bases and mounts whose X, Y and Z are these."""
-    monkeypatch.setattr(all_pairs, "_refined", lambda problem, seen, *_: [dict(found)[id(sight)] for sight in seen])
+    monkeypatch.setattr(
+        all_pairs, "_refine_pairs", lambda problem, seen, *_: [dict(found)[id(sight)] for sight in seen]
+    )
     found = [(id(sight), triple) for sight, triple in pairs]
     return placed_by_pairs(None, [sight for sight, _ in pairs], {}, given)
 
@@ -167,11 +169,11 @@ def test_a_pair_that_fits_four_times_as_badly_as_others_is_searched(
         wished.append(wishes)
         return list(own) if len(wished) == 1 else [searched] * len(wishes)
 
-    monkeypatch.setattr(all_pairs, "refined_together", refined)
+    monkeypatch.setattr(all_pairs, "refine_jointly", refined)
     transforms = dict(bases)
     for k, (at_x, _, at_z) in enumerate(own):
         transforms |= {f"x{k}": at_x, f"z{k}": at_z}
-    found = all_pairs._refined(SimpleNamespace(point_mounts={"z4"}), [sight for sight, _ in pairs], transforms, ())
+    found = all_pairs._refine_pairs(SimpleNamespace(point_mounts={"z4"}), [sight for sight, _ in pairs], transforms, ())
     assert [wish.searched for wish in wished[0]] == [False] * 9
     assert [(wish.views, wish.searched, wish.is_point) for wish in wished[1]] == [(bad, True, True)] * is_searched
     assert [of is triple for of, triple in zip(found, own, strict=True)] == [

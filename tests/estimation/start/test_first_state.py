@@ -20,13 +20,13 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start import first_state as module
 from basecal.estimation.start.first_state import (
-    _closed,
-    _given,
     _Known,
+    _known_transforms,
     _light,
     _loop,
     _mount_of_points,
     _search,
+    _solve_closed_form,
     _unknown,
     first_state,
     first_states,
@@ -214,7 +214,7 @@ def test_what_is_given_is_fixed_or_has_a_narrow_prior():
         "guess": Unknown("free", mean),
         "free": Unknown(),
     }
-    assert _given(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
+    assert _known_transforms(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
 
 
 def test_a_thorough_start_takes_more_views_whose_poses_are_refined(monkeypatch):
@@ -258,7 +258,7 @@ def hand_made(rng, swapped=()):
 def test_closed_forms_choose_the_better_of_each_views_poses(rng, swapped):
     """Until the choice settles: exact, where a few views had their poses the other way round."""
     sight, triple = hand_made(rng, swapped)
-    for found, true in zip(_closed(sight, _Known()), triple, strict=True):
+    for found, true in zip(_solve_closed_form(sight, _Known()), triple, strict=True):
         np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-7)
 
 
@@ -279,7 +279,7 @@ def test_searches_go_in_step_and_end_by_themselves(monkeypatch):
         return [10 * problem + step for problem, step in wishes]
 
     monkeypatch.setattr(module, "_search", search)
-    monkeypatch.setattr(module, "refined_together", refined)
+    monkeypatch.setattr(module, "refine_jointly", refined)
     first, second, third, fourth = first_states([3, 2, 0, 1], None, False)
     assert (first, third, fourth) == (30 + 31 + 32, 0, 10)
     assert isinstance(second, InputError)
@@ -338,9 +338,9 @@ def test_pairs_with_poses_and_many_views_go_first(monkeypatch, is_clear):
     pairs = [group_of(*ends, target=name) for name in given]
     tried = []
 
-    def start(sight, known, problem, thorough, forced):
-        tried.append((sight.group.target, forced))
-        return is_clear or forced
+    def start(sight, known, problem, thorough, is_forced):
+        tried.append((sight.group.target, is_forced))
+        return is_clear or is_forced
         yield
 
     monkeypatch.setattr(module, "_start", start)

@@ -7,7 +7,7 @@ import pytest
 from tests.ends import end, views, with_hand
 
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.start.half_turns import _descended, turned_views
+from basecal.estimation.start.half_turns import _descend_readings, turned_views
 from basecal.geometry import SE3
 from basecal.geometry.rotation import rotation_exp
 from basecal.simulation import Scenario, simulate
@@ -84,10 +84,10 @@ def test_no_single_view_gains_by_being_read_otherwise(rng, count):
     def cost(turn):
         return misfit[rows, turn][:, rows, turn].sum()
 
-    found = _descended(misfit, begun)
+    found = _descend_readings(misfit, begun)
     np.testing.assert_array_equal(begun, start)
     assert cost(found) <= cost(begun)
     for view in rows:
         other = np.where(rows == view, 1 - found, found)
         assert cost(other) >= cost(found) - 4e-6
-    np.testing.assert_array_equal(_descended(misfit, found), found)
+    np.testing.assert_array_equal(_descend_readings(misfit, found), found)

@@ -16,9 +16,9 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.lens import (
     _Lenses,
     _poses,
-    _thinned,
+    _promising_lenses,
+    _thin_points,
     _Views,
-    _worth_bending,
     guessed_lens,
     lens_from_views,
 )
@@ -87,7 +87,7 @@ def test_each_focal_length_goes_on_once_and_none_that_hardly_fits():
     focal = np.array([900.0, 901.0, 905.0, 700.0, 500.0, 300.0])
     cost = np.array([2.0, 1.0, 3.0, 30.0, 101.0, np.nan])
     rough = SimpleNamespace(cost=cost, state=SimpleNamespace(camera=SimpleNamespace(focal=focal[:, None])))
-    assert _worth_bending(rough).tolist() == [1, 2, 3]
+    assert _promising_lenses(rough).tolist() == [1, 2, 3]
 
 
 def test_a_guess_is_centred_and_as_wide_as_asked():
@@ -110,11 +110,11 @@ def test_at_most_thirty_views_of_four_points_or_more_are_kept(count, step):
     seen = whole.seen.copy()
     seen[0, 3:], seen[1, 4:] = False, False  # three points, and four
     seen[-1] = False
-    few = _thinned(replace(whole, seen=seen, stated=7.0 * seen, weight=7.0 * seen))
+    few = _thin_points(replace(whole, seen=seen, stated=7.0 * seen, weight=7.0 * seen))
     np.testing.assert_array_equal(few.pixels, whole.pixels[1:-1][::step])
     np.testing.assert_array_equal(few.weight, 1.0 * few.seen)
     np.testing.assert_array_equal(few.seen, seen[1:-1][::step])
-    assert len(_thinned(replace(whole, seen=np.zeros_like(seen))).seen) == 0
+    assert len(_thin_points(replace(whole, seen=np.zeros_like(seen))).seen) == 0
 
 
 def test_poses_of_a_guess_are_of_the_points_it_can_place():

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import pair_views
-from basecal.estimation.start.refinement import Refinement, refined_together
+from basecal.estimation.start.refinement import Refinement, refine_jointly
 from basecal.simulation import Scenario, simulate
 
 
@@ -40,7 +40,7 @@ def test_the_point_that_most_views_see_is_the_light():
 def test_refined_the_best_start_is_the_truth():
     """With camera and light known, the starts of the grid lead to the base, to a milliradian."""
     pair, loop, truth = partial_views()
-    (found,) = refined_together([Refinement(*light_search(pair, loop, 3), is_point=True)])
+    (found,) = refine_jointly([Refinement(*light_search(pair, loop, 3), is_point=True)])
     assert np.linalg.norm((found[1].inverse() @ truth[1]).rotvec) < 1e-3
 
 

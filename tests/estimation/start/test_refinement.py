@@ -9,7 +9,7 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.start.pair_views import pair_views
-from basecal.estimation.start.refinement import Refinement, pair_problem, refined_together
+from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -40,32 +40,32 @@ def off(found, truth):
 def test_the_best_start_is_refined():
     """A start near the truth ends at it, to 5 mm and mrad, though another start is hopeless."""
     asked, truth = wish(1, starts=(3.0, 0.05, 3.0))
-    (found,) = refined_together([asked])
+    (found,) = refine_jointly([asked])
     assert off(found, truth) < 5e-3
 
 
 def test_wishes_do_not_know_of_one_another():
     """Pairs of different numbers of views, and one of another structure, end where each ends alone."""
     wishes = [wish(1)[0], wish(2, views=6)[0], wish(3, known="x")[0], wish(4)[0]]
-    together = refined_together(wishes)
+    together = refine_jointly(wishes)
     for one, found in zip(wishes, together, strict=True):
-        (alone,) = refined_together([one])
+        (alone,) = refine_jointly([one])
         for a, b in zip(found, alone, strict=True):
             np.testing.assert_allclose((a.inverse() @ b).log(), 0.0, atol=1e-7)
 
 
 def test_rotations_are_searched_where_that_is_asked_for():
     """From hopeless starts alone the truth is found with a search, and not without one."""
-    (without,) = refined_together([wish(5, starts=(3.0,))[0]])
+    (without,) = refine_jointly([wish(5, starts=(3.0,))[0]])
     asked, truth = wish(5, starts=(3.0,), searched=True)
-    (found,) = refined_together([asked])
+    (found,) = refine_jointly([asked])
     assert off(found, truth) < 5e-3 < off(without, truth)
 
 
 def test_what_is_known_stays():
     """A mount that is known is that of the start."""
     asked, truth = wish(6, known="x")
-    (found,) = refined_together([asked])
+    (found,) = refine_jointly([asked])
     np.testing.assert_array_equal(found[0].matrix, truth[0].matrix)
     assert off(found, truth) < 5e-3
 
@@ -101,7 +101,7 @@ def test_structures_are_told_apart():
 def test_every_view_of_a_pair_counts():
     """The end is the optimum of the pair alone, first and last view and all between."""
     asked, truth = wish(8, views=4, starts=(0.02,))
-    (found,) = refined_together([asked])
+    (found,) = refine_jointly([asked])
     state = State(dict(zip("xyz", truth, strict=True)), {}, np.zeros((0, 6)))
     best = bundle_adjust(pair_problem(asked.views, asked.loop, False), state, 1).state
     for name, at in zip("xyz", found, strict=True):

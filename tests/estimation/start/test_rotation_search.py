@@ -13,8 +13,8 @@ from basecal.estimation.start.rotation_search import (
     _loops,
     _sum_of_singular_values,
     _trimmed_rms,
-    angle_between,
     pose_starts,
+    rotation_angle,
     search_rotations,
     settled_rotations,
 )
@@ -54,7 +54,7 @@ def test_exact_loops_are_closed(unknown):
     found = search_rotations([loop(truth, unknown, 12 + k, k) for k, truth in enumerate(truths)])
     assert all(rotations.clear for rotations in found)
     off = [
-        angle_between(getattr(rotations, k), truth[k].rotation)
+        rotation_angle(getattr(rotations, k), truth[k].rotation)
         for rotations, truth in zip(found, truths, strict=True)
         for k in "xyz"
     ]
@@ -74,8 +74,8 @@ def test_rotations_settle_where_samples_lead(unknown):
     found = settled_rotations([loop(truth, unknown, 20, k) for k, truth in enumerate(truths)], near)
     assert all(rotations.clear for rotations in found)
     for at, begun, truth in zip(found, near, truths, strict=True):
-        off = max(angle_between(getattr(at, k), truth[k].rotation) for k in "xyz")
-        assert off < max(angle_between(begun["xyz".index(k)], truth[k].rotation) for k in "xyz") / 10
+        off = max(rotation_angle(getattr(at, k), truth[k].rotation) for k in "xyz")
+        assert off < max(rotation_angle(begun["xyz".index(k)], truth[k].rotation) for k in "xyz") / 10
 
 
 def test_loops_do_not_know_of_one_another():
@@ -99,7 +99,7 @@ def test_a_fifth_of_wrong_samples_does_not_choose_the_end():
             wrong[:, None, None], rotation_exp(np.random.default_rng(seed).standard_normal((24, 3))), np.eye(3)
         )
         (found,) = search_rotations([clean._replace(b=SE3(clean.b.rotation @ turned, clean.b.translation))])
-        assert max(angle_between(getattr(found, k), truth[k].rotation) for k in "xyz") < 0.3
+        assert max(rotation_angle(getattr(found, k), truth[k].rotation) for k in "xyz") < 0.3
 
 
 def test_sums_of_singular_values():
@@ -121,12 +121,12 @@ def test_angles_between_rotations():
     axis = np.array([0.6, 0.0, 0.8])
     first = rotation_exp(np.array([0.4, -1.0, 0.2]))
     second = first @ rotation_exp(angle[:, None] * axis)
-    np.testing.assert_allclose(angle_between(first, second), angle, atol=1e-12, rtol=1e-6)
+    np.testing.assert_allclose(rotation_angle(first, second), angle, atol=1e-12, rtol=1e-6)
     axes = np.random.default_rng(0).standard_normal((500, 3))
     half = first @ rotation_exp(np.pi * axes / np.linalg.norm(axes, axis=-1, keepdims=True))
-    np.testing.assert_allclose(angle_between(first, half), np.pi, atol=1e-7)
+    np.testing.assert_allclose(rotation_angle(first, half), np.pi, atol=1e-7)
     np.testing.assert_allclose(
-        angle_between(first, second), np.linalg.norm(rotation_log(first.T @ second), axis=-1), atol=1e-8
+        rotation_angle(first, second), np.linalg.norm(rotation_log(first.T @ second), axis=-1), atol=1e-8
     )
 
 
@@ -162,7 +162,7 @@ def test_starts_that_differ_in_any_rotation_are_apart(monkeypatch):
     turn = rotation_exp(np.array([[0.0, 0, 0], [0.14, 0, 0], [0.16, 0, 0], [0, 0.5, 0]]))
     same = np.broadcast_to(np.eye(3), (4, 3, 3))
     ends = {"x": np.stack([same, turn, same]), "y": np.stack([turn, same, same]), "z": np.eye(3)[None, None]}
-    monkeypatch.setattr(rotation_search, "_alternated", lambda loops, at, rounds: ends)
+    monkeypatch.setattr(rotation_search, "_alternate", lambda loops, at, rounds: ends)
     found = pose_starts([loop(drawn(k), "xy", 5, k) for k in range(3)], 4)
     np.testing.assert_array_equal([start[1] for start in found[0]], turn[[0, 2, 3]])
     np.testing.assert_array_equal([start[0] for start in found[1]], turn[[0, 2, 3]])

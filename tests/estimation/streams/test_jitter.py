@@ -10,7 +10,7 @@ from basecal.cell import Calibration, Clock, ClockOffset, Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.streams.jitter import with_jitter
 from basecal.estimation.streams.rolling_shutter import Known
-from basecal.estimation.streams.streams import streams_of, synchronised
+from basecal.estimation.streams.streams import recording_streams, synchronise
 from stream_cells import MOUNT, TAG, Streamed, along, streamed
 
 NAME = "arm_flange_from_wrist"
@@ -33,9 +33,9 @@ def nees(made: Streamed, found: Calibration) -> float:
 
 def test_views_move_as_targets_do_before_cameras() -> None:
     made = streamed(clock=Clock(offset_s=0.03, jitter_s=2e-3))
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    of = synchronised(streams, streams.stated)
+    of = synchronise(streams, streams.stated)
     known = Known(made.cell, {NAME: MOUNT, "arm_base_from_tag": TAG}, {})
     problem = with_jitter(build_problem(made.cell, of.recording)[0], known, of.robots, streams.clocks)
     (group,) = problem.groups

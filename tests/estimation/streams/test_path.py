@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
 
-from basecal.estimation.streams.path import MOST_APART_S, Path
+from basecal.estimation.streams.path import LARGEST_GAP_S, Path
 from basecal.geometry import SE3
 from planar_arm import planar
 from stream_cells import along
@@ -47,7 +47,7 @@ def test_records_at_unequal_times_are_followed_as_well() -> None:
 def test_a_gap_is_not_followed() -> None:
     times = np.concatenate([np.arange(0.0, 1.0, 0.05), np.arange(2.0, 3.0, 0.05)])
     path = Path(times, along(times))
-    np.testing.assert_array_equal(path.followed(np.array([-0.1, 0.5, 1.2, 1.5, 2.5, 3.5])), [0, 1, 0, 0, 1, 0])
+    np.testing.assert_array_equal(path.known_mask(np.array([-0.1, 0.5, 1.2, 1.5, 2.5, 3.5])), [0, 1, 0, 0, 1, 0])
 
 
 def test_beside_a_gap_slopes_are_of_their_own_side() -> None:
@@ -60,7 +60,7 @@ def test_a_record_alone_is_of_a_robot_that_stands() -> None:
     times = np.array([0.0, 5.0, 10.0])
     path = Path(times, along(times))
     asked = np.array([4.9, 5.2, 10.1, 6.0])
-    np.testing.assert_array_equal(path.followed(asked), [1, 1, 1, 0])
+    np.testing.assert_array_equal(path.known_mask(asked), [1, 1, 1, 0])
     there = path.at(asked[:3])
     np.testing.assert_array_equal(there.velocity, 0.0)
     np.testing.assert_allclose(there.base_from_flange.matrix, along(times[[1, 1, 2]]).matrix, atol=1e-12)
@@ -69,7 +69,7 @@ def test_a_record_alone_is_of_a_robot_that_stands() -> None:
 @pytest.mark.parametrize("count", [0, 1])
 def test_too_few_records_are_no_path(count: int) -> None:
     path = Path(np.arange(count, dtype=float), SE3.identity((count,)))
-    assert not path.followed(np.array([0.0, MOST_APART_S])).any()
+    assert not path.known_mask(np.array([0.0, LARGEST_GAP_S])).any()
 
 
 def test_joints_are_interpolated_as_joints() -> None:
@@ -117,10 +117,10 @@ def test_between_records_it_is_the_cubic_of_the_slopes_around(by_joints: bool) -
 def test_a_quarter_of_a_second_is_followed_and_more_is_not() -> None:
     """Both ends of a path belong to it; a record with none so near is one of a robot that stood, for as long."""
     path = Path(np.array([0.0, 0.25, 0.5, 1.0, 1.251953125]), SE3.identity((5,)))
-    np.testing.assert_array_equal(path.steady, [True, True, False, False])
-    np.testing.assert_array_equal(path.alone, [False, False, False, True, True])
+    np.testing.assert_array_equal(path.steady_intervals, [True, True, False, False])
+    np.testing.assert_array_equal(path.isolated_records, [False, False, False, True, True])
     asked = [-0.001, 0.0, 0.25, 0.4, 0.5, 0.6, 0.749, 0.751, 1.25, 1.5, 1.51]
-    np.testing.assert_array_equal(path.followed(np.array(asked)), [0, 1, 1, 1, 1, 0, 0, 1, 1, 1, 0])
+    np.testing.assert_array_equal(path.known_mask(np.array(asked)), [0, 1, 1, 1, 1, 0, 0, 1, 1, 1, 0])
 
 
 def test_a_robot_stands_at_the_nearer_record() -> None:

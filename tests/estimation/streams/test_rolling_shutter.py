@@ -20,8 +20,8 @@ from basecal.cell import (
 )
 from basecal.cell.calibration import Calibration, LineTime
 from basecal.cell.targets.points import points_target
-from basecal.estimation.streams.rolling_shutter import Known, Moving, as_at_once, line_of, mean_row
-from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
+from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
+from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3, Camera, PoseEstimate
 from stream_cells import BOARD, MOUNT, Streamed, along, pictured
 
@@ -47,14 +47,14 @@ def seen_at_once(recording: Recording, made: Streamed) -> np.ndarray:
 def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None:
     """Without noise: what rows of 30 us bend by pixels is mended to some hundredths."""
     made = pictured(LINE_S, RollingShutter("fixed", LINE_S), noise_px=0.0)
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    at_mean = synchronised(streams, streams.stated)
+    at_mean = synchronise(streams, streams.stated)
     assert np.abs(seen_at_once(at_mean.recording, made)).max() > 0.5
-    mended = at_mean.at_once(known(made), streams.stated)
+    mended = at_mean.correct_rows(known(made), streams.stated)
     assert np.abs(seen_at_once(mended.recording, made)).max() < 0.03
-    plain = synchronised(streams, {**streams.stated, line_of("wrist"): 0.0})
-    assert plain.at_once(known(made), {"arm": 0.0, "wrist": 0.0}) is plain
+    plain = synchronise(streams, {**streams.stated, line_time_name("wrist"): 0.0})
+    assert plain.correct_rows(known(made), {"arm": 0.0, "wrist": 0.0}) is plain
 
 
 def test_a_calibration_mends_what_is_read_with_it() -> None:
@@ -78,11 +78,11 @@ def test_the_velocity_of_a_target_is_that_of_differences() -> None:
 
 def test_what_is_not_known_yet_mends_nothing() -> None:
     made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    at_mean = synchronised(streams, streams.stated)
+    at_mean = synchronise(streams, streams.stated)
     without = replace(known(made), transforms={})
-    after = as_at_once(at_mean.recording, without, {"wrist": LINE_S}, at_mean.robots)
+    after = correct_rolling_shutter(at_mean.recording, without, {"wrist": LINE_S}, at_mean.robots)
     for a, b in zip(after.samples, at_mean.recording.samples, strict=True):
         np.testing.assert_array_equal(a.observations[0].pixels, b.observations[0].pixels)
 
@@ -93,9 +93,9 @@ def test_arms_that_stand_have_no_rows() -> None:
     together = synchronous(replace(made.cell, cameras={}), Recording(made.recording.samples[:0]))
     assert together.samples == ()
     slow = tuple(replace(s, stamp_s=float(k)) for k, s in enumerate(_beside(made)))
-    assert streams_of(_clockless(made), Recording(slow)) is None
-    assert streams_of(_clockless(made), Recording(tuple(replace(s, stamp_s=None) for s in slow))) is None
-    assert streams_of(_clockless(made), Recording(_beside(made))) is not None
+    assert recording_streams(_clockless(made), Recording(slow)) is None
+    assert recording_streams(_clockless(made), Recording(tuple(replace(s, stamp_s=None) for s in slow))) is None
+    assert recording_streams(_clockless(made), Recording(_beside(made))) is not None
 
 
 def _clockless(made: Streamed):
@@ -152,9 +152,9 @@ def test_poses_and_velocities_of_any_pair_are_those_of_differences(camera_on: st
 def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
     """Written out for corners and for candidates of a light; other cameras, and lines without time, stay."""
     made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    at_mean = synchronised(streams, streams.stated)
+    at_mean = synchronise(streams, streams.stated)
     first = at_mean.recording.samples[3]
     (seen,) = first.observations
     shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]
@@ -163,7 +163,7 @@ def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
     some = replace(seen, ids=ids, pixels=seen.pixels[[4, 1]], sigma_px=None)
     candidates = CandidateObservation("wrist", "board", spots)
     recording = replace(at_mean.recording, samples=(replace(first, observations=(some, candidates)),))
-    mended = as_at_once(recording, known(made), {"wrist": LINE_S}, at_mean.robots).samples[0].observations
+    mended = correct_rolling_shutter(recording, known(made), {"wrist": LINE_S}, at_mean.robots).samples[0].observations
     arm = at_mean.robots["arm"][first.sample]
     middle = np.concatenate([some.pixels, spots])[:, 1].mean()
     for before, after, points in (
@@ -178,7 +178,7 @@ def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
             np.testing.assert_allclose(after.pixels[k], before.pixels[k] - (there - here), atol=1e-9)
             assert np.abs(there - here).max() > 0.01
     for lines, lenses in (({"wrist": 0.0}, known(made).lenses), ({"wrist": LINE_S}, {})):
-        same = as_at_once(recording, replace(known(made), lenses=lenses), lines, at_mean.robots)
+        same = correct_rolling_shutter(recording, replace(known(made), lenses=lenses), lines, at_mean.robots)
         assert same.samples[0].observations == (some, candidates)
 
 
@@ -209,7 +209,7 @@ def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
 
     def mended(line_s: float, known: Known = known, sample: Sample = sample) -> np.ndarray:
         """Pixels of the sample as if they had been seen at once."""
-        (found,) = as_at_once(Recording((sample,)), known, {"wrist": line_s}, robots).samples
+        (found,) = correct_rolling_shutter(Recording((sample,)), known, {"wrist": line_s}, robots).samples
         assert found.stamp_s == sample.stamp_s
         return found.observations[0].pixels
 
@@ -222,7 +222,7 @@ def test_what_moved_until_a_row_is_taken_off_its_pixels() -> None:
     targets = {"tag": CellTarget("tag", "hand")}
     np.testing.assert_array_equal(mended(1e-5, replace(known, cell=replace(known.cell, targets=targets))), pixels)
     posed = replace(sample, observations=(PoseObservation("wrist", "tag", SE3.identity()),))
-    (same,) = as_at_once(Recording((posed,)), known, {"wrist": 1e-5}, robots).samples
+    (same,) = correct_rolling_shutter(Recording((posed,)), known, {"wrist": 1e-5}, robots).samples
     assert same.observations == posed.observations
 
 
@@ -234,5 +234,7 @@ def test_what_is_behind_the_camera_is_left_where_it_is() -> None:
     pixels = np.array([[640.0, 260.0], [720.0, 460.0]])
     ids = known.cell.targets["tag"].target.ids
     sample = Sample(3, stamp_s=0.0, observations=(PixelObservation("wrist", "tag", ids, pixels),))
-    (found,) = as_at_once(Recording((sample,)), behind, {"wrist": 1e-5}, {n: {3: of} for n, of in arms.items()}).samples
+    (found,) = correct_rolling_shutter(
+        Recording((sample,)), behind, {"wrist": 1e-5}, {n: {3: of} for n, of in arms.items()}
+    ).samples
     np.testing.assert_array_equal(found.observations[0].pixels, pixels)

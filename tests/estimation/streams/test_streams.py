@@ -25,8 +25,8 @@ from basecal.cell import (
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
 from basecal.estimation.streams import streams
-from basecal.estimation.streams.rolling_shutter import line_of
-from basecal.estimation.streams.streams import streams_of, synchronised, synchronous
+from basecal.estimation.streams.rolling_shutter import line_time_name
+from basecal.estimation.streams.streams import recording_streams, synchronise, synchronous
 from basecal.geometry import SE3
 from planar_arm import planar
 from stream_cells import MOUNT, along, streamed
@@ -37,13 +37,13 @@ def test_samples_by_one_clock_are_no_streams() -> None:
     together = synchronous(
         made.cell, made.recording, Calibration("good", clocks={"wrist": ClockOffset(made.offset_s, 0.0)})
     )
-    assert streams_of(made.cell, together) is None
+    assert recording_streams(made.cell, together) is None
     assert synchronous(made.cell, together) is together
 
 
 def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
     made = streamed()
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert streams.open == ("wrist",)
     assert streams.stated == {"arm": 0.0, "wrist": 0.0}
@@ -51,10 +51,10 @@ def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
 
 def test_what_is_stated_of_a_clock_holds() -> None:
     made = streamed(clock=Clock("prior", 0.02, 0.01))
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert streams.clocks["wrist"] == Clock("prior", 0.02, 0.01)
-    fixed = streams_of(*(lambda m: (m.cell, m.recording))(streamed(clock=Clock(offset_s=0.03))))
+    fixed = recording_streams(*(lambda m: (m.cell, m.recording))(streamed(clock=Clock(offset_s=0.03))))
     assert fixed is not None
     assert fixed.open == ()
 
@@ -62,7 +62,7 @@ def test_what_is_stated_of_a_clock_holds() -> None:
 def test_where_all_clocks_are_free_that_of_the_reference_is_held() -> None:
     made = streamed(clock=Clock("free"))
     robots = {"arm": replace(made.cell.robots["arm"], clock=Clock("free", 1.0))}
-    streams = streams_of(replace(made.cell, robots=robots), made.recording)
+    streams = recording_streams(replace(made.cell, robots=robots), made.recording)
     assert streams is not None
     assert streams.open == ("wrist",)
     assert streams.clocks["arm"] == Clock("fixed", 1.0)
@@ -70,9 +70,9 @@ def test_where_all_clocks_are_free_that_of_the_reference_is_held() -> None:
 
 def test_robots_stand_where_they_were_at_the_instant_of_the_view() -> None:
     made = streamed()
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    samples = synchronised(streams, {"arm": 0.0, "wrist": made.offset_s}).recording.samples
+    samples = synchronise(streams, {"arm": 0.0, "wrist": made.offset_s}).recording.samples
     assert len(samples) == 70
     times = np.array([s.stamp_s for s in samples])
     np.testing.assert_allclose(times, np.arange(0.5, 7.5, 0.1), atol=1e-9)
@@ -82,10 +82,10 @@ def test_robots_stand_where_they_were_at_the_instant_of_the_view() -> None:
 
 def test_the_offset_of_a_robot_counts_the_other_way() -> None:
     made = streamed()
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    by_camera = synchronised(streams, {"arm": 0.0, "wrist": 0.03}).recording.samples[5]
-    by_robot = synchronised(streams, {"arm": -0.03, "wrist": 0.0}).recording.samples[5]
+    by_camera = synchronise(streams, {"arm": 0.0, "wrist": 0.03}).recording.samples[5]
+    by_robot = synchronise(streams, {"arm": -0.03, "wrist": 0.0}).recording.samples[5]
     first, second = (s.robots["arm"].base_from_flange for s in (by_camera, by_robot))
     np.testing.assert_allclose(first.matrix, second.matrix, atol=1e-12)
 
@@ -109,9 +109,9 @@ def test_two_cameras_of_one_line_become_two_samples() -> None:
         replace(s, observations=(*s.observations, replace(s.observations[0], camera="side"))) if s.observations else s
         for s in made.recording.samples
     ]
-    streams = streams_of(replace(made.cell, cameras=cameras), Recording(tuple(both)))
+    streams = recording_streams(replace(made.cell, cameras=cameras), Recording(tuple(both)))
     assert streams is not None
-    samples = synchronised(streams, {"arm": 0.0, "wrist": 0.03, "side": 0.05}).recording.samples
+    samples = synchronise(streams, {"arm": 0.0, "wrist": 0.03, "side": 0.05}).recording.samples
     assert len({s.sample for s in samples}) == len(samples) == 140
     first, second = (next(s for s in samples if s.observations[0].camera == name) for name in ("wrist", "side"))
     assert second.stamp_s == pytest.approx(first.stamp_s + 0.02)
@@ -121,22 +121,24 @@ def test_a_line_without_a_stamp_is_an_error() -> None:
     made = streamed()
     first, *others = made.recording.samples
     with pytest.raises(InputError, match="sample 0 has no stamp_s"):
-        streams_of(made.cell, Recording((replace(first, stamp_s=None), *others)))
+        recording_streams(made.cell, Recording((replace(first, stamp_s=None), *others)))
 
 
 def test_clocks_that_share_no_time_are_an_error() -> None:
     made = streamed(offset_s=1.6e9)
     with pytest.raises(InputError, match=r"stamps of wrist and of arm share no time.*clock: \{status: free, offset_s"):
-        streams_of(made.cell, made.recording)
+        recording_streams(made.cell, made.recording)
     guessed = streamed(offset_s=1.6e9, clock=Clock("free", 1.6e9 - 0.02))
-    assert streams_of(guessed.cell, guessed.recording) is not None
+    assert recording_streams(guessed.cell, guessed.recording) is not None
 
 
 def test_poses_and_joints_of_one_robot_do_not_mix() -> None:
     made = streamed()
     *others, last = made.recording.samples
     with pytest.raises(InputError, match="'arm' is recorded by poses in some lines and by joints in others"):
-        streams_of(made.cell, Recording((*others, replace(last, robots={"arm": RobotState(joints_rad=np.zeros(6))}))))
+        recording_streams(
+            made.cell, Recording((*others, replace(last, robots={"arm": RobotState(joints_rad=np.zeros(6))})))
+        )
 
 
 def test_solve_reads_streams_by_the_clocks_as_stated() -> None:
@@ -148,7 +150,7 @@ def test_solve_reads_streams_by_the_clocks_as_stated() -> None:
 
 def test_thinned_views_are_spread_over_all() -> None:
     made = streamed()
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert [s.sample for s in streams.thinned(3).instants] == [0, 34, 69]
 
@@ -157,7 +159,7 @@ def test_a_few_samples_without_a_robot_do_not_make_streams() -> None:
     view = PoseObservation("wrist", "tag", SE3.identity())
     made = streamed()
     samples = [Sample(k, None, {"arm": RobotState(SE3.identity())} if k else {}, (view,)) for k in range(4)]
-    assert streams_of(made.cell, Recording(tuple(samples))) is None
+    assert recording_streams(made.cell, Recording(tuple(samples))) is None
 
 
 def test_most_views_stand_alone_or_there_are_no_streams() -> None:
@@ -171,9 +173,9 @@ def test_most_views_stand_alone_or_there_are_no_streams() -> None:
         views = [Sample(k, float(k), {} if k < alone else arm, (view,)) for k in range(4)]
         return Recording((*views, *([Sample(9, 0.5, arm), Sample(10, 2.5, arm)] if elsewhere else [])))
 
-    assert streams_of(made.cell, of(2)) is None
-    assert streams_of(made.cell, of(3)) is not None
-    assert streams_of(made.cell, of(4, elsewhere=False)) is None
+    assert recording_streams(made.cell, of(2)) is None
+    assert recording_streams(made.cell, of(3)) is not None
+    assert recording_streams(made.cell, of(4, elsewhere=False)) is None
 
 
 @pytest.mark.parametrize(("gone", "shown"), [(10, "8, 9"), (11, "8, 9, ...")])
@@ -195,7 +197,7 @@ def test_of_two_records_at_one_stamp_the_first_counts() -> None:
     made = streamed(clock=Clock(offset_s=0.03))
     record = next(s for s in made.recording.samples if s.robots and s.stamp_s == 2.0)
     elsewhere = replace(record, sample=5000, robots={"arm": RobotState(SE3.identity())})
-    streams = streams_of(made.cell, Recording((elsewhere, *made.recording.samples)))
+    streams = recording_streams(made.cell, Recording((elsewhere, *made.recording.samples)))
     assert streams is not None
     path = streams.paths["arm"]
     assert len(path.times) == 400
@@ -209,11 +211,11 @@ def test_one_view_within_the_records_is_enough(shift: float, shares: bool) -> No
     made = streamed(offset_s=0.0, clock=Clock(offset_s=shift))
     assert max(s.stamp_s for s in made.recording.samples if s.robots) == pytest.approx(7.98)
     if shares:
-        assert streams_of(made.cell, made.recording) is not None
+        assert recording_streams(made.cell, made.recording) is not None
         return
     first, last = 0.5 + shift, 7.4 + shift
     with pytest.raises(InputError, match=f"share no time: {first:.3f} to {last:.3f} s and 0.000 to 7.980 s; write"):
-        streams_of(made.cell, made.recording)
+        recording_streams(made.cell, made.recording)
 
 
 def test_joints_are_given_on_as_joints() -> None:
@@ -225,11 +227,11 @@ def test_joints_are_given_on_as_joints() -> None:
         for s in made.recording.samples
     )
     with pytest.raises(InputError, match="robot 'arm' is recorded by joints and has no urdf"):
-        streams_of(made.cell, Recording(samples))
+        recording_streams(made.cell, Recording(samples))
     cell = replace(made.cell, robots={"arm": Robot("arm", chain=chain)})
-    streams = streams_of(cell, Recording(samples))
+    streams = recording_streams(cell, Recording(samples))
     assert streams is not None
-    found = synchronised(streams, {"arm": 0.01, "wrist": 0.03})
+    found = synchronise(streams, {"arm": 0.01, "wrist": 0.03})
     assert len(found.recording.samples) == 70
     for sample in found.recording.samples:
         arm = sample.robots["arm"]
@@ -277,10 +279,10 @@ def test_views_of_further_cameras_have_numbers_beyond_all_others() -> None:
 def test_an_instant_is_later_than_its_stamp_by_clock_and_rows() -> None:
     spots = CandidateObservation("second", "tag", np.array([[0.0, 20.0], [0.0, 40.0]]))
     sample = Sample(1, stamp_s=5.0, observations=(spots,))
-    offsets = {"second": 0.5, line_of("second"): 2e-3}
-    assert streams._after_stamp(sample, offsets) == pytest.approx(0.56)
-    assert streams._after_stamp(sample, {"second": 0.5}) == 0.5
-    assert streams._after_stamp(sample, {"second": -0.5, line_of("second"): 0.0}) == -0.5
+    offsets = {"second": 0.5, line_time_name("second"): 2e-3}
+    assert streams._stamp_delay(sample, offsets) == pytest.approx(0.56)
+    assert streams._stamp_delay(sample, {"second": 0.5}) == 0.5
+    assert streams._stamp_delay(sample, {"second": -0.5, line_time_name("second"): 0.0}) == -0.5
 
 
 def test_a_path_is_in_the_order_of_stamps() -> None:
@@ -320,24 +322,24 @@ def test_stamps_must_share_some_time(offset_s: float, of_robot_s: float, robot: 
     lines = [*arm, seen(5, 1e4, ["third"]), seen(8, -1.0, ["first"]), seen(9, 1.0, ["first"])]
     lines = lines if robot == "left" else [*arm, *lines[4:]]
     if overlaps:
-        assert streams_of(cell, Recording(tuple(lines))) is not None
+        assert recording_streams(cell, Recording(tuple(lines))) is not None
     else:
         with pytest.raises(InputError, match="share no time"):
-            streams_of(cell, Recording(tuple(lines)))
+            recording_streams(cell, Recording(tuple(lines)))
 
 
 @pytest.mark.parametrize(("apart_s", "is_path"), [(0.24, True), (0.26, False)])
 def test_rows_matter_where_robots_are_recorded_often(apart_s: float, is_path: bool) -> None:
     """At most a quarter of a second apart, all lines with stamps."""
     lines = tuple(seen(k, k * apart_s, ["second"], ["right", "left"]) for k in range(4))
-    assert streams._moves_before_lines(two_arms(), Recording(lines)) == is_path
+    assert streams._has_rolling_shutter(two_arms(), Recording(lines)) == is_path
     views = tuple(seen(k, 0.1 * k, ["second"]) for k in range(10, 14))
-    assert streams._moves_before_lines(two_arms(), Recording((*lines, *views))) == is_path
+    assert streams._has_rolling_shutter(two_arms(), Recording((*lines, *views))) == is_path
     unstamped = seen(9, None, ["second"], ["right"])
-    assert not streams._moves_before_lines(two_arms(), Recording((*lines, unstamped)))
+    assert not streams._has_rolling_shutter(two_arms(), Recording((*lines, unstamped)))
     cell = two_arms()
     still = replace(cell, cameras={"third": cell.cameras["third"]})
-    assert not streams._moves_before_lines(still, Recording(lines))
+    assert not streams._has_rolling_shutter(still, Recording(lines))
 
 
 @pytest.mark.parametrize(("offset_s", "followed"), [(0.4, [8, 9]), (-0.4, [6, 7])])
@@ -346,7 +348,7 @@ def test_robots_are_followed_by_their_own_clock(offset_s: float, followed: list[
     cell = two_arms(left=Clock("fixed"))
     arm = [seen(100 + k, 1.0 + 0.1 * k, robots=["left"]) for k in range(11)]
     at = {6: 0.7, 7: 1.3, 8: 1.7, 9: 2.3}
-    found = streams_of(cell, Recording((*arm, *(seen(k, t, ["first"]) for k, t in at.items()))))
+    found = recording_streams(cell, Recording((*arm, *(seen(k, t, ["first"]) for k, t in at.items()))))
     assert found is not None
-    samples = synchronised(found, {**found.stated, "left": offset_s}).recording.samples
+    samples = synchronise(found, {**found.stated, "left": offset_s}).recording.samples
     assert [of.sample for of in samples] == followed

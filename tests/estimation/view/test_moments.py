@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.view.moments import UPPER, Monomials, dot, gradient_and_information
-from basecal.geometry.rotation import hat, rotation_exp
+from basecal.geometry.rotation import cross_matrix, rotation_exp
 
 
 def test_monomials_are_all_products_of_one_and_the_coordinates():
@@ -40,7 +40,7 @@ def test_moments_are_the_sums_over_points(rng, extent):
     by_point, residual = rng.standard_normal((2, 3, 5, 2, 3)), rng.standard_normal((2, 3, 5, 2))
     forces = np.einsum("bnpki,bnpk->ibnp", by_point, residual)
     squares = [np.einsum("bnpk,bnpk->bnp", by_point[..., i], by_point[..., j]) for i, j in UPPER]
-    motion = np.concatenate([np.broadcast_to(np.eye(3), (5, 3, 3)), -hat(points)], -1)
+    motion = np.concatenate([np.broadcast_to(np.eye(3), (5, 3, 3)), -cross_matrix(points)], -1)
     jacobian = by_point @ rotation[:, :, None] @ motion
     gradient, information = gradient_and_information(forces, squares, rotation, Monomials.of(points))
     np.testing.assert_allclose(gradient, np.einsum("bnpki,bnpk->bni", jacobian, residual), atol=1e-12)

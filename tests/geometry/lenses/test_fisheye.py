@@ -67,7 +67,7 @@ def test_images_beyond_the_fold_have_no_direction():
     _, valid = fisheye.unproject(np.array([0.66, 0.67]), np.zeros(2), barrel)
     assert valid.tolist() == [True, False]
     t = np.array([0.99, 1.01])
-    assert fisheye.within(np.column_stack([np.sin(t), 0 * t, np.cos(t)]), barrel).tolist() == [True, False]
+    assert fisheye.domain_mask(np.column_stack([np.sin(t), 0 * t, np.cos(t)]), barrel).tolist() == [True, False]
 
 
 def test_usual_distortion_is_slight(rng):

@@ -49,7 +49,7 @@ def test_behind_the_camera_there_is_no_image():
         u, v, d_points, _ = pinhole.project_with_derivatives(points, (1.0, 1.0), distortion, False)
         for array in (u, v, d_points, pinhole.project(points, distortion)[0]):
             np.testing.assert_array_equal(np.isnan(array).reshape(3, -1).all(1), [True, True, False])
-        assert pinhole.within(points, distortion).tolist() == [False, False, True]
+        assert pinhole.domain_mask(points, distortion).tolist() == [False, False, True]
 
 
 def test_fold_is_where_the_image_turns_back():

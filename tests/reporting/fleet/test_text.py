@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.reporting.fleet.text import HEAD, cells_of, fleet_text, worst_first
+from basecal.reporting.fleet.text import COLUMN_TITLES, fleet_text, row_texts, sort_by_verdict
 from basecal.studies.fleet.run import Fleet
 from basecal.studies.fleet.summary import summarise_fleet
 from fleet_example import ROWS
@@ -14,7 +14,7 @@ SUMMARY = summarise_fleet(Fleet(Path(), (), Path()), ROWS)
 
 def test_those_that_need_somebody_come_first() -> None:
     """By verdict, then by how badly the answer is known."""
-    assert [row["cell"] for row in worst_first(ROWS)] == ["<c>", "d", "b", "a"]
+    assert [row["cell"] for row in sort_by_verdict(ROWS)] == ["<c>", "d", "b", "a"]
 
 
 def test_text_counts_and_names() -> None:
@@ -35,5 +35,5 @@ def test_text_counts_and_names() -> None:
 
 def test_rows_have_the_columns_of_the_head() -> None:
     """A word for each, nothing where nothing is known."""
-    assert all(len(cells_of(row)) == len(HEAD) for row in ROWS)
-    assert cells_of(ROWS[2])[:5] == ["<c>", "unreadable", "", "", ""]
+    assert all(len(row_texts(row)) == len(COLUMN_TITLES) for row in ROWS)
+    assert row_texts(ROWS[2])[:5] == ["<c>", "unreadable", "", "", ""]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import RobotState, Unknown
-from basecal.planning.sketch import sketch_of
+from basecal.planning.sketch import sketch_cell
 from basecal.reporting.live.arms import ArmsView, lengths, links
 from shared.facing_arms import facing_arms
 
@@ -20,7 +20,7 @@ def world():
 
 def test_links_go_from_joint_to_joint(world):
     """From the base through all joints to the flange, each link as long at any joints as at zero."""
-    sketch, joints = sketch_of(world.cell), world.home["hand"]
+    sketch, joints = sketch_cell(world.cell), world.home["hand"]
     state, long = RobotState(joints_rad=joints), lengths(sketch, "hand")
     rods = links(sketch, "hand", state)
     halves = [0.5 * length * np.array([0.0, 1.0, 0.0]) for length in long]
@@ -37,7 +37,7 @@ def test_links_go_from_joint_to_joint(world):
 
 def test_a_robot_without_joints_has_no_links(world):
     """Where poses are recorded nothing is known of what is between base and flange."""
-    sketch = sketch_of(world.cell)
+    sketch = sketch_cell(world.cell)
     robots = {**world.cell.robots, "hand": replace(world.cell.robots["hand"], chain=None)}
     without = replace(sketch, cell=replace(world.cell, robots=robots))
     assert lengths(without, "hand") == []

@@ -6,14 +6,14 @@ import xml.etree.ElementTree as tree
 
 import numpy as np
 
-from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.watching import Sigma
 from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
 
 
 def test_a_part_of_the_picture_is_a_square():
     """As many full ones as parts in which something was seen, and the share in words."""
-    cells = np.zeros(GRID, dtype=bool)
+    cells = np.zeros(COVERAGE_GRID, dtype=bool)
     cells[1, :3] = True
     root = tree.fromstring(coverage_drawing(Coverage(cells, {})))
     fills = [rect.get("fill") for rect in root.iter("rect")]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.watching import Watch
 from basecal.cell import RobotState
 from basecal.cell.targets.charuco import charuco_target
@@ -40,7 +40,7 @@ def cell():
 
 def captured(cell):
     """A capture after three samples, with a picture of a board."""
-    watch, cells = Watch(), np.zeros(GRID, dtype=bool)
+    watch, cells = Watch(), np.zeros(COVERAGE_GRID, dtype=bool)
     cells[1, 2:4] = True
     for k in range(3):
         turned = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
@@ -62,7 +62,7 @@ def status(address, **headers):
 @pytest.fixture(scope="module")
 def address(cell):
     another_page()
-    with page.served(captured(cell), cell) as at:
+    with page.serve_page(captured(cell), cell) as at:
         yield at
 
 
@@ -84,14 +84,14 @@ def test_it_is_served_on_this_machine_alone(address):
 
 def test_a_port_that_is_taken_is_told(address, cell):
     """In a line."""
-    with pytest.raises(InputError, match="cannot be used"), page.served(Watch(), cell, urlsplit(address).port):
+    with pytest.raises(InputError, match="cannot be used"), page.serve_page(Watch(), cell, urlsplit(address).port):
         pass
 
 
 def test_without_nicegui_the_extra_is_named(monkeypatch, cell):
     """One line says what to install."""
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingExtra, match=r"basecal\[web\]"), page.served(Watch(), cell):
+    with pytest.raises(MissingExtra, match=r"basecal\[web\]"), page.serve_page(Watch(), cell):
         pass
 
 

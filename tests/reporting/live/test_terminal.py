@@ -8,13 +8,13 @@ import numpy as np
 from rich.console import Console
 
 from basecal.acquisition.capture import Step
-from basecal.acquisition.coverage import GRID, Coverage
+from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.watching import Sigma, Watch
 from basecal.reporting.live.terminal import coverage_rows, sigma_row, terminal_view
 
 
 def covered():
-    cells = np.zeros(GRID, dtype=bool)
+    cells = np.zeros(COVERAGE_GRID, dtype=bool)
     cells[0, 0] = cells[3, 5] = True
     return Coverage(cells, {"eye": np.radians([5.0, 40.0, 40.0]), "hand": np.radians([50.0, 40.0, 40.0])})
 
@@ -44,10 +44,10 @@ def test_bars_fall_with_the_sigma():
 def test_the_view_says_all_of_it():
     """What is done, what became of samples, what comes next; before the first sample only the first of these."""
     watch = Watch()
-    assert "opening" in printed(watch.glance)
+    assert "opening" in printed(watch.snapshot)
     watch.note(Step(7, "too like sample 4", 6, 25, covered(), None))
     watch.tell("sample 8: arms move")
-    shown = printed(watch.glance)
+    shown = printed(watch.snapshot)
     for words in ("6 taken, 25 planned", "sample 7: not taken: too like sample 4", "turn eye further about x",
                   "sample 8: arms move", "hand  x 50  y 40  z 40", "not all directions"):  # fmt: skip
         assert words in shown

@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.reporting.viewing.page import Viewed, served
+from basecal.reporting.viewing.page import Viewed, serve_view
 from basecal.simulation import Scenario, simulate
 from shared.browser import CHROMIUM, another_page, visit
 from shared.needed import needed
@@ -24,7 +24,7 @@ def test_in_a_browser(tmp_path: Path) -> None:
     calibration = calibrate(made.cell, made.recording)
     viewed = Viewed(made.cell, made.recording, tmp_path, ("20260102T030405Z",), lambda name: calibration)
     another_page()
-    with served(viewed) as address:
+    with serve_view(viewed) as address:
         came = visit(address, tmp_path / "profile", until=".q-checkbox:nth-of-type(12)")
         assert urlsplit(address).hostname == "127.0.0.1"
     assert came.errors == []

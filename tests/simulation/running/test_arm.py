@@ -30,7 +30,7 @@ def test_it_goes_from_rest_to_rest_within_its_speed():
     one = arm()
     one.move(THERE, 0.5, 1.0)
     times = np.linspace(1.0, 4.0, 3001)
-    way = np.stack([one.commanded(t) for t in times])
+    way = np.stack([one.commanded_joints(t) for t in times])
     speed = np.abs(np.gradient(way, times, axis=0))
     assert 0.45 < speed.max() <= 0.5 + 1e-6
     assert speed[0].max() < 1e-3
@@ -43,11 +43,11 @@ def test_it_stops_on_the_way():
     one = arm()
     one.move(THERE, 0.5, 0.0)
     one.stop(0.6)
-    rest = one.commanded(0.8)
-    np.testing.assert_array_equal(rest, one.commanded(10.0))
+    rest = one.commanded_joints(0.8)
+    np.testing.assert_array_equal(rest, one.commanded_joints(10.0))
     assert 0 < rest[0] - HOME[0] < 0.4
     one.move(THERE, 0.5, 10.0)
-    np.testing.assert_array_equal(one.commanded(20.0), THERE)
+    np.testing.assert_array_equal(one.commanded_joints(20.0), THERE)
 
 
 def test_the_same_place_has_the_same_error():
@@ -77,18 +77,18 @@ def test_ringing_ends_after_half_a_second():
     """The flange swings by millimetres after it arrives, and rests when half a second is over; encoders see nothing."""
     one = arm("ringing=5")
     one.move(THERE, 1.0, 0.0)
-    arrival = next(t for t in np.arange(0, 5, 1e-3) if np.array_equal(one.commanded(t), THERE))
+    arrival = next(t for t in np.arange(0, 5, 1e-3) if np.array_equal(one.commanded_joints(t), THERE))
     swings = [away_m(one, THERE, arrival + t) for t in np.linspace(0.002, 0.49, 200)]
     assert max(swings) > 2e-3
     assert away_m(one, THERE, arrival + 0.501) < STILL_M
-    assert np.array_equal(one.reported(arrival + 0.01), THERE)
+    assert np.array_equal(one.reported_joints(arrival + 0.01), THERE)
 
 
 def test_encoders_are_noisy():
     """States scatter by the size of the noise, and the flange does not."""
     one = arm("encoder-noise=0.1")
     one.move(THERE, 1.0, 0.0)
-    states = np.stack([one.reported(10.0 + t) for t in range(400)])
+    states = np.stack([one.reported_joints(10.0 + t) for t in range(400)])
     assert np.std(states - THERE) == pytest.approx(np.radians(0.1), rel=0.06)  # 2400 draws: 1.4 %, four sigmas
     assert away_m(one, THERE, 10.0) < STILL_M
 

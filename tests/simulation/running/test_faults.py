@@ -14,7 +14,7 @@ def test_sizes_in_their_units():
     faults = read_faults(["joint-offsets=1", "sag", "base-bumped=3@7"])
     assert faults.size("joint-offsets") == pytest.approx(np.radians(1))
     assert faults.size("sag") == pytest.approx(np.radians(FAULTS["sag"].usual))
-    assert (faults.size("base-bumped"), faults.after("base-bumped")) == (pytest.approx(0.003), 7)
+    assert (faults.size("base-bumped"), faults.delay_moves("base-bumped")) == (pytest.approx(0.003), 7)
     assert faults.size("backlash") == 0
 
 

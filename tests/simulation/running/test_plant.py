@@ -93,16 +93,16 @@ def test_what_it_does_follows_from_what_it_is_asked():
 def test_a_tray_shows_a_light_again():
     """Mirrored at a plane below where the light begins; not where the light went below it, nor without the fault."""
     world, running = plant("reflection")
-    seen = running._seen("wrist", 0.0)
+    seen = running._camera_scene("wrist", 0.0)
     scene = running._carrier("eye", 0.0) @ running._mount("wrist", "eye")
     light, again = scene @ (seen.camera_from_target @ seen.shape.points), scene @ seen.reflected
     assert np.allclose((light - again)[0], [0, 0, 0.24])
     spots = find(running.picture("wrist").image, seen.shape).pixels
     true = world.lenses["wrist"].project(np.vstack([seen.camera_from_target @ seen.shape.points, seen.reflected]))
     assert np.allclose(spots, true, atol=0.3)
-    assert len(plant()[1]._seen("wrist", 0.0).reflected) == 0
+    assert len(plant()[1]._camera_scene("wrist", 0.0).reflected) == 0
     running._trays["wrist"] = running._trays["wrist"] + [0, 0, 0.5]
-    assert len(running._seen("wrist", 0.0).reflected) == 0
+    assert len(running._camera_scene("wrist", 0.0).reflected) == 0
 
 
 def test_unknown_names():
@@ -124,5 +124,6 @@ def test_when_arms_arrive():
     running.wait(0.1)
     assert np.array_equal(running.state("hand")[1], world.home["hand"] + 0.3)
     assert np.array_equal(
-        running.seen("wrist").camera_from_target.matrix, running._seen("wrist", 99.0).camera_from_target.matrix
+        running.camera_scene("wrist").camera_from_target.matrix,
+        running._camera_scene("wrist", 99.0).camera_from_target.matrix,
     )

@@ -12,7 +12,7 @@ import sys
 import pytest
 
 from basecal.errors import DriverError, InputError
-from basecal.simulation.running.protocol import Address, connect, decoded, encoded, read_address
+from basecal.simulation.running.protocol import Address, connect, decode, encode, read_address
 
 
 @pytest.fixture(scope="module")
@@ -76,10 +76,10 @@ def test_it_ends_with_ctrl_c(process):
 
 def test_lines():
     """A message is a line, and a line a message; half a line is none."""
-    assert decoded(encoded({"do": "state"})) == {"do": "state"}
+    assert decode(encode({"do": "state"})) == {"do": "state"}
     for line in (b'{"do": "state"}', b"", b"[]\n", b"{\n", b"[" * 100_000 + b"\n"):
         with pytest.raises(InputError):
-            decoded(line)
+            decode(line)
 
 
 def test_an_address_that_is_none(tmp_path):

@@ -11,7 +11,7 @@ from basecal.errors import DatasetError
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import FAULTS, read_faults
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.world_file import read_world, write_truth_of, write_world
+from basecal.simulation.running.world_file import read_world, write_world, write_world_truth
 from shared.facing_arms import facing_arms
 
 
@@ -94,7 +94,7 @@ def test_faults_belong_to_a_run(tmp_path):
     """A cell that runs again with another fault draws it for the same cell, and its truth says so."""
     write_world(facing_arms(faults=read_faults(["sag"])), tmp_path)
     world = read_world(tmp_path, read_faults(["joint-offsets"]))
-    write_truth_of(world, tmp_path)
+    write_world_truth(world, tmp_path)
     assert [fault["name"] for fault in read_truth_extra(tmp_path)["faults"]] == ["joint-offsets"]
     assert set(read_truth_extra(tmp_path)["robot_parameters"]["eye"]) == {"joint_offsets"}
 

@@ -11,12 +11,12 @@ from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.ur5e import ur5e
 from basecal.simulation.surroundings.drawn import Scene, Surroundings
-from basecal.simulation.surroundings.graphics import why_none
+from basecal.simulation.surroundings.graphics import missing_graphics
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detectors import find
 from shared.facing_arms import facing_arms
 
-WHY = why_none()
+WHY = missing_graphics()
 pytestmark = pytest.mark.skipif(WHY is not None, reason=f"MuJoCo draws nothing here: {WHY}")
 LENS = Camera("pinhole", np.array([500.0, 498.0, 322.0, 236.0, -0.2, 0.08, 0.001, -0.001, 0.0]), (640, 480))
 FAR = SE3(np.eye(3), np.array([0.0, 0.0, -50.0]))  # where nothing is in the way
@@ -49,7 +49,7 @@ def test_corners_are_where_they_project(world):
     try:
         shape = world.cell.targets["board"].target
         found = find(running.picture("wrist").image, shape)
-        seen = running._seen("wrist", 0.0)
+        seen = running._camera_scene("wrist", 0.0)
         true = world.lenses["wrist"].project(seen.camera_from_target @ shape.points)
         assert len(found.ids) == len(shape.ids)
         assert np.abs(found.pixels - true[shape.rows(found.ids)]).max() < 0.2
@@ -105,11 +105,11 @@ def test_a_light_is_hidden_and_mirrored():
     )
     below = at * [1, 1, -1] + [0, 0, 2 * height]
     try:
-        assert view.shines(scene, at).tolist() == [True]
-        assert view.shines(scene, below).tolist() == [False]
-        assert view.mirrored(scene, below).tolist() == [True]
-        assert view.mirrored(scene, below + away).tolist() == [False]
-        assert view.mirrored(scene, np.zeros((0, 3))).tolist() == []
+        assert view.is_visible(scene, at).tolist() == [True]
+        assert view.is_visible(scene, below).tolist() == [False]
+        assert view.is_mirrored(scene, below).tolist() == [True]
+        assert view.is_mirrored(scene, below + away).tolist() == [False]
+        assert view.is_mirrored(scene, np.zeros((0, 3))).tolist() == []
     finally:
         view.close()
 

@@ -9,7 +9,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.vision.detectors import find
-from basecal.vision.draw.backdrop import Backdrop, flat_for, printed_on
+from basecal.vision.draw.backdrop import Backdrop, print_targets, undistorted_camera
 from basecal.vision.draw.render import RenderSettings, expose
 
 LENS = Camera("pinhole", np.array([500.0, 490.0, 322.0, 236.0, -0.2, 0.08, 0.001, -0.001, 0.0]), (640, 480))
@@ -24,7 +24,7 @@ def backdrop(paper=1.0, level=200.0):
 
 def test_a_pixel_looks_where_the_lens_has_it():
     """A ramp drawn without a lens is read off at the place where each pixel of the lens looks."""
-    flat = flat_for(LENS)
+    flat = undistorted_camera(LENS)
     width, height = flat.size_px
     ramp = np.linspace(0, 255, width)
     colours = np.broadcast_to(np.rint(ramp).astype(np.uint8)[None, :, None], (height, width, 3))
@@ -37,7 +37,7 @@ def test_a_pixel_looks_where_the_lens_has_it():
 
 def test_only_paper_is_told_by_its_colour():
     """Grey is none, whatever its brightness; what has no blue is all paper, and black is nothing."""
-    flat = flat_for(Camera("pinhole", np.array([50.0, 50.0, 31.5, 31.5]), (64, 64)))
+    flat = undistorted_camera(Camera("pinhole", np.array([50.0, 50.0, 31.5, 31.5]), (64, 64)))
     colours = np.zeros((flat.size_px[1], flat.size_px[0], 3), dtype=np.uint8)
     colours[:, :20] = 77
     colours[:, 40:] = [180, 180, 0]
@@ -49,7 +49,7 @@ def test_only_paper_is_told_by_its_colour():
 
 def test_a_print_on_paper_is_found_where_it_is():
     """Corners of a board on paper all over are within a tenth of a pixel."""
-    image = expose(printed_on(LENS, [(BOARD, POSE)], backdrop(), SOFT), SOFT)
+    image = expose(print_targets(LENS, [(BOARD, POSE)], backdrop(), SOFT), SOFT)
     found = find(image, BOARD)
     true = LENS.project(POSE @ BOARD.points)[BOARD.rows(found.ids)]
     assert len(found.ids) == len(BOARD.ids)
@@ -58,7 +58,7 @@ def test_a_print_on_paper_is_found_where_it_is():
 
 def test_nothing_is_printed_but_on_paper():
     """Where the paper is hidden the backdrop stays; half hidden pixels are half as dark."""
-    bare, half, whole = (printed_on(LENS, [(BOARD, POSE)], backdrop(share), SOFT) for share in (0.0, 0.5, 1.0))
+    bare, half, whole = (print_targets(LENS, [(BOARD, POSE)], backdrop(share), SOFT) for share in (0.0, 0.5, 1.0))
     assert np.allclose(bare, 200.0, atol=1e-3)
     assert np.allclose(half, (bare + whole) / 2, atol=1e-3)
     assert whole.min() == pytest.approx(200 * SOFT.black / SOFT.white, abs=2)
@@ -68,4 +68,4 @@ def test_a_lens_that_sees_to_the_side_is_refused():
     """A fisheye of 180 degrees has no flat picture."""
     lens = Camera("fisheye", np.array([200.0, 200.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
     with pytest.raises(InputError, match="too far to the sides"):
-        flat_for(lens)
+        undistorted_camera(lens)

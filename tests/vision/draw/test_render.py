@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.geometry import SE3, Camera
 from basecal.vision.draw.render import RenderSettings, radiance, render
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import Window, refined
+from basecal.vision.fit.corners import Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
 from quick import quick
 from vision_scenes import FISHEYE, PLAIN, TARGETS, WIDE, poses
@@ -33,7 +33,7 @@ def test_corners_are_unbiased(camera: Camera, blur: float) -> None:
         true = camera.project(pose @ shape.points)
         axes = local_axes(shape.points[:, :2], shape.points[:, :2], true, 0.03)
         inside = np.all((true > 15) & (true < np.array(levels.shape[::-1]) - 15), axis=1)
-        fitted = refined(levels, saddle, true[inside] + 0.3, axes[inside], Window(7.0, 0.7, 0.7, 0.7, 0.7))
+        fitted = refine_corners(levels, saddle, true[inside] + 0.3, axes[inside], Window(7.0, 0.7, 0.7, 0.7, 0.7))
         assert fitted.trusted.all()
         error.append(fitted.pixels - true[inside])
     assert np.sqrt(np.mean(np.concatenate(error) ** 2)) < 0.005

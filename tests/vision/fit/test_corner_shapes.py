@@ -59,7 +59,7 @@ def test_derivatives(shape: Corner, opening: float, sharpness: float) -> None:
     q = corner(opening, sharpness)
     xy = np.random.default_rng(3).normal(0, 2, (1, 40, 2))
     for free in (2, 4, 5, 6):
-        values, derivatives = shape.linearised(q, xy, free)
+        values, derivatives = shape.linearise_shape(q, xy, free)
         np.testing.assert_allclose(values, shape(q, xy), atol=1e-12)
 
         def moved(step: Array, free: int = free) -> Array:
@@ -75,7 +75,7 @@ def test_parallel_lines_give_finite_derivatives() -> None:
     for turn in (0.0, np.pi):
         q = np.array([[0.0, 0.0, 0.3, 0.3 + turn, np.log(0.8), 0.0]])
         for shape in (saddle, wedge):
-            assert all(np.isfinite(each).all() for each in shape.linearised(q, xy, 6))
+            assert all(np.isfinite(each).all() for each in shape.linearise_shape(q, xy, 6))
 
 
 def test_spreads_beyond_the_bound_are_held() -> None:
@@ -83,7 +83,7 @@ def test_spreads_beyond_the_bound_are_held() -> None:
     xy = np.random.default_rng(5).normal(0, 2, (1, 40, 2))
     q = corner(np.pi / 2)
     q[0, 4] = 800.0
-    values, derivatives = saddle.linearised(q, xy, 5)
+    values, derivatives = saddle.linearise_shape(q, xy, 5)
     assert np.isfinite(derivatives).all()
     np.testing.assert_array_equal(values, saddle(q - [0, 0, 0, 0, 100.0, 0], xy))
     assert not derivatives[0, 4].any()

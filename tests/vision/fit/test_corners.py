@@ -9,7 +9,7 @@ import pytest
 
 from basecal.geometry import Array
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import BOARD_ARM_PX, Window, patches_around, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Window, cut_patches, refine_corners
 
 WINDOW = Window(arm_px=BOARD_ARM_PX, arm=0.7, inside=0.7, outside=0.7, before=0.7)
 PITCH = 24.0
@@ -38,7 +38,7 @@ def test_errors_are_as_large_as_sigmas(noise: float, spread: float, share: float
     errors, sigmas = [], []
     for seed in range(4):
         start = PLACES + np.random.default_rng(seed + 10).uniform(-1, 1, PLACES.shape)
-        found = refined(board(noise, spread, share, seed), saddle, start, AXES, WINDOW)
+        found = refine_corners(board(noise, spread, share, seed), saddle, start, AXES, WINDOW)
         assert found.trusted.mean() > 0.97
         errors.append((found.pixels - PLACES)[found.trusted])
         sigmas.append(found.sigma_px[found.trusted])
@@ -49,7 +49,7 @@ def test_errors_are_as_large_as_sigmas(noise: float, spread: float, share: float
 
 def test_gain_tells_which_side_is_bright() -> None:
     """The step of a corner has its sign and size."""
-    found = refined(board(1.0), saddle, PLACES, AXES, WINDOW)
+    found = refine_corners(board(1.0), saddle, PLACES, AXES, WINDOW)
     row, column = np.divmod(np.arange(len(PLACES)), 8)
     np.testing.assert_allclose(found.gain, 60.0 * (-1.0) ** (row + column), atol=1.0)
 
@@ -58,17 +58,17 @@ def test_no_corner_is_not_trusted() -> None:
     """Where there is noise or an edge alone, nothing is trusted; without corners there is nothing."""
     noise = 100 + np.random.default_rng(0).standard_normal((220, 260))
     edge = noise + 60 * (np.arange(260) > 130)
-    assert not refined(noise, saddle, PLACES, AXES, WINDOW).trusted.any()
-    assert refined(edge, saddle, PLACES, AXES, WINDOW).trusted.mean() < 0.1
-    assert len(refined(noise, saddle, PLACES[:0], AXES[:0], WINDOW).pixels) == 0
+    assert not refine_corners(noise, saddle, PLACES, AXES, WINDOW).trusted.any()
+    assert refine_corners(edge, saddle, PLACES, AXES, WINDOW).trusted.mean() < 0.1
+    assert len(refine_corners(noise, saddle, PLACES[:0], AXES[:0], WINDOW).pixels) == 0
 
 
 def test_large_windows_are_begun_with_a_part_of_their_pixels() -> None:
     """Where a fifth of the pixels is enough to begin with, corners are as near and as sure as where it is not."""
     large = replace(WINDOW, arm_px=11.0, arm=0.45, outside=0.45, inside=0.45, before=0.45)
     start = PLACES + np.random.default_rng(1).uniform(-1, 1, PLACES.shape)
-    found = refined(board(2.0), saddle, start, AXES, large)
-    few = refined(board(2.0)[:, :60], saddle, start[:1], AXES[:1], replace(large, arm_px=6.0))
+    found = refine_corners(board(2.0), saddle, start, AXES, large)
+    few = refine_corners(board(2.0)[:, :60], saddle, start[:1], AXES[:1], replace(large, arm_px=6.0))
     ratio = (found.pixels - PLACES) / found.sigma_px[:, None]
     assert found.trusted.all()
     assert few.trusted.all()
@@ -79,7 +79,7 @@ def test_large_windows_are_begun_with_a_part_of_their_pixels() -> None:
 
 def test_thinned_pieces_have_pixels_of_every_row_and_column() -> None:
     """One of five pixels is left, and each row and column of a piece has some."""
-    (xy,) = patches_around(np.zeros((40, 40)), np.array([[20.0, 20.0]]), 7, 5).xy
+    (xy,) = cut_patches(np.zeros((40, 40)), np.array([[20.0, 20.0]]), 7, 5).xy
     assert len(xy) == 15 * 15 / 5
     assert set(xy[:, 0]) == set(xy[:, 1]) == set(range(-7, 8))
 
@@ -87,6 +87,6 @@ def test_thinned_pieces_have_pixels_of_every_row_and_column() -> None:
 def test_pieces_at_the_border() -> None:
     """Pixels of a piece that are outside the image weigh nothing."""
     image = np.arange(20.0).reshape(4, 5)
-    patches = patches_around(image, np.array([[0.0, 0.0], [2.0, 2.0]]), 1)
+    patches = cut_patches(image, np.array([[0.0, 0.0], [2.0, 2.0]]), 1)
     np.testing.assert_array_equal(patches.weights[0].reshape(3, 3), [[0, 0, 0], [0, 1, 1], [0, 1, 1]])
     np.testing.assert_array_equal(patches.values[1].reshape(3, 3), image[1:4, 1:4])

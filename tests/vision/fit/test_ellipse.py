@@ -21,7 +21,7 @@ def test_derivatives() -> None:
     """Derivatives are those of the values, as far as differences can tell."""
     q = np.array([[0.3, 0.1, np.log(6), 0.2, np.log(5), np.log(0.7)]])
     xy = np.random.default_rng(0).normal(0, 4, (1, 60, 2))
-    _, derivatives = ellipse.linearised(q, xy, 6)
+    _, derivatives = ellipse.linearise_shape(q, xy, 6)
 
     def moved(step: Array) -> Array:
         return ellipse(q + step, xy)[0]

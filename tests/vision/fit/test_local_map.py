@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.geometry import SE3, Array
-from basecal.vision.fit.local_map import grid_axes, local_axes, local_homographies, right_handed
+from basecal.vision.fit.local_map import grid_axes, local_axes, local_homographies, orient_grid
 from vision_scenes import PLAIN, WIDE
 
 PITCH = 0.03
@@ -65,7 +65,7 @@ def test_a_lens_bends() -> None:
 def test_right_handed(mirrored: bool) -> None:
     """A grid read from its back has its rows put the other way; one read from its front stays."""
     grid = seen(PLANE).reshape(5, 7, 2)
-    np.testing.assert_array_equal(right_handed(grid[::-1] if mirrored else grid), grid)
+    np.testing.assert_array_equal(orient_grid(grid[::-1] if mirrored else grid), grid)
     axes = grid_axes(grid)
     assert axes.shape == (35, 2, 2)
     np.testing.assert_allclose(axes[10, 0], (grid[1, 4] - grid[1, 2]) / 2)

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.vision.fit.corner_shapes import saddle, wedge
 from basecal.vision.fit.ellipse import ellipse
-from basecal.vision.fit.patch_fit import Patches, Shape, fit_shapes, packed
+from basecal.vision.fit.patch_fit import Patches, Shape, fit_shapes, pack_patches
 
 
 @pytest.mark.parametrize(("shape", "size"), [(saddle, 6), (wedge, 6), (ellipse, 6)])
@@ -20,7 +20,7 @@ def test_fit_finds_what_was_drawn(shape: Shape, size: int) -> None:
     values = 80 * shape(true, xy.astype(float)) + 50 + xy @ [0.3, -0.2]
     noise = rng.standard_normal(values.shape)
     patches = Patches(xy.astype(float), values + noise, np.ones_like(values))
-    fit = fit_shapes(shape, true + rng.uniform(-0.2, 0.2, true.shape), patches, sloped=True)
+    fit = fit_shapes(shape, true + rng.uniform(-0.2, 0.2, true.shape), patches, has_slope=True)
     assert fit.converged.all()
     error = fit.shape - true
     squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(fit.covariance), error)
@@ -32,7 +32,7 @@ def test_held_parameters_stay() -> None:
     xy = np.stack(np.meshgrid(np.arange(-9, 10), np.arange(-9, 10)), -1).reshape(1, -1, 2).astype(float)
     true = np.array([[0.1, -0.2, 0.2, -1.4, -0.2, 0.3]])
     start = true + np.array([0.2, 0.2, 0.1, 0.1, 0.3, 0.0])
-    fit = fit_shapes(saddle, start, Patches(xy, 80 * saddle(true, xy) + 50, np.ones((1, 361))), held=1)
+    fit = fit_shapes(saddle, start, Patches(xy, 80 * saddle(true, xy) + 50, np.ones((1, 361))), held_count=1)
     assert fit.shape[0, 5] == start[0, 5]
     assert fit.covariance.shape == (1, 5, 5)
     np.testing.assert_allclose(fit.shape, true, atol=1e-3)
@@ -46,7 +46,7 @@ def test_a_loose_end_comes_sooner() -> None:
     true = np.array([[0.1, -0.2, 0.2, -1.4, -0.2, 0.0]])
     patches = Patches(xy, 80 * saddle(true, xy) + 50 + rng.standard_normal((1, 169)), np.ones((1, 169)))
     start = true + np.array([1.0, -1.0, 0.2, 0.2, 0.3, 0.0])
-    loose, tight = (fit_shapes(saddle, start, patches, held=1, settled=settled) for settled in (0.1, 1e-3))
+    loose, tight = (fit_shapes(saddle, start, patches, held_count=1, tolerance=settled) for settled in (0.1, 1e-3))
     sigma = np.sqrt(np.diagonal(tight.covariance[0])[:2])
     assert np.all(np.abs(loose.shape[0, :2] - tight.shape[0, :2]) < 2 * sigma)
     assert not np.array_equal(loose.shape, tight.shape)
@@ -56,7 +56,7 @@ def test_packed_keeps_what_weighs() -> None:
     """Pixels without weight go, as far as all pieces have some."""
     weights = np.array([[0, 1, 0, 2.0], [0, 0, 0, 3.0]])
     patches = Patches(np.arange(16.0).reshape(2, 4, 2), np.arange(8.0).reshape(2, 4), np.ones((2, 4)))
-    kept = packed(patches, weights)
+    kept = pack_patches(patches, weights)
     np.testing.assert_array_equal(kept.weights, [[1, 2], [3, 0]])
     np.testing.assert_array_equal(kept.values[:, 0], [1, 7])
     np.testing.assert_array_equal(kept.xy[0], [[2, 3], [6, 7]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.vision.kinds.ways import Grey, Way, best
+from basecal.vision.kinds.ways import Grey, Way, best_result
 
 
 @pytest.mark.parametrize("way", [Way(), Way(0.5), Way(2.0), Way(2.0, stretched=True, sharpened=True)])
@@ -13,7 +13,7 @@ def test_places_are_those_of_the_image(way: Way) -> None:
     """A bright spot in the image as a way shows it has its place in the image itself, to half a pixel."""
     y, x = np.mgrid[:120, :160]
     image = (20 + 60 * np.exp(-((x - 70.3) ** 2 + (y - 41.8) ** 2) / 50)).astype(np.uint8)
-    shown = way.applied(image).astype(float)
+    shown = way.apply(image).astype(float)
     weight = np.where(shown > shown.max() * 0.8, shown, 0.0)
     rows, columns = np.mgrid[: shown.shape[0], : shown.shape[1]]
     middle = [(weight * each).sum() / weight.sum() for each in (columns, rows)]
@@ -24,9 +24,9 @@ def test_stretched_uses_all_levels() -> None:
     """Of a dark image the darkest level becomes black and the brightest white, whatever a few pixels are."""
     image = np.random.default_rng(0).integers(4, 14, (100, 100)).astype(np.uint8)
     image[0, :3] = 255
-    shown = Way(stretched=True).applied(image)
+    shown = Way(stretched=True).apply(image)
     assert (np.median(shown[image == 4]), np.median(shown[image == 13])) == (0, 255)
-    assert Way(stretched=True).applied(np.full((50, 50), 7, np.uint8)).std() == 0
+    assert Way(stretched=True).apply(np.full((50, 50), 7, np.uint8)).std() == 0
 
 
 def test_sizes_that_suit() -> None:
@@ -48,6 +48,6 @@ def test_best_of_several(counts: list[int], tried: int, found: int | None) -> No
         calls.append(way)
         return [0] * counts[len(calls) - 1]
 
-    most = best(np.zeros((50, 50), np.uint8), [Way(), Way(0.5), Way(2.0)], search, 4)
+    most = best_result(np.zeros((50, 50), np.uint8), [Way(), Way(0.5), Way(2.0)], search, 4)
     assert len(calls) == tried
     assert (None if most is None else len(most)) == found

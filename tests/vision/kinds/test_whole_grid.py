@@ -8,7 +8,7 @@ import pytest
 from basecal.cell.targets.circles import circles_target
 from basecal.geometry import SE3, Array
 from basecal.vision.kinds.circles import detect
-from basecal.vision.kinds.whole_grid import goes_on
+from basecal.vision.kinds.whole_grid import has_further_row
 from vision_scenes import TARGETS, WIDE, at, scene
 
 SHAPE = TARGETS["circles"]
@@ -22,13 +22,13 @@ def grid() -> Array:
 def test_the_whole_grid_ends() -> None:
     """A grid that was found whole goes on nowhere, whichever way it is read."""
     for whole in (grid(), grid()[::-1], grid()[:, ::-1], grid().swapaxes(0, 1)):
-        assert not goes_on(IMAGE, whole)
+        assert not has_further_row(IMAGE, whole)
 
 
 @pytest.mark.parametrize("part", [np.s_[1:], np.s_[:-1], np.s_[:, 1:], np.s_[:, :-1], np.s_[1:4, 2:6]])
 def test_a_part_goes_on(part: object) -> None:
     """Without a row or column on any side, the grid goes on there."""
-    assert goes_on(IMAGE, grid()[part])
+    assert has_further_row(IMAGE, grid()[part])
 
 
 def test_rows_beyond_the_image_do_not_count() -> None:
@@ -36,8 +36,8 @@ def test_rows_beyond_the_image_do_not_count() -> None:
     upright = SE3(np.eye(3), np.array([0.0, 0.0, 0.5]))
     places = WIDE.project(at(SHAPE, upright) @ SHAPE.points).reshape(5, 8, 2)
     image = scene(SHAPE, pose=upright)
-    assert goes_on(image, places[:, :-1])
-    assert not goes_on(image[:, : int(places[:, -2, 0].max()) + 8], places[:, :-1])
+    assert has_further_row(image, places[:, :-1])
+    assert not has_further_row(image[:, : int(places[:, -2, 0].max()) + 8], places[:, :-1])
 
 
 @pytest.mark.parametrize("size", [(7, 5), (8, 4), (4, 4)])

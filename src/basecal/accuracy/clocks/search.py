@@ -20,17 +20,17 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.streams.jitter import with_jitter
-from basecal.estimation.streams.rolling_shutter import Known, line_of
-from basecal.estimation.streams.streams import Streams, Synchronised, synchronised
+from basecal.estimation.streams.rolling_shutter import Known, line_time_name
+from basecal.estimation.streams.streams import Streams, Synchronised, synchronise
 
 # Offsets that are tried [s]: computers that are not synchronised at all state a guess. Steps converge from twice the
 # spacing of these on arms that move as people and programs move them.
-_TRIED_S = np.linspace(-1.0, 1.0, 21)
+_TRIED_OFFSETS_S = np.linspace(-1.0, 1.0, 21)
 _TRIED_VIEWS = 40  # which a solution of a hundredth of a second needs
 _TRIED_STEPS = 10  # of a descent: where the offset is not within its basin none ends
 _STEPPED_VIEWS = 200  # of which steps are taken until they end
-_STEPS = 8
-_SETTLED = 0.05  # of its sigma, that a step may still be
+_OFFSET_STEPS = 8
+_CONVERGED_SIGMAS = 0.05  # of its sigma, that a step may still be
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Clocked:
 
     Attributes:
         streams: As each device recorded.
-        offsets_s: By device, and line times by `line_of` [s].
+        offsets_s: By device, and line times by `line_time_name` [s].
         synchronised: The samples.
         near: A solution near them; None where nothing was solved.
     """
@@ -54,36 +54,36 @@ class Clocked:
         """The samples, robots where they were at the instants of the views."""
         return self.synchronised.recording
 
-    def shaken(self, problem: Problem) -> Problem:
+    def add_jitter(self, problem: Problem) -> Problem:
         """The problem of the samples, with the jitter of stamps."""
-        return _shaken(problem, self.streams, self.synchronised, self.near)
+        return _add_jitter(problem, self.streams, self.synchronised, self.near)
 
 
-def clocked(streams: Streams, settings: Settings) -> Clocked:
+def search_offsets(streams: Streams, settings: Settings) -> Clocked:
     """The recording by the most likely offsets of its clocks, of those that are not fixed.
 
     Raises:
         InputError: if the cell contradicts the recording.
     """
     offsets = streams.stated
-    lines = [line_of(camera) for camera in streams.cell.cameras]
+    lines = [line_time_name(camera) for camera in streams.cell.cameras]
     many = streams.thinned(_STEPPED_VIEWS)
-    stepped, last, explained = _stepped(many, offsets, settings)
+    stepped, last, explained = _step_offsets(many, offsets, settings)
     if not explained:
         few = streams.thinned(_TRIED_VIEWS)
         for name in streams.open:
             if name not in lines:
-                offsets = _best(few, offsets, name, settings)
-        stepped, last, _ = _stepped(many, offsets, settings)
+                offsets = _best_offset(few, offsets, name, settings)
+        stepped, last, _ = _step_offsets(many, offsets, settings)
     if len(many.instants) < len(streams.instants):
-        stepped, last, _ = _stepped(streams, stepped, settings)
-    return Clocked(streams, stepped, _synchronised(streams, stepped, last), last)
+        stepped, last, _ = _step_offsets(streams, stepped, settings)
+    return Clocked(streams, stepped, _synchronise(streams, stepped, last), last)
 
 
-def _best(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
+def _best_offset(streams: Streams, offsets: dict[str, float], name: str, settings: Settings) -> dict[str, float]:
     """The offsets with that of one clock by which views fit best."""
     clock = streams.clocks[name]
-    reach = _TRIED_S if clock.sigma_s is None else 3 * clock.sigma_s * np.linspace(-1, 1, len(_TRIED_S))
+    reach = _TRIED_OFFSETS_S if clock.sigma_s is None else 3 * clock.sigma_s * np.linspace(-1, 1, len(_TRIED_OFFSETS_S))
     tried = [{**offsets, name: clock.offset_s + float(shift)} for shift in reach]
     misfits = [_misfit(streams, each, settings) for each in tried]
     return tried[int(np.argmin(misfits))] if np.isfinite(min(misfits)) else offsets
@@ -94,7 +94,9 @@ def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> 
     exact = {name: replace(robot, noise=None) for name, robot in streams.cell.robots.items()}
     known = replace(streams, cell=replace(streams.cell, robots=exact))
     try:
-        solution = _solved(known, offsets, replace(settings, robot_noise="stated", iterations=_TRIED_STEPS))[0]
+        solution = _solve_at_offsets(known, offsets, replace(settings, robot_noise="stated", iterations=_TRIED_STEPS))[
+            0
+        ]
     except (InputError, NotObservable, np.linalg.LinAlgError):
         return np.inf
     counts = residual_counts(solution.problem)
@@ -102,57 +104,61 @@ def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> 
     return float(solution.cost + of_sigmas) / max(sum(counts.values()), 1)
 
 
-def _stepped(
+def _step_offsets(
     streams: Streams, offsets: dict[str, float], settings: Settings
 ) -> tuple[dict[str, float], Solution | None, bool]:
     """Offsets at which views ask for no further step, the last solution, and whether noise of arms explains it."""
     last: Solution | None = None
     explained = False
-    for _ in range(_STEPS):
+    for _ in range(_OFFSET_STEPS):
         is_mended = last is not None
         try:
-            last, samples = _solved(streams, offsets, settings, last)
+            last, samples = _solve_at_offsets(streams, offsets, settings, last)
         except (NotObservable, np.linalg.LinAlgError):
             return offsets, last, False
         none_estimated = not (last.noise.robots or last.noise.jitter_s)
         explained = not is_hopeless(last.problem, last.state) and (none_estimated or is_as_of_arms(last))
         if streams.open:
             found = clock_step(streams, samples, offsets, last)
-            offsets = _after(offsets, found)
-            is_mended &= bool(np.all(np.abs(found.step_s) <= _SETTLED * np.sqrt(np.diagonal(found.covariance))))
+            offsets = _apply_step(offsets, found)
+            is_mended &= bool(
+                np.all(np.abs(found.step_s) <= _CONVERGED_SIGMAS * np.sqrt(np.diagonal(found.covariance)))
+            )
         if is_mended:
             break
     return offsets, last, explained
 
 
-def _after(offsets: dict[str, float], found: ClockStep) -> dict[str, float]:
-    steps = dict(zip(found.clocks, found.step_s.tolist(), strict=True))
+def _apply_step(offsets: dict[str, float], step: ClockStep) -> dict[str, float]:
+    steps = dict(zip(step.clocks, step.step_s.tolist(), strict=True))
     # A solution beside the optimum may promise more than its velocities hold for.
-    reach = float(_TRIED_S[-1])
+    reach = float(_TRIED_OFFSETS_S[-1])
     return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
 
 
-def _synchronised(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:
+def _synchronise(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:
     """The samples, with pixels of rolling shutters mended by a solution near them."""
-    samples = synchronised(streams, offsets)
+    samples = synchronise(streams, offsets)
     if near is None:
         return samples
-    return samples.at_once(_known(streams, near), offsets)
+    return samples.correct_rows(_known_motion(streams, near), offsets)
 
 
-def _known(streams: Streams, near: Solution) -> Known:
+def _known_motion(streams: Streams, near: Solution) -> Known:
     return Known(streams.cell, near.state.transforms, near.state.cameras)
 
 
-def _shaken(problem: Problem, streams: Streams, samples: Synchronised, near: Solution | None) -> Problem:
-    return problem if near is None else with_jitter(problem, _known(streams, near), samples.robots, streams.clocks)
+def _add_jitter(problem: Problem, streams: Streams, samples: Synchronised, near: Solution | None) -> Problem:
+    return (
+        problem if near is None else with_jitter(problem, _known_motion(streams, near), samples.robots, streams.clocks)
+    )
 
 
-def _solved(
+def _solve_at_offsets(
     streams: Streams, offsets: dict[str, float], settings: Settings, near: Solution | None = None
 ) -> tuple[Solution, Synchronised]:
-    samples = _synchronised(streams, offsets, near)
-    problem = _shaken(build_problem(streams.cell, samples.recording)[0], streams, samples, near)
+    samples = _synchronise(streams, offsets, near)
+    problem = _add_jitter(build_problem(streams.cell, samples.recording)[0], streams, samples, near)
     plain = solve_packed(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
     noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))
     return noisy, samples

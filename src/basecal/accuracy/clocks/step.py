@@ -15,7 +15,7 @@ from basecal.accuracy.systematic_errors.score_tests import linearised, score, su
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.solve import Solution
-from basecal.estimation.streams.rolling_shutter import line_of
+from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
@@ -23,8 +23,8 @@ from basecal.geometry import Array, BoolArray
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 # Sigma of an offset [s] beyond which it is not seen: arms that hardly move, or a velocity that never changes.
-_UNSEEN_S = 0.5
-_UNSEEN_LINE_S = 5e-4  # likewise of a line time: as much over the rows of a picture
+_UNOBSERVABLE_SIGMA_S = 0.5
+_UNOBSERVABLE_LINE_SIGMA_S = 5e-4  # likewise of a line time: as much over the rows of a picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class ClockStep:
     """Where clocks go from the offsets at which a solution was made.
 
     Attributes:
-        clocks: Names of the devices, and of cameras' line times by `line_of`, q of them.
+        clocks: Names of the devices, and of cameras' line times by `line_time_name`, q of them.
         step_s: (q,) to be added to their offsets, or to the line times [s]; 0 of those that are not seen.
         covariance: (q, q) of the offsets [s^2].
         by_offsets: (p, q) how the columns of the answer go with the offsets [per s].
@@ -59,7 +59,7 @@ def clock_step(
     """
     problem = solution.noise.held_by(solution.problem)
     situation = Situation(problem, solution.state, problem, {})
-    moves = tuple(_moves(situation, k, streams.open, synchronised) for k in range(len(problem.groups)))
+    moves = tuple(_clock_jacobian(situation, k, streams.open, synchronised) for k in range(len(problem.groups)))
     about = linearised(problem, solution.state)
     every = Candidates("clock-offset", ("",), (None,), "s", moves)
     of_views = score(about, every)
@@ -69,8 +69,8 @@ def clock_step(
     information = of_views.information[0] + np.diag(weight)
     covariance = spectrum(information).inverse
     variance = np.diagonal(covariance)
-    lines = {line_of(camera) for camera in streams.cell.cameras}
-    most = np.array([_UNSEEN_LINE_S if name in lines else _UNSEEN_S for name in streams.open])
+    lines = {line_time_name(camera) for camera in streams.cell.cameras}
+    most = np.array([_UNOBSERVABLE_LINE_SIGMA_S if name in lines else _UNOBSERVABLE_SIGMA_S for name in streams.open])
     seen = np.asarray((variance > 0) & (variance < most**2))
     step = np.where(seen, -covariance @ (of_views.gradient[0] + weight * pull), 0.0)
     _, across, _ = sums(about, every)
@@ -78,19 +78,19 @@ def clock_step(
     return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen)
 
 
-def _moves(situation: Situation, k: int, clocks: tuple[str, ...], synchronised: Synchronised) -> Array:
+def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], synchronised: Synchronised) -> Array:
     """How views of a group go with the offsets of clocks, (n, 1, 6, q)."""
     group = situation.problem.groups[k]
     moves = np.zeros((len(group), 1, 6, len(clocks)))
     for robot in group.robots:
         velocity = np.stack([synchronised.robots[robot][int(sample)].velocity for sample in group.sample])
-        moved = (situation.by_flange(k, robot) @ velocity[..., None])[..., 0]
+        moved = (situation.flange_jacobian(k, robot) @ velocity[..., None])[..., 0]
         for q, name in enumerate(clocks):
             if name == group.camera:
                 moves[:, 0, :, q] += moved
             elif name == robot:
                 moves[:, 0, :, q] -= moved
-            elif name == line_of(group.camera):
+            elif name == line_time_name(group.camera):
                 moves[:, 0, :, q] += (_mean_row(situation, k) @ moved[..., None])[..., 0]
     return moves
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
-from basecal.accuracy.residuals.fit import view_alone
+from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
@@ -52,11 +52,11 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         return None
     (group,) = solution.problem.groups
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
-    alone, enough = of_all = view_alone(solution.state, group, predicted)
+    alone, enough = of_all = single_view_pose(solution.state, group, predicted)
     ours, theirs = [], []
     for refit in refits:
         if group.camera in solution.problem.columns:
-            alone, enough = view_alone(refit.optimum.state, group, predicted)
+            alone, enough = single_view_pose(refit.optimum.state, group, predicted)
         held = np.isin(group.sample, list(refit.held)) & enough
         triple = _closed_form(solution.problem, group, alone, enough & ~held)
         if triple is None:

@@ -18,18 +18,18 @@ from scipy.special import chdtrc, fdtrc
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
 from basecal.accuracy.cross_validation.folds import Samples, splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
-from basecal.accuracy.residuals.fit import view_alone
+from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Validation
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_bundle
-from basecal.estimation.observability.observability import condition_where_seen, observability_of
+from basecal.estimation.observability.observability import analyse_observability, condition_number
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
-from basecal.numerics.spectral import above, spectrum
+from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 # Of a fold's variance over that of the full answer, less one: along a direction with less the fold has lost nothing
 # that rounding does not cover, along one with more it is too far from the full answer to be compared to first order.
@@ -152,9 +152,9 @@ def _fold(solution: Solution, asked: Sequence[str], chosen: IntArray, fit: Refit
     end, factor = fit.optimum, solution.noise.factor
     if not end.converged:
         return None
-    if fit.sparse is not None and condition_where_seen(fit.used, end.state, fit.sparse, factor) is not None:
+    if fit.sparse is not None and condition_number(fit.used, end.state, fit.sparse, factor) is not None:
         return _Fold(fit, fit.sparse.inverse_columns(chosen))
-    observability = observability_of(fit.used, end.state, end.hessian, factor)
+    observability = analyse_observability(fit.used, end.state, end.hessian, factor)
     if observability.unobservable.intersection(asked):
         return None
     return _Fold(fit, observability.inverse[:, chosen])
@@ -166,7 +166,7 @@ def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors,
     alone: dict[tuple[str, str], _Alone] = {}
     for group in problem.groups:
         if group.camera not in problem.columns:  # whose lens is known
-            said = view_alone(state, group, state.camera_from_target(group, problem.stops))
+            said = single_view_pose(state, group, state.camera_from_target(group, problem.stops))
             alone[group.camera, group.target] = _Alone(group.sample, *said)
     used, predicted = HeldOutErrors(), HeldOutErrors()
     for fold in fitted:
@@ -180,7 +180,7 @@ def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors,
 
 @dataclass(frozen=True, eq=False)
 class _Alone:
-    """What `view_alone` says of all views of a group, by their samples: it needs no fold where the lens is known."""
+    """Poses of all views of a group by `single_view_pose`, by sample: no fold is needed if the lens is known."""
 
     sample: IntArray
     camera_from_target: SE3
@@ -201,7 +201,7 @@ def _of_group(
         return HeldOutErrors(cost, square_px, count_px)
     known = alone.get((group.camera, group.target))
     if known is None:
-        pose, enough = view_alone(state, group, predicted)
+        pose, enough = single_view_pose(state, group, predicted)
     else:
         rows = np.flatnonzero(np.isin(known.sample, group.sample))
         pose, enough = known.camera_from_target[rows], known.enough[rows]
@@ -262,7 +262,7 @@ def _whitening(without: Array, full: Array) -> Array:
     from the full answer to be compared to first order.
     """
     unit = spectrum(full).inverse_root.T
-    gain = above(unit @ (without - full) @ unit.T, _LEAST_GAIN)
+    gain = scaled_spectrum(unit @ (without - full) @ unit.T, _LEAST_GAIN)
     seen = gain.held & (gain.values < _MOST_GAIN)
     return np.asarray(gain.inverse_root[:, seen].T @ unit)
 

@@ -17,10 +17,10 @@ from basecal.accuracy.systematic_errors.score_tests import log_chance_of
 from basecal.cell import Calibration, Cell, Recording
 from basecal.geometry import SE3
 
-SUSPECT = 0.01
+SUSPECT_CHANCE = 0.01
 """Chance above which samples agree, and no cause is looked for."""
 
-_EQUAL = 6.0  # of the statistic: causes that are not e^3 times less likely than the best are not told from it
+_EQUAL_STATISTIC = 6.0  # of the statistic: causes that are not e^3 times less likely than the best are not told from it
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Disagreement:
     Attributes:
         chance: Of samples so far off by noise alone.
         causes: What may have moved, the likeliest first; those that explain the samples about equally. Empty above
-            `SUSPECT`.
+            `SUSPECT_CHANCE`.
         chance_left: Of what the likeliest cause leaves unexplained.
     """
 
@@ -50,17 +50,17 @@ def disagreement(cell: Cell, calibration: Calibration, recording: Recording) -> 
     if not freedoms:
         return None
     chance = _chance(of, _total(of), freedoms)
-    if chance > SUSPECT:
+    if chance > SUSPECT_CHANCE:
         return Disagreement(chance, (), chance)
-    moved = [_relinearised(cell, calibration, recording, shift) for shift in frame_shifts(of)]
+    moved = [_relinearise(cell, calibration, recording, shift) for shift in frame_shifts(of)]
     others = [(shift, _total(of) - shift.statistic) for shift in (*size_shifts(of), *joint_shifts(of))]
     causes = sorted([*moved, *others], key=lambda each: _cost(*each))
     best, left = causes[0]
-    likely = tuple(shift for shift, cost in causes if _cost(shift, cost) < _cost(best, left) + _EQUAL)
+    likely = tuple(shift for shift, cost in causes if _cost(shift, cost) < _cost(best, left) + _EQUAL_STATISTIC)
     return Disagreement(chance, likely, _chance(of, max(left, 0.0), freedoms - best.freedoms))
 
 
-def _relinearised(cell: Cell, calibration: Calibration, recording: Recording, shift: Shift) -> tuple[Shift, float]:
+def _relinearise(cell: Cell, calibration: Calibration, recording: Recording, shift: Shift) -> tuple[Shift, float]:
     """A shift of a frame about itself, and the squared deviation that it leaves."""
     before = calibration.transforms[shift.transform]
     mean = before.mean @ SE3.exp(shift.size)

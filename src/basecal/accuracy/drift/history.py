@@ -17,7 +17,7 @@ from basecal.accuracy.drift.verify import Verification
 from basecal.cell import MeasuredShift, PastVerification
 from basecal.geometry import Array
 
-FEWEST = 3
+FEWEST_VERIFICATIONS = 3
 """Verifications of a run of which a slope is told: two always lie on a line."""
 
 _DAY_S = 86400.0
@@ -30,7 +30,7 @@ class Drift:
 
     Attributes:
         transform: Its name.
-        run: The run.
+        run_name: The run.
         count: How many verifications there are.
         m_per_day: (3,) along its axes [m/day].
         sigma: (3,) of that.
@@ -45,15 +45,17 @@ class Drift:
     chance: float
 
 
-def past_verification(found: Verification, when: datetime, run: str) -> PastVerification:
+def record_verification(verification: Verification, time: datetime, run_name: str) -> PastVerification:
     """What is kept of a verification of a run."""
     shifts = {
         each.transform: MeasuredShift(each.size[:3], np.sqrt(np.maximum(np.diag(each.covariance)[:3], 0.0)))
-        for each in found.asked
+        for each in verification.asked
     }
-    frame = found.shift.frame if found.moved and found.shift is not None else None
-    samples = len(found.samples)
-    return PastVerification(when, run, samples, found.moved, found.chance, found.detectable_m, frame, shifts)
+    frame = verification.shift.frame if verification.moved and verification.shift is not None else None
+    samples = len(verification.samples)
+    return PastVerification(
+        time, run_name, samples, verification.moved, verification.chance, verification.detectable_m, frame, shifts
+    )
 
 
 def drifts(history: Sequence[PastVerification]) -> tuple[Drift, ...]:
@@ -67,10 +69,10 @@ def drifts(history: Sequence[PastVerification]) -> tuple[Drift, ...]:
     return tuple(drift for drift in found if drift is not None)
 
 
-def _drift(name: str, run: str, history: Sequence[PastVerification]) -> Drift | None:
+def _drift(name: str, run_name: str, history: Sequence[PastVerification]) -> Drift | None:
     days = np.array([each.when.timestamp() / _DAY_S for each in history])
     sigma = np.array([each.shifts[name].sigma_m for each in history])
-    if len(history) < FEWEST or np.ptp(days) < _LEAST_DAYS or not np.all(sigma > 0):
+    if len(history) < FEWEST_VERIFICATIONS or np.ptp(days) < _LEAST_DAYS or not np.all(sigma > 0):
         return None
     shift = np.array([each.shifts[name].t_m for each in history])
     weight = sigma**-2
@@ -79,4 +81,4 @@ def _drift(name: str, run: str, history: Sequence[PastVerification]) -> Drift | 
     information = (weight * apart**2).sum(0)
     slope = (weight * apart * shift).sum(0) / information
     squared = float(np.sum(slope**2 * information))
-    return Drift(name, run, len(history), slope, information**-0.5, float(chdtrc(3, squared)))
+    return Drift(name, run_name, len(history), slope, information**-0.5, float(chdtrc(3, squared)))

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.residuals.fitted_again import known_views
+from basecal.accuracy.residuals.evaluation import known_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Calibration, Cell, Recording
 from basecal.effects.faces.random_effect import RandomEffect
@@ -72,20 +72,20 @@ class Innovations:
         """Names of the robots that carry what saw or was seen."""
         return self.situation.problem.robots
 
-    def by_frame(self, name: str) -> Array:
+    def frame_jacobian(self, name: str) -> Array:
         """How views go with a right tangent of a transform, (n, 6, 6)."""
-        parts = [self.situation.by_frame(k, name) for k in range(len(self.situation.problem.groups))]
+        parts = [self.situation.frame_jacobian(k, name) for k in range(len(self.situation.problem.groups))]
         return np.concatenate([np.zeros((0, 6, 6)), *parts])
 
-    def by_flange(self, robot: str) -> Array:
+    def flange_jacobian(self, robot: str) -> Array:
         """How views go with a right tangent of a robot's flange, (n, 6, 6)."""
-        parts = [self.situation.by_flange(k, robot) for k in range(len(self.situation.problem.groups))]
+        parts = [self.situation.flange_jacobian(k, robot) for k in range(len(self.situation.problem.groups))]
         return np.concatenate([np.zeros((0, 6, 6)), *parts])
 
-    def by_joints(self, robot: str) -> Array:
+    def joint_jacobian(self, robot: str) -> Array:
         """How views go with the joints of a robot, (n, 6, joints); none where they were not recorded."""
         at = self.posture(robot)
-        return np.zeros((len(self.sample), 6, 0)) if at is None else self.by_flange(robot) @ at.true.by_joints
+        return np.zeros((len(self.sample), 6, 0)) if at is None else self.flange_jacobian(robot) @ at.true.by_joints
 
     def posture(self, robot: str) -> Posture | None:
         """A robot as stated at its joints in all views, any in which it has no part; None where none were recorded."""
@@ -106,7 +106,7 @@ class Innovations:
         stops = [np.full(len(group), -1) if end is None else end.stand for group, end in ends]
         return concatenate(poses), np.concatenate(stops)
 
-    def without(self, sample: int) -> Innovations:
+    def drop_sample(self, sample: int) -> Innovations:
         """The same without a sample."""
         kept = self.sample != sample
         rows = np.repeat(kept, 6)
@@ -142,7 +142,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    situation = _at(cell, calibration, recording)
+    situation = _situation(cell, calibration, recording)
     groups = situation.problem.groups
     root, off = [np.zeros((0, 6, 6))], [np.zeros((0, 6))]
     for views in linearise(situation.problem, situation.state).views:
@@ -152,16 +152,16 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     sample = np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in groups)])
     flat = np.concatenate(off).ravel()
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
-    predicted = _of_robots(exact, calibration)
+    predicted = _robot_covariance(exact, calibration)
     if calibration.joint_covariance is not None and calibration.order:
-        by_transforms = np.concatenate([exact.of(exact.by_frame(name)) for name in calibration.order], axis=1)
+        by_transforms = np.concatenate([exact.of(exact.frame_jacobian(name)) for name in calibration.order], axis=1)
         predicted = by_transforms @ calibration.joint_covariance @ by_transforms.T + predicted
     robots = calibration.noise.get("robots", {})
     freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)
     return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))
 
 
-def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
+def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
     """The views that a calibration predicts, at its transforms, robots taken for exact."""
     known = known_views(cell, recording, calibration)
     every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
@@ -174,16 +174,16 @@ def _at(cell: Cell, calibration: Calibration, recording: Recording) -> Situation
     return Situation(problem, state, problem, {})
 
 
-def _of_robots(innovations: Innovations, calibration: Calibration) -> Array:
+def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Array:
     """What the errors of the robots' poses leave open."""
     out = np.zeros(innovations.predicted.shape)
     for robot in innovations.robots:
         known = calibration.noise.get("robots", {}).get(robot, {})
-        by_flange = innovations.by_flange(robot)
+        by_flange = innovations.flange_jacobian(robot)
         poses, stand = innovations.stands(robot)
         parts = [(_sigmas(known), stand[:, None] == stand[None])]
         for name in (name for name in RANDOM_EFFECTS if name in known):
-            errors = _at_views(innovations, robot, RANDOM_EFFECTS[name], known[name])
+            errors = _view_jacobian(innovations, robot, RANDOM_EFFECTS[name], known[name])
             if errors is None:
                 # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
                 parts.append((np.array(known[name]["sigma"]), kernel(poses, poses)))
@@ -196,23 +196,25 @@ def _of_robots(innovations: Innovations, calibration: Calibration) -> Array:
     return out
 
 
-def _at_views(innovations: Innovations, robot: str, effect: RandomEffect, known: Mapping[str, Any]) -> Array | None:
+def _view_jacobian(
+    innovations: Innovations, robot: str, effect: RandomEffect, sigmas: Mapping[str, Any]
+) -> Array | None:
     """How a robot's flange moves with errors of its joints and links, in sigmas, (n, 6, k) in all views.
 
     None if the effect does not go by joints, these were not recorded, or each error's sigma is not known.
     """
     at = innovations.posture(robot)
     errors = None if at is None or effect.by_joints is None else effect.by_joints(at)
-    if errors is None or "shift_m" not in known:
+    if errors is None or "shift_m" not in sigmas:
         return None
-    return np.asarray(errors.by_stop * np.where(errors.is_turn, known["turn_rad"], known["shift_m"]))
+    return np.asarray(errors.by_stop * np.where(errors.is_turn, sigmas["turn_rad"], sigmas["shift_m"]))
 
 
-def _sigmas(known: Mapping[str, Any]) -> Array:
+def _sigmas(sigmas: Mapping[str, Any]) -> Array:
     """Of a robot's pose that is still to come [m, rad], (6,); zeros where nothing is known.
 
     Few samples leave them open by factors: what they come to on average counts, not what is likeliest.
     """
-    if not known:
+    if not sigmas:
         return np.zeros(6)
-    return float(known.get("rms_factor") or 1.0) * np.array([*known["sigma_t_m"], *known["sigma_r_rad"]])
+    return float(sigmas.get("rms_factor") or 1.0) * np.array([*sigmas["sigma_t_m"], *sigmas["sigma_r_rad"]])

@@ -17,29 +17,29 @@ import numpy as np
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.drift.shifts import Shift
 from basecal.geometry import Array
-from basecal.numerics.spectral import above, spectrum
+from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 FEWEST_SAMPLES = 12
 """Whose scatter tells anything: six numbers of each."""
 
-_HIDDEN = 1e-9  # share of the information below which a direction of a camera's place is not seen
+_HIDDEN_SHARE = 1e-9  # share of the information below which a direction of a camera's place is not seen
 
 
-def with_shared_errors(innovations: Innovations, moved: Shift) -> Innovations:
+def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
     """The same with what the views of each camera are seen to get wrong together.
 
     Args:
         innovations: New views, of `FEWEST_SAMPLES` or more.
-        moved: The likeliest thing to have moved, which is none of such errors.
+        shift: The likeliest thing to have moved, which is none of such errors.
     """
-    if moved.joint is None:
-        moves = innovations.by_frame(moved.transform)
+    if shift.joint is None:
+        moves = innovations.frame_jacobian(shift.transform)
     else:
-        moves = innovations.by_joints(moved.frame.removesuffix("_flange"))[..., moved.joint : moved.joint + 1]
-    left = innovations.covariance_inverse @ (innovations.off - innovations.of(moves) @ moved.size)
+        moves = innovations.joint_jacobian(shift.frame.removesuffix("_flange"))[..., shift.joint : shift.joint + 1]
+    left = innovations.covariance_inverse @ (innovations.off - innovations.of(moves) @ shift.size)
     cameras = sorted({group.eye.mount for group in innovations.situation.problem.groups})
     more = sum(
-        (_of_camera(innovations, innovations.of(innovations.by_frame(name)), left) for name in cameras),
+        (_camera_covariance(innovations, innovations.of(innovations.frame_jacobian(name)), left) for name in cameras),
         np.zeros(innovations.predicted.shape),
     )
     return (
@@ -49,23 +49,25 @@ def with_shared_errors(innovations: Innovations, moved: Shift) -> Innovations:
     )
 
 
-def _of_camera(innovations: Innovations, by_place: Array, left: Array) -> Array:
+def _camera_covariance(innovations: Innovations, place_jacobian: Array, left: Array) -> Array:
     """What a camera's views get wrong together, as a covariance of all views, (6 n, 6 n).
 
     Args:
         innovations: The views.
-        by_place: (6 n, 6) how they go with the camera's place.
+        place_jacobian: (6 n, 6) how they go with the camera's place.
         left: (6 n,) what is left of them over its covariance.
     """
     inverse = innovations.covariance_inverse
     rows = [np.flatnonzero(np.repeat(innovations.sample == number, 6)) for number in np.unique(innovations.sample)]
-    said = np.stack([by_place[at].T @ left[at] for at in rows])
-    expected = sum((by_place[at].T @ inverse[np.ix_(at, at)] @ by_place[at] for at in rows), np.zeros((6, 6)))
-    of_all = spectrum(expected, _HIDDEN)
-    by_chance = (1 + np.sqrt(by_place.shape[1] / len(rows))) ** 2
-    scatter = above(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance)
+    said = np.stack([place_jacobian[at].T @ left[at] for at in rows])
+    expected = sum(
+        (place_jacobian[at].T @ inverse[np.ix_(at, at)] @ place_jacobian[at] for at in rows), np.zeros((6, 6))
+    )
+    of_all = spectrum(expected, _HIDDEN_SHARE)
+    by_chance = (1 + np.sqrt(place_jacobian.shape[1] / len(rows))) ** 2
+    scatter = scaled_spectrum(of_all.inverse_root.T @ (said.T @ said) @ of_all.inverse_root, by_chance)
     beyond = np.where(scatter.held, scatter.values - 1, 0.0)
-    moved = by_place @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
+    moved = place_jacobian @ (of_all.inverse_root @ scatter.vectors * np.sqrt(beyond))
     together = moved @ moved.T
     for at in rows:
         together[np.ix_(at, at)] *= 1 + len(rows)

@@ -21,13 +21,13 @@ from basecal.effects.target_size import by_size
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
-SIZE = "size"
+SIZE_KIND = "size"
 """Stands for the transform of a shift that is a target's size."""
 
-_HIDDEN = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
-_DIRECTIONS = 100  # over which the chance to see a shift is averaged, to a thousandth
-_SCALES = 20  # of a variance, over which it is averaged too
-_LEAST = 1e-280  # of a chance as it is: what is less is told by the tail of a chi-square
+_HIDDEN_SHARE = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
+_DIRECTION_COUNT = 100  # over which the chance to see a shift is averaged, to a thousandth
+_SCALE_COUNT = 20  # of a variance, over which it is averaged too
+_LEAST_CHANCE = 1e-280  # of a chance as it is: what is less is told by the tail of a chi-square
 _LARGEST_M = 10.0  # a shift that no cell has [m]: what is not seen then is not seen at all
 
 
@@ -37,7 +37,7 @@ class Shift:
 
     Attributes:
         frame: What moved: a base, a camera, a target, or the flange of a robot whose joint's zero did.
-        transform: The transform that is no longer true; empty for a joint, `SIZE` for the size of a target.
+        transform: The transform that is no longer true; empty for a joint, `SIZE_KIND` for the size of a target.
         joint: Number of the joint whose zero moved, from 0; None for a frame.
         size: (k,) the best shift, a right tangent of the transform [m, rad], the joint's [rad], or a fraction.
         covariance: (k, k); directions that are not seen hold nothing.
@@ -63,7 +63,7 @@ class Shift:
         if not np.isfinite(self.of_noise) or not self.freedoms:
             return log_chance_of(self.statistic, self.freedoms)
         chance = float(fdtrc(self.freedoms, self.of_noise, self.statistic / self.freedoms))
-        return float(np.log(chance)) if chance > _LEAST else log_chance_of(self.statistic, self.freedoms)
+        return float(np.log(chance)) if chance > _LEAST_CHANCE else log_chance_of(self.statistic, self.freedoms)
 
     def threshold(self, level: float) -> float:
         """The statistic that is passed by this chance where it did not move."""
@@ -86,13 +86,13 @@ def frame_shifts(innovations: Innovations) -> Iterator[Shift]:
     """Each base, camera and target that views depend on."""
     for name in innovations.situation.frames:
         frame = name.partition("_from_")[2]
-        yield _shift(innovations, frame, name, None, innovations.by_frame(name))
+        yield _shift(innovations, frame, name, None, innovations.frame_jacobian(name))
 
 
 def joint_shifts(innovations: Innovations) -> Iterator[Shift]:
     """The zero of each joint of the robots that were recorded by joints."""
     for robot in innovations.robots:
-        by_joints = innovations.by_joints(robot)
+        by_joints = innovations.joint_jacobian(robot)
         for joint in range(by_joints.shape[-1]):
             yield _shift(innovations, f"{robot}_flange", "", joint, by_joints[..., joint : joint + 1])
 
@@ -103,14 +103,14 @@ def size_shifts(innovations: Innovations) -> Iterator[Shift]:
     for target in sorted({g.target for g in problem.groups if g.hand.mount not in problem.point_mounts}):
         groups = enumerate(problem.groups)
         moves = [by_size(innovations.situation, k) * float(group.target == target) for k, group in groups]
-        yield _shift(innovations, target, SIZE, None, np.concatenate(moves))
+        yield _shift(innovations, target, SIZE_KIND, None, np.concatenate(moves))
 
 
 def _shift(innovations: Innovations, frame: str, transform: str, joint: int | None, moves: Array) -> Shift:
     by_shift = innovations.of(moves)
     weighed = by_shift.T @ innovations.covariance_inverse
     information = weighed @ by_shift
-    seen = spectrum(0.5 * (information + information.T), _HIDDEN)
+    seen = spectrum(0.5 * (information + information.T), _HIDDEN_SHARE)
     size = seen.inverse @ (weighed @ innovations.off)
     statistic = float(size @ information @ size)
     return Shift(
@@ -137,21 +137,21 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
     Returns:
         None where no shift that a cell may have is seen so.
     """
-    along = _sphere(_DIRECTIONS)
+    along = _sphere(_DIRECTION_COUNT)
     visible = np.maximum(np.einsum("di,ij,dj->d", along, shift.information[:3, :3], along), 0.0)
     if not shift.freedoms:
         return None
     # What a variance that is known by so many freedoms may be over the true one, as many that are alike likely.
-    chances = 1 - (np.arange(_SCALES) + 0.5) / _SCALES
+    chances = 1 - (np.arange(_SCALE_COUNT) + 0.5) / _SCALE_COUNT
     known = np.isfinite(shift.of_noise)
     scales = chdtri(shift.of_noise, chances) / shift.of_noise if known else np.ones(1)
     threshold = shift.threshold(level) * scales[:, None]
 
-    def seen(length_m: float) -> float:
+    def detection_chance(length_m: float) -> float:
         """The chance to see a shift of a length, less what is asked."""
         return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
 
-    return None if seen(_LARGEST_M) < 0 else float(brentq(seen, 0.0, _LARGEST_M, xtol=1e-9))
+    return None if detection_chance(_LARGEST_M) < 0 else float(brentq(detection_chance, 0.0, _LARGEST_M, xtol=1e-9))
 
 
 def _sphere(count: int) -> Array:

@@ -12,16 +12,20 @@ from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joi
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.streams.streams import synchronous
 
-LEVEL = 5e-3
+SIGNIFICANCE_LEVEL = 5e-3
 """The chance of an alarm where nothing moved: once in two hundred checks, about a year of working days."""
 
 POWER = 0.95
 """The chance by which a shift of the length that is given as detectable is seen."""
 
-_ALIKE = 6.0  # of the statistic: explanations that are not e^3 times less likely than the best are not told from it
-_FEWEST_TO_BLAME = 4  # samples of which one may be the odd one out
-_BLIND_M = 0.1  # of the shift that would be seen: where it is larger, predictions are too uncertain for first order
-_AS_BEFORE = 0.05  # chance of the others, above which they are as calibrated without it
+_EQUAL_STATISTIC = (
+    6.0  # of the statistic: explanations that are not e^3 times less likely than the best are not told from it
+)
+_FEWEST_SAMPLES = 4  # samples of which one may be the odd one out
+_LARGEST_DETECTABLE_M = (
+    0.1  # of the shift that would be seen: where it is larger, predictions are too uncertain for first order
+)
+_UNCHANGED_CHANCE = 0.05  # chance of the others, above which they are as calibrated without it
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,34 +65,34 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
         InputError: if the cell contradicts the recording.
     """
     of = innovations(cell, calibration, synchronous(cell, recording, calibration))
-    found = _verified(cell, of)
+    found = _verify(cell, of)
     if found.shift is not None and len(found.samples) >= FEWEST_SAMPLES:
         of = with_shared_errors(of, found.shift)
-        found = _verified(cell, of)
-    if not found.moved or len(found.samples) < _FEWEST_TO_BLAME:
+        found = _verify(cell, of)
+    if not found.moved or len(found.samples) < _FEWEST_SAMPLES:
         return found
     # One sample that is off alone is a bad sample: what moved is off in all that come after.
-    others = [(sample, _verified(cell, of.without(sample))) for sample in found.samples]
+    others = [(sample, _verify(cell, of.drop_sample(sample))) for sample in found.samples]
     sample, rest = max(others, key=lambda each: each[1].chance)
-    return found if rest.chance < _AS_BEFORE else Verification(**{**vars(rest), "outliers": (sample,)})
+    return found if rest.chance < _UNCHANGED_CHANCE else Verification(**{**vars(rest), "outliers": (sample,)})
 
 
-def _verified(cell: Cell, innovations: Innovations) -> Verification:
+def _verify(cell: Cell, innovations: Innovations) -> Verification:
     samples = tuple(sorted({int(sample) for sample in innovations.sample}))
     frames = list(frame_shifts(innovations))
     if not frames:
         return Verification(None, 1.0, None, (), None, samples)
-    level = LEVEL / len(frames)
+    level = SIGNIFICANCE_LEVEL / len(frames)
     chance = min(1.0, len(frames) * float(np.exp(min(each.log_chance for each in frames))))
     asked = [each for each in frames if each.transform in cell.asked] or frames
     lengths = [detectable_m(each, level, POWER) for each in asked]
     seen = None if None in lengths else max(length for length in lengths if length is not None)
-    moved = chance < LEVEL
+    moved = chance < SIGNIFICANCE_LEVEL
     explanations = sorted([*frames, *joint_shifts(innovations)], key=lambda each: each.log_chance)
     best = explanations[0]
-    is_blind = seen is not None and seen > _BLIND_M
+    is_blind = seen is not None and seen > _LARGEST_DETECTABLE_M
     is_moved = None if is_blind else True if moved else None if seen is None else False
-    alike = [each for each in explanations[1:] if is_moved and _score(each) > _score(best) - _ALIKE]
+    alike = [each for each in explanations[1:] if is_moved and _score(each) > _score(best) - _EQUAL_STATISTIC]
     return Verification(is_moved, chance, best, tuple(alike), seen, samples, asked=tuple(asked))
 
 

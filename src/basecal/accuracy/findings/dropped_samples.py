@@ -5,16 +5,16 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
 
-_MANY = 0.1  # share of the samples: whoever dropped a single one says so by an info
+_MANY_SHARE = 0.1  # share of the samples: whoever dropped a single one says so by an info
 
 
-def many_dropped_samples(given: Input) -> list[Finding]:
+def many_dropped_samples(inputs: Input) -> list[Finding]:
     """A warning where more than a tenth of the samples could not be used, by the findings so far."""
-    about = {name for f in given.findings if f.code == "dropped-sample" for name in f.about}
+    about = {name for f in inputs.findings if f.code == "dropped-sample" for name in f.about}
     dropped = {name for name in about if name.isdecimal()}
-    total = len({int(number) for group in given.problem.groups for number in group.sample}) + len(dropped)
-    if len(dropped) <= _MANY * total or any(f.code == "few-images" for f in given.findings):
+    total = len({int(number) for group in inputs.problem.groups for number in group.sample}) + len(dropped)
+    if len(dropped) <= _MANY_SHARE * total or any(f.code == "few-images" for f in inputs.findings):
         return []
-    most = max((f for f in given.findings if f.code == "dropped-sample"), key=lambda f: len(f.about))
+    most = max((f for f in inputs.findings if f.code == "dropped-sample"), key=lambda f: len(f.about))
     what = f"{len(dropped)} of {total} samples could not be used."
     return [Finding("dropped-sample", "warning", (), what, most.do, most.what)]

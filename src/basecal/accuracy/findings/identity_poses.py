@@ -6,19 +6,19 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Input
 from basecal.cell import Finding
-from basecal.estimation.observability.motions import attached
+from basecal.estimation.observability.motions import mount_names
 
 
-def identity_poses(given: Input) -> list[Finding]:
+def identity_poses(inputs: Input) -> list[Finding]:
     """About each robot whose recorded poses are all the identity, exactly; joints are never that.
 
     An info where all that the robot carries is fixed: it may stand for something that never moves.
     """
     findings = []
-    for robot in given.problem.robots:
-        poses = [end.base_from_flange for end in given.problem.ends_of(robot) if end.joints is None]
+    for robot in inputs.problem.robots:
+        poses = [end.base_from_flange for end in inputs.problem.ends_of(robot) if end.joints is None]
         if poses and all(np.all(each.matrix == np.eye(4)) for each in poses):
-            fixed = all(given.problem.unknowns[name].status == "fixed" for name in attached(given.problem, robot))
+            fixed = all(inputs.problem.unknowns[name].status == "fixed" for name in mount_names(inputs.problem, robot))
             what, do = (
                 f"All recorded poses of {robot} are the identity.",
                 (f"Check that the driver of {robot} is connected.",),

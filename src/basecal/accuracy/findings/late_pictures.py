@@ -12,11 +12,11 @@ from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_FEW = 0.03  # share of the samples, as of outliers
+_FEW_SHARE = 0.03  # share of the samples, as of outliers
 # Share of what a view is off by that time takes away: of views off in any of six directions 1 in 500 has it.
-_BY_TIME = 0.9
+_EXPLAINED_SHARE = 0.9
 _LONGEST_S = 0.5  # that a velocity tells where a target was
-_SHOWN = 5  # pictures whose delay is told
+_SHOWN_PICTURES = 5  # pictures whose delay is told
 
 
 class _Late(NamedTuple):
@@ -31,16 +31,16 @@ def late_pictures(evidence: Evidence) -> list[Finding]:
     out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
     for camera in sorted({camera for _, camera in out}):
-        late = sorted(_late_of(evidence, camera, {sample for sample, name in out if name == camera}))
+        late = sorted(_late_samples(evidence, camera, {sample for sample, name in out if name == camera}))
         if late:
-            severity: Severity = "warning" if len(late) > _FEW * evidence.robust.samples else "info"
+            severity: Severity = "warning" if len(late) > _FEW_SHARE * evidence.robust.samples else "info"
             numbers = tuple(str(each.sample) for each in late)
             do = ("Look for a trigger that was missed, or a driver that stamps on arrival.",)
-            found.append(Finding("clock-offset", severity, (camera, *numbers), _what(camera, late), do))
+            found.append(Finding("clock-offset", severity, (camera, *numbers), _problem_sentence(camera, late), do))
     return found
 
 
-def _late_of(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
+def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
     late = []
     for group in evidence.recorded.groups:
         rows = np.flatnonzero(np.isin(group.sample, list(samples)))
@@ -55,15 +55,17 @@ def _late_of(evidence: Evidence, camera: str, samples: set[int]) -> list[_Late]:
         by_time = np.einsum("ni,ni->n", view.gradient, views.motion)
         per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)
         by_s = -by_time / np.maximum(per_s2, 1e-300)
-        is_late = (-by_s * by_time > _BY_TIME * whole) & (np.abs(by_s) < _LONGEST_S)
+        is_late = (-by_s * by_time > _EXPLAINED_SHARE * whole) & (np.abs(by_s) < _LONGEST_S)
         late += [_Late(int(views.sample[k]), float(by_s[k])) for k in np.flatnonzero(is_late)]
     return late
 
 
-def _what(camera: str, late: list[_Late]) -> str:
+def _problem_sentence(camera: str, late: list[_Late]) -> str:
     one = len(late) == 1
-    by = ", ".join(f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN])
-    more = ", ..." if len(late) > _SHOWN else ""
+    by = ", ".join(
+        f"{1e3 * abs(each.by_s):.0f} ms {'late' if each.by_s > 0 else 'early'}" for each in late[:_SHOWN_PICTURES]
+    )
+    more = ", ..." if len(late) > _SHOWN_PICTURES else ""
     images = "An image" if one else f"{len(late)} images"
     stamps = "was not taken when its stamp says" if one else "were not taken when their stamps say"
     where = f"{list_samples([each.sample for each in late])} ({by}{more})"

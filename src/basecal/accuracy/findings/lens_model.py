@@ -9,7 +9,7 @@ from basecal.accuracy.lens_structure import LensStructure
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 
-_MATTERS = 1.0  # sigmas by which a transform asked for has to move
+_RELEVANT_SIGMAS = 1.0  # sigmas by which a transform asked for has to move
 
 
 def lens_model(evidence: Evidence) -> list[Finding]:
@@ -20,7 +20,7 @@ def lens_model(evidence: Evidence) -> list[Finding]:
             _sigmas(evidence, found, name) for name in evidence.cell.asked if name in evidence.solution.problem.columns
         ]
         worst = max(moves, default=0.0)
-        severity: Severity = "warning" if worst > _MATTERS else "info"
+        severity: Severity = "warning" if worst > _RELEVANT_SIGMAS else "info"
         what = f"Residuals of {found.camera} depend on their place in the image: {found.rms_px:.2g} px rms."
         moved = f"which moves the answer by {worst:.1f} sigma"
         why = f"Its lens model cannot have them (chance {found.chance:.0e}), {moved}. The covariance covers it."
@@ -29,7 +29,7 @@ def lens_model(evidence: Evidence) -> list[Finding]:
     return findings
 
 
-def _sigmas(evidence: Evidence, found: LensStructure, name: str) -> float:
+def _sigmas(evidence: Evidence, structure: LensStructure, name: str) -> float:
     where = evidence.solution.problem.columns[name]
     sigma = np.sqrt(np.maximum(np.diag(evidence.solution.covariance_of([name])), 0.0))[: where.stop - where.start]
-    return float(np.abs(found.moved[where] / np.maximum(sigma, np.finfo(np.float64).tiny)).max())
+    return float(np.abs(structure.moved[where] / np.maximum(sigma, np.finfo(np.float64).tiny)).max())

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
-from basecal.accuracy.phrases.gravity import gravity_taken
+from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection
 from basecal.effects.registry import RANDOM_EFFECTS, words_of
 
-_LIKELY = 10.0  # of twice the log of the evidence, beyond which it is very strong (Kass & Raftery 1995)
-_OF_ARMS = {"robot-model", "deflection"}
-_CONTAINED = "The covariance contains it."
+_STRONG_EVIDENCE = 10.0  # of twice the log of the evidence, beyond which it is very strong (Kass & Raftery 1995)
+_ARM_CODES = {"robot-model", "deflection"}
+_CONTAINED_SENTENCE = "The covariance contains it."
 
 
 def likely_kinematics(evidence: Evidence) -> list[Finding]:
@@ -22,15 +22,15 @@ def likely_kinematics(evidence: Evidence) -> list[Finding]:
     noise = evidence.solution.noise
     name, sigmas = next(iter(noise.common.items()), ("", {}))
     likely = RANDOM_EFFECTS[name].likely if name else None
-    if likely is None or noise.plain_surprise - noise.surprise < _LIKELY:
+    if likely is None or noise.plain_surprise - noise.surprise < _STRONG_EVIDENCE:
         return []
     words = likely(sigmas)
     found = evidence.systematic_error
-    if found is not None and words_of(found).code in _OF_ARMS:
+    if found is not None and words_of(found).code in _ARM_CODES:
         return []
     if words.code == "robot-model" and robot_model(evidence):
         return []
-    why = [_CONTAINED]
+    why = [_CONTAINED_SENTENCE]
     if name == deflection.NAME:
-        why.append(gravity_taken(evidence.cell, evidence.solution, tuple(sigmas)))
+        why.append(describe_gravity(evidence.cell, evidence.solution, tuple(sigmas)))
     return [Finding(words.code, "info", tuple(sigmas), words.what, words.do, " ".join(why))]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 
-_SHOWN = 10  # samples, the rest as an ellipsis
+_SHOWN_SAMPLES = 10  # samples, the rest as an ellipsis
 
 
 def not_validated(evidence: Evidence) -> list[Finding]:
@@ -17,7 +17,7 @@ def not_validated(evidence: Evidence) -> list[Finding]:
         what = "There is no cross-validation: the samples cannot be split into folds."
         return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
-    shown = ", ".join(numbers[:_SHOWN]) + (", ..." if len(numbers) > _SHOWN else "")
+    shown = ", ".join(numbers[:_SHOWN_SAMPLES]) + (", ..." if len(numbers) > _SHOWN_SAMPLES else "")
     names = " and ".join(name for name in evidence.cell.asked if name in evidence.solution.problem.columns)
     what, why = f"Samples {shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
     return [Finding("not-validated", "info", numbers, what, ("Record more of their kind.",), why)]

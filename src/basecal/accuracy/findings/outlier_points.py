@@ -8,7 +8,7 @@ from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 
-_FEW = 0.1  # share of the points: a few are the detector's everyday business
+_FEW_SHARE = 0.1  # share of the points: a few are the detector's everyday business
 
 
 def outlier_points(evidence: Evidence) -> list[Finding]:
@@ -21,5 +21,5 @@ def outlier_points(evidence: Evidence) -> list[Finding]:
     what = f"{count} of {total} points were left out as outliers, in {list_samples(numbers)}."
     why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
     do = ("Look for reflections, covered or blurred parts of the target, and ids of another target.",)
-    severity: Severity = "warning" if count > _FEW * total else "info"
+    severity: Severity = "warning" if count > _FEW_SHARE * total else "info"
     return [Finding("outlier-points", severity, tuple(map(str, numbers)), what, do, why)]

@@ -15,7 +15,7 @@ from basecal.errors import sentence
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 
-_FEW = 0.03  # share of the samples: one that had to go is an event in the cell
+_FEW_SHARE = 0.03  # share of the samples: one that had to go is an event in the cell
 _FAR_SIGMAS = 6.0  # of a stop's error: a chance of 2e-9 each where the stated noise is true
 _FEWEST_MOVED = 3  # samples at an end of the recording: two may each be wrong for themselves
 
@@ -30,14 +30,14 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     outlier = "an outlier" if one else "outliers"
     what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
     why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
-    moved = _moved(numbers, evidence.robust.solution.problem)
+    moved = _moved_sentence(numbers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
-    severity: Severity = "warning" if len(numbers) > _FEW * total else "info"
+    severity: Severity = "warning" if len(numbers) > _FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))
     return [Finding("outlier-samples", severity, about, sentence(what), (do,), f"{why}{moved}")]
 
 
-def _moved(numbers: Sequence[int], inliers: Problem) -> str:
+def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:
     """What it means that all from one sample on, or all up to one, are outliers; nothing where they are others."""
     kept = [int(number) for group in inliers.groups for number in group.sample]
     if len(numbers) < _FEWEST_MOVED or not kept:
@@ -52,10 +52,10 @@ def _moved(numbers: Sequence[int], inliers: Problem) -> str:
 
 def agreeing_samples(evidence: Evidence) -> list[Finding]:
     """A warning where no answer rests on most samples: which of them agree with one another."""
-    return agreeing_of(evidence.robust)
+    return agreement_findings(evidence.robust)
 
 
-def agreeing_of(robust: RobustSolution) -> list[Finding]:
+def agreement_findings(robust: RobustSolution) -> list[Finding]:
     """The same of a solution that nothing else is known about."""
     numbers = sorted(robust.agreeing)
     if not numbers:

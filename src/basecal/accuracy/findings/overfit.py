@@ -8,7 +8,9 @@ from basecal.accuracy.cross_validation.validation import HeldOutErrors, root_mea
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 
-_MUCH_WORSE = 4.0  # rms ratio: with enough samples it is near one, and nears two where unknowns are half the equations
+_OVERFIT_RATIO = (
+    4.0  # rms ratio: with enough samples it is near one, and nears two where unknowns are half the equations
+)
 _ROUNDING = 1e-12  # cost of a view that fits to rounding: synthetic cells without noise
 
 
@@ -18,18 +20,18 @@ def overfit(evidence: Evidence) -> list[Finding]:
         return []
     used, predicted = evidence.cross_validation.fitted, evidence.cross_validation.predicted
     ratio = np.sqrt(predicted.cost / used.cost) if used.cost > 0 and np.isfinite(predicted.cost) else np.inf
-    if ratio <= _MUCH_WORSE or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
+    if ratio <= _OVERFIT_RATIO or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
         return []
-    compared = _compared(used, predicted)
+    compared = _comparison(used, predicted)
     what = f"The cross-validation error is {ratio:.1f} times the residual of the same samples when used{compared}."
     do = ("Record more, or state what is known as a prior.",)
     return [Finding("overfit", "warning", (), what, do, "There are too few samples for all that is unknown.")]
 
 
-def _compared(used: HeldOutErrors, predicted: HeldOutErrors) -> str:
+def _comparison(used: HeldOutErrors, held_out: HeldOutErrors) -> str:
     """Both errors in pixels, or in mm and degrees."""
-    inside, outside = (root_mean(e.square_px, e.count_px) for e in (used, predicted))
+    inside, outside = (root_mean(e.square_px, e.count_px) for e in (used, held_out))
     if inside is not None and outside is not None:
         return f" ({outside:.2f} px against {inside:.2f} px)"
-    inside, outside = (root_mean(e.square_m, e.count_poses) for e in (used, predicted))
+    inside, outside = (root_mean(e.square_m, e.count_poses) for e in (used, held_out))
     return "" if inside is None or outside is None else f" ({1e3 * outside:.2f} mm against {1e3 * inside:.2f} mm)"

@@ -9,7 +9,7 @@ from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 
-_OFF_BY_LITTLE = 1.1  # true sigma over the stated one: the covariance is estimated then, and the answer hardly moves
+_LITTLE_RATIO = 1.1  # true sigma over the stated one: the covariance is estimated then, and the answer hardly moves
 _DETECTOR_PX = 3.0  # [px] rms, far beyond the detectors of docs/benchmarks.md
 _REPEATABILITY_M = 3e-3  # [m] per axis, far beyond any arm's: makers state 0.02 to 0.1 mm
 _REPEATABILITY_RAD = 1e-2  # [rad] likewise
@@ -18,7 +18,7 @@ _REPEATABILITY_RAD = 1e-2  # [rad] likewise
 def poor_fit(evidence: Evidence) -> list[Finding]:
     """A warning where residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
     solution, rms_px = evidence.solution, evidence.residuals.rms_px
-    found = [_stated(each) for each in evidence.contradicted_sigmas]
+    found = [_stated_finding(each) for each in evidence.contradicted_sigmas]
     if any(f.severity == "warning" for f in found):
         return found
     robots = solution.noise.robots
@@ -35,16 +35,16 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
     return [Finding("poor-fit", "warning", (), what, do, "Something in the input is wrong."), *found]
 
 
-def _stated(found: ContradictedSigma) -> Finding:
+def _stated_finding(sigma: ContradictedSigma) -> Finding:
     """A warning where stated sigmas are too small; an info where they are too large, or off by little."""
-    whose = f"poses of {found.about}" if found.of_robot else f"what {found.about} saw" if found.about else "everything"
-    about = (found.about,) if found.about else ()
-    if not found.too_small:
-        what = f"Noise of {whose} is {found.ratio:.2g} of what was stated."
+    whose = f"poses of {sigma.about}" if sigma.of_robot else f"what {sigma.about} saw" if sigma.about else "everything"
+    about = (sigma.about,) if sigma.about else ()
+    if not sigma.is_too_small:
+        what = f"Noise of {whose} is {sigma.ratio:.2g} of what was stated."
         why = "The covariance is wider than it need be."
         return Finding("poor-fit", "info", about, what, ("State the smaller sigmas.",), why)
-    what = f"Residuals of {whose} are {found.ratio:.2f} times what the stated sigmas explain."
-    why = f"That is not chance ({found.chance:.0e}); the covariance is that of the estimated noise."
+    what = f"Residuals of {whose} are {sigma.ratio:.2f} times what the stated sigmas explain."
+    why = f"That is not chance ({sigma.chance:.0e}); the covariance is that of the estimated noise."
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
-    severity: Severity = "warning" if found.ratio > _OFF_BY_LITTLE else "info"
+    severity: Severity = "warning" if sigma.ratio > _LITTLE_RATIO else "info"
     return Finding("poor-fit", severity, about, what, do, why)

@@ -14,9 +14,9 @@ from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.stated_lens import is_stated
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
-from basecal.numerics.spectral import Spectrum, above, spectrum
+from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
-_LEARNT = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
+_LEARNT_SHARE = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
 
 
 def prior_contradicted(evidence: Evidence) -> list[Finding]:
@@ -25,7 +25,7 @@ def prior_contradicted(evidence: Evidence) -> list[Finding]:
     return contradicted_priors(evidence.solution, lenses)
 
 
-def contradicted_priors(solution: Solution, besides: Set[str] = frozenset()) -> list[Finding]:
+def contradicted_priors(solution: Solution, excluded: Set[str] = frozenset()) -> list[Finding]:
     """A finding for each prior that is further from the answer than chance allows, once in 10,000 times.
 
     The answer leaves the mean of a true prior by a normal error whose covariance is the prior's less the answer's, in
@@ -33,15 +33,15 @@ def contradicted_priors(solution: Solution, besides: Set[str] = frozenset()) -> 
 
     Args:
         solution: The solution.
-        besides: Cameras whose lenses nobody stated a prior of.
+        excluded: Cameras whose lenses nobody stated a prior of.
     """
     found = []
     for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
         name = next(n for n, c in solution.problem.columns.items() if c == where)
-        if name in besides or (name in solution.problem.lenses and solution.problem.lenses[name].status == "free"):
+        if name in excluded or (name in solution.problem.lenses and solution.problem.lenses[name].status == "free"):
             continue  # what is known of lenses in general was not stated by anyone
         after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
-        learnt = held(innovation(after, np.ones(len(residual))))
+        learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
         off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
         if learnt.rank and off > chdtri(int(learnt.rank), SIGNIFICANCE):
             what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
@@ -67,6 +67,6 @@ def innovation(covariance: Array, wider: Array) -> Array:
     return np.asarray(0.5 * (learnt + learnt.T))
 
 
-def held(learnt: Array) -> Spectrum:
+def informed_spectrum(gain: Array) -> Spectrum:
     """The directions of which the data say something at all."""
-    return above(learnt, _LEARNT)
+    return scaled_spectrum(gain, _LEARNT_SHARE)

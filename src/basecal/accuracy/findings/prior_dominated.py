@@ -11,11 +11,11 @@ from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.null_space import separate_null_space
-from basecal.estimation.observability.observability import observability_of, without_priors
+from basecal.estimation.observability.observability import analyse_observability, without_priors
 from basecal.estimation.solve import Solution
-from basecal.numerics.spectral import above
+from basecal.numerics.spectral import scaled_spectrum
 
-_DOMINATED = 0.95  # posterior over prior sigma: the data tell a tenth of what the prior does, or less
+_DOMINATED_RATIO = 0.95  # posterior over prior sigma: the data tell a tenth of what the prior does, or less
 
 
 def prior_dominated(evidence: Evidence) -> list[Finding]:
@@ -27,21 +27,21 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
         return []
     alone = without_priors(problem)
     hessian = linearise(alone, evidence.solution.state).hessian
-    unobservable = observability_of(
+    unobservable = analyse_observability(
         alone, evidence.solution.state, hessian, evidence.solution.noise.factor
     ).unobservable
     resting = [
         name for name in evidence.cell.asked if name in unobservable - evidence.solution.observability.unobservable
     ]
-    return [finding for name in priors for finding in _dominated(evidence.solution, name, resting)]
+    return [finding for name in priors for finding in _dominated_findings(evidence.solution, name, resting)]
 
 
-def _dominated(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:
+def _dominated_findings(solution: Solution, name: str, resting: Sequence[str]) -> list[Finding]:
     """A finding where the posterior of a transform is its prior along some directions."""
     problem, where = solution.problem, solution.problem.columns[name]
     width = where.stop - where.start
     sigma = np.asarray(problem.unknowns[name].sigma)[:width]
-    shares = above(solution.observability.inverse[where, where], _DOMINATED**2, sigma)
+    shares = scaled_spectrum(solution.observability.inverse[where, where], _DOMINATED_RATIO**2, sigma)
     dominated = shares.vectors[:, shares.held]
     if not dominated.shape[1]:
         return []

@@ -11,9 +11,9 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, BoolArray
 
-_APART_PX = 1.0  # between two spots: nearer they are one
+_LEAST_DISTANCE_PX = 1.0  # between two spots: nearer they are one
 _UNCLEAR_PX = 3.0  # of another spot from where the light is predicted: there it could be taken for the light
-_MANY = 0.1  # share of the pictures in which it can be either, above which the answer may rest on the wrong ones
+_MANY_SHARE = 0.1  # share of the pictures in which it can be either, above which the answer may rest on the wrong ones
 
 
 def reflection(evidence: Evidence) -> list[Finding]:
@@ -22,14 +22,14 @@ def reflection(evidence: Evidence) -> list[Finding]:
     for group in evidence.solution.problem.groups:
         if len(group.readings) < 2 or len(_points(group)) != 1:
             continue
-        others, unclear = _beside(group, evidence.solution.state, evidence)
+        others, unclear = _spot_masks(group, evidence.solution.state, evidence)
         if not others.any():
             continue
         count, total = int(others.sum()), len(others)
         numbers = tuple(map(str, group.sample[others].tolist()))
         what = f"{group.camera} sees other bright spots beside {group.target} in {count} of {total} images."
         why = "They are reflections or other lights; the geometry of all images together separates them."
-        is_grave = bool(unclear.mean() > _MANY)
+        is_grave = bool(unclear.mean() > _MANY_SHARE)
         if is_grave:
             why += f" In {int(unclear.sum())} images both are near where it is predicted."
         do = ("Cover what shines, or switch the LED and take images with and without it.",)
@@ -42,7 +42,7 @@ def _points(group: ViewGroup) -> Array:
     return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
-def _beside(group: ViewGroup, state: State, evidence: Evidence) -> tuple[BoolArray, BoolArray]:
+def _spot_masks(group: ViewGroup, state: State, evidence: Evidence) -> tuple[BoolArray, BoolArray]:
     """Which views, (n,), have another spot than the one that is used, and which one near where the light must be."""
     assert isinstance(group.measurement, PixelMeasurement)
     used = group.measurement.pixels[:, 0]
@@ -50,6 +50,6 @@ def _beside(group: ViewGroup, state: State, evidence: Evidence) -> tuple[BoolArr
     point = camera_from_target.rotation @ _points(group)[0] + camera_from_target.translation
     predicted = state.cameras[group.camera].project(point)
     spots = np.stack([reading.pixels[:, 0] for reading in group.readings])
-    is_other = np.linalg.norm(spots - used, axis=-1) > _APART_PX
+    is_other = np.linalg.norm(spots - used, axis=-1) > _LEAST_DISTANCE_PX
     is_near = np.linalg.norm(spots - predicted, axis=-1) < _UNCLEAR_PX
     return is_other.any(axis=0), (is_other & is_near).any(axis=0)

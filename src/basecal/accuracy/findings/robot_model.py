@@ -25,12 +25,12 @@ def robot_model(evidence: Evidence) -> list[Finding]:
     return robot_model_findings(evidence.robot_model)
 
 
-def _is_other_effect(found: FoundEffect | None, chosen: Candidate) -> bool:
+def _is_other_effect(effect: FoundEffect | None, candidate: Candidate) -> bool:
     """Whether an effect of joints is certain that no choice has, of a robot whose offsets are chosen."""
-    if found is None or not found.is_certain or chosen.kind not in ("joint", "offsets"):
+    if effect is None or not effect.is_certain or candidate.kind not in ("joint", "offsets"):
         return False
-    effects = {each.effect for each in (found, *found.alternatives)} & ROBOT_PARAMETERS.keys()
-    return found.about in chosen.robots and bool(effects) and effects.isdisjoint({OFFSETS, LINKS})
+    effects = {each.effect for each in (effect, *effect.alternatives)} & ROBOT_PARAMETERS.keys()
+    return effect.about in candidate.robots and bool(effects) and effects.isdisjoint({OFFSETS, LINKS})
 
 
 def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
@@ -39,12 +39,12 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     if chosen.kind == "none" and choice.better is None:
         return []
     if chosen.kind == "none" and choice.better is not None:
-        what = f"Freeing {_freed(choice.better)} may lower {_from_to(none, choice.better)}."
+        what = f"Freeing {_parameter_phrase(choice.better)} may lower {_from_to(none, choice.better)}."
         why, do = "There are too few samples to decide.", ("Record more samples.",)
         return [Finding("robot-model", "info", choice.better.robots, what, do, why)]
-    what, why = f"Freeing {_freed(chosen)} lowers {_from_to(none, chosen)}.", _largest(choice)
+    what, why = f"Freeing {_parameter_phrase(chosen)} lowers {_from_to(none, chosen)}.", _largest_deviation(choice)
     if choice.better is not None:
-        why += f" Whether freeing {_freed(choice.better)} helps more is undecided."
+        why += f" Whether freeing {_parameter_phrase(choice.better)} helps more is undecided."
     offsets = robot_parameters(choice.solution).get(OFFSETS, {})
     values = np.concatenate([np.zeros(0), *(of.values[of.seen] for of in offsets.values())])
     entry = joint_offsets.entry(values)
@@ -54,20 +54,20 @@ def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
     return [Finding("robot-model", "warning", chosen.robots, what, do, why)]
 
 
-def _freed(candidate: Candidate) -> str:
+def _parameter_phrase(candidate: Candidate) -> str:
     robots = " and ".join(candidate.robots)
     if candidate.joint is not None:
         return f"joint {candidate.joint + 1} of {robots}"
     return f"the {'joint offsets' if candidate.kind == 'offsets' else 'joint offsets and links'} of {robots}"
 
 
-def _from_to(none: Candidate, candidate: Candidate) -> str:
-    if none.error_m is not None and candidate.error_m is not None:
-        return f"the cross-validation error from {1e3 * none.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm rms"
-    return f"the cross-validation error from {none.rms:.2g} to {candidate.rms:.2g} sigmas rms"
+def _from_to(baseline: Candidate, candidate: Candidate) -> str:
+    if baseline.error_m is not None and candidate.error_m is not None:
+        return f"the cross-validation error from {1e3 * baseline.error_m:.2g} to {1e3 * candidate.error_m:.2g} mm rms"
+    return f"the cross-validation error from {baseline.rms:.2g} to {candidate.rms:.2g} sigmas rms"
 
 
-def _largest(choice: RobotModelChoice) -> str:
+def _largest_deviation(choice: RobotModelChoice) -> str:
     """The offset that stands out most from its sigma, or how far links are off."""
     if choice.chosen.kind == "links":
         tangents = np.concatenate([each.of(LINKS) for each in choice.solution.state.robots.values()])

@@ -17,11 +17,11 @@ from basecal.geometry import Array
 _STEPS_M = (1e-2, 1e-3, 1e-4)
 _STEPS_DEG = (1.0, 0.1, 0.01)
 _STEPS_RAD = (1e-2, 1e-3, 1e-4)
-_FEWEST = 10  # different numbers that are all multiples: chance has each of them at most once in 500
-_NEAR = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted
+_FEWEST_NUMBERS = 10  # different numbers that are all multiples: chance has each of them at most once in 500
+_NEAR_SHARE = 1e-3  # of a step: what is left of a multiple after degrees and rotations have been converted
 # Noise in use over that of rounding. Far above it the digits that lack are no loss; far below it they are none that
 # the arm had: places that it was sent to, in round numbers.
-_NOISE = (0.5, 2.0)
+_NOISE_RANGE = (0.5, 2.0)
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class _Rounding:
     @property
     def severity(self) -> Severity:
         """A warning where rounding makes a good part of the noise."""
-        low, high = _NOISE
+        low, high = _NOISE_RANGE
         return "warning" if low * self.sigma < self.noise < high * self.sigma else "info"
 
 
@@ -55,14 +55,14 @@ def rounded_poses(evidence: Evidence) -> list[Finding]:
             continue
         worst = max(found, key=lambda r: (r.severity == "warning", r.sigma))
         listed = " and ".join(f"{r.what} of {robot} are all multiples of {r.words}" for r in found)
-        rounding, noise = _shown(worst.sigma, worst), _shown(worst.noise, worst)
+        rounding, noise = _step_text(worst.sigma, worst), _step_text(worst.noise, worst)
         why = f"Rounding alone adds {rounding} (1 sigma per axis) to {noise} of noise."
         what, do = f"{listed[0].upper()}{listed[1:]}.", ("Record poses with all their digits.",)
         findings.append(Finding("rounded-poses", worst.severity, (robot,), what, do, why))
     return findings
 
 
-def _shown(value: float, rounding: _Rounding) -> str:
+def _step_text(value: float, rounding: _Rounding) -> str:
     return f"{1e3 * value:.2g} {'mm' if rounding.what == 'translations' else 'mrad'}"
 
 
@@ -72,17 +72,17 @@ def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     joints = [end.joints for end in problem.ends_of(robot)]
     recorded = [each for each in joints if each is not None]
     if len(recorded) == len(joints) > 0:
-        yield from _of_angles("joints", [np.concatenate(recorded)], noise_rad)
+        yield from _angle_roundings("joints", [np.concatenate(recorded)], noise_rad)
         return
     poses, seen = stands(problem, robot)
     poses = poses[np.flatnonzero(seen)]
     step = _step(poses.translation, _STEPS_M)
     if step is not None:
         yield _Rounding("translations", step, f"{1e3 * step:g} mm", noise_m)
-    yield from _of_angles("angles", [poses.rotvec, poses.rpy], noise_rad)
+    yield from _angle_roundings("angles", [poses.rotvec, poses.rpy], noise_rad)
 
 
-def _of_angles(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
+def _angle_roundings(subject: str, ways: list[Array], noise: float) -> Iterator[_Rounding]:
     """Angles [rad], written in one of several ways, in degrees or radians."""
     for values in ways:
         degrees, radians = _step(np.degrees(values), _STEPS_DEG), _step(values, _STEPS_RAD)
@@ -97,7 +97,7 @@ def _of_angles(subject: str, ways: list[Array], noise: float) -> Iterator[_Round
 def _step(values: Array, steps: tuple[float, ...]) -> float | None:
     """The largest step of which all values are multiples; None without one, or where too few differ."""
     different = np.unique(np.round(values, 9))
-    if len(different) < _FEWEST:
+    if len(different) < _FEWEST_NUMBERS:
         return None
     shares = [different / step for step in steps]
-    return next((s for s, v in zip(steps, shares, strict=True) if np.all(np.abs(v - np.round(v)) < _NEAR)), None)
+    return next((s for s, v in zip(steps, shares, strict=True) if np.all(np.abs(v - np.round(v)) < _NEAR_SHARE)), None)

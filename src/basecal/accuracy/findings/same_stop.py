@@ -11,13 +11,13 @@ from basecal.numerics.batch import concatenate
 _ROUNDING = 1e-9  # [m, rad] of numbers written with all their digits
 
 
-def same_stop(given: Input) -> list[Finding]:
+def same_stop(inputs: Input) -> list[Finding]:
     """An info about each robot whose recorded poses vary within its stops; arms on paths make none of their own."""
-    if given.on_paths:
+    if inputs.on_paths:
         return []
     findings = []
-    for robot in given.problem.robots:
-        ends = given.problem.ends_of(robot)
+    for robot in inputs.problem.robots:
+        ends = inputs.problem.ends_of(robot)
         stand, poses = np.concatenate([end.stand for end in ends]), concatenate([end.base_from_flange for end in ends])
         first = np.unique(stand, return_index=True)[1]
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.findings.prior_contradicted import held, innovation
+from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation
 from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
 from basecal.effects.registry import LENS_PARAMETERS
@@ -20,24 +20,26 @@ def stated_lens(evidence: Evidence) -> list[Finding]:
     lenses = {name: evidence.cell.cameras[name].intrinsics for name in sorted(evidence.solution.problem.lenses)}
     stated = {name: lens.camera for name, lens in lenses.items() if lens is not None and is_stated(lens)}
     return [
-        Finding("intrinsics", "warning", (name,), *_words(name, camera, evidence.solution))
+        Finding("intrinsics", "warning", (name,), *_sentences(name, camera, evidence.solution))
         for name, camera in stated.items()
         if camera is not None and _is_contradicted(name, camera, evidence.solution)
     ]
 
 
-def _is_contradicted(name: str, stated: Camera, solution: Solution) -> bool:
+def _is_contradicted(name: str, stated_camera: Camera, solution: Solution) -> bool:
     """Whether chance makes a lens so far off once in 10,000 times, under the usual sigmas."""
-    usual, used = usual_sigmas(stated), solution.problem.lenses[name].sigma
+    usual, used = usual_sigmas(stated_camera), solution.problem.lenses[name].sigma
     assert used is not None
-    off = (solution.state.cameras[name].parameters - stated.parameters) / usual
+    off = (solution.state.cameras[name].parameters - stated_camera.parameters) / usual
     where = solution.problem.columns[name]
-    known = held(innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual))
+    known = informed_spectrum(
+        innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual)
+    )
     return bool(known.rank) and float(known.mahalanobis_squared(off)) > chdtri(int(known.rank), SIGNIFICANCE)
 
 
-def _words(name: str, stated: Camera, solution: Solution) -> tuple[str, tuple[str, ...], str]:
+def _sentences(name: str, stated_camera: Camera, solution: Solution) -> tuple[str, tuple[str, ...], str]:
     estimated, sigma = solution.state.cameras[name], np.sqrt(np.diag(solution.lens_covariance(name)))
-    off = ", ".join(part.words(stated, estimated, sigma) for part in LENS_PARAMETERS.values())
+    off = ", ".join(part.words(stated_camera, estimated, sigma) for part in LENS_PARAMETERS.values())
     do = f"Calibrate the lens of {name}, or set its intrinsics' status to free."
     return f"The lens of {name} is not as stated: {off}.", (do,), "The answer uses the estimated lens."

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
-from basecal.accuracy.phrases.gravity import gravity_taken
+from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection, joint_offsets
 from basecal.effects.registry import words_of
 
-_EXCLUDED = "The answer excludes it, and its covariance is wider."
-_CHANCE = "It is perhaps chance; the covariance covers it."
+_EXCLUDED_SENTENCE = "The answer excludes it, and its covariance is wider."
+_CHANCE_SENTENCE = "It is perhaps chance; the covariance covers it."
 
 
 def systematic_error(evidence: Evidence) -> list[Finding]:
@@ -23,9 +23,9 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(evidence)):
         return []
     words = words_of(found)
-    why = [words.why, _EXCLUDED if found.is_certain else _CHANCE]
+    why = [words.why, _EXCLUDED_SENTENCE if found.is_certain else _CHANCE_SENTENCE]
     if found.effect == deflection.NAME:
-        why.append(gravity_taken(evidence.cell, evidence.solution, (found.about,)))
+        why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in named]
     return [
         Finding(

@@ -9,9 +9,9 @@ from basecal.accuracy.phrases.robot_motion import describe_poor_motions
 from basecal.cell import Finding
 
 
-def too_few_samples(given: Input) -> list[Finding]:
+def too_few_samples(inputs: Input) -> list[Finding]:
     """An error where no view can be checked: without the largest, equations are fewer than unknowns."""
-    problem = given.problem
+    problem = inputs.problem
     count = len({int(number) for group in problem.groups for number in group.sample})
     if count < 2:
         found = "no sample shows" if count == 0 else "a single sample shows"
@@ -28,8 +28,13 @@ def too_few_samples(given: Input) -> list[Finding]:
     return [_finding(found, describe_poor_motions(problem))]
 
 
-def _finding(problem: str, moved: str = "") -> Finding:
+def _finding(problem: str, sentence: str = "") -> Finding:
     do = ("Record at least 10 samples with every arm in different orientations (20 for a single LED).",)
     return Finding(
-        "too-few-samples", "error", (), f"{problem[0].upper()}{problem[1:]}.", do, f"So far {moved}." if moved else ""
+        "too-few-samples",
+        "error",
+        (),
+        f"{problem[0].upper()}{problem[1:]}.",
+        do,
+        f"So far {sentence}." if sentence else "",
     )

@@ -9,7 +9,7 @@ from basecal.accuracy.phrases.robot_motion import describe_cause
 from basecal.cell import Finding
 from basecal.estimation.observability.motions import motions
 
-_WEAK = 0.15  # [rad], or share of the viewing distance, of one sigma: half of what counts as unobservable
+_WEAK_SIGMA = 0.15  # [rad], or share of the viewing distance, of one sigma: half of what counts as unobservable
 
 
 def weak_directions(evidence: Evidence) -> list[Finding]:
@@ -20,7 +20,7 @@ def weak_directions(evidence: Evidence) -> list[Finding]:
             continue
         sigma = np.sqrt(np.diag(solution.covariance_of([name])))
         sigma_m, sigma_rad = float(sigma[:3].max()), float(sigma[3:].max())
-        if sigma_m > _WEAK * solution.observability.length_m or sigma_rad > _WEAK:
+        if sigma_m > _WEAK_SIGMA * solution.observability.length_m or sigma_rad > _WEAK_SIGMA:
             do, why = describe_cause(evidence.cell, solution.problem, motions(solution.problem), (name,))
             known = f"{1e3 * sigma_m:.0f} mm and {np.degrees(sigma_rad):.1f} deg"
             what = f"One sigma of {name} is up to {known} along an axis."

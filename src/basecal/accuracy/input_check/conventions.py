@@ -37,7 +37,7 @@ from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
 from basecal.accuracy.input_check.rewriting import LINKS, without_links
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
-from basecal.accuracy.many_robots.pairs_alone import agreed, has_many_robots, pairs_alone
+from basecal.accuracy.many_robots.single_pairs import has_many_robots, merge_findings, solve_single_pairs
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made
@@ -99,13 +99,13 @@ def check_conventions(
     recording = in_order(recording)
     if not has_many_robots(problem):
         return _in_step([_checked(cell, recording, problem, solution.state, settings, explained)])[0]
-    pairs = pairs_alone(cell, recording, problem, solution.state)
+    pairs = solve_single_pairs(cell, recording, problem, solution.state)
     found: list[tuple[Finding, ...]] = []
     for at in range(0, len(pairs), _IN_STEP):
         settings.part(at, len(pairs))
         some = ((pair, build_problem(pair.cell, pair.recording)[0]) for pair in pairs[at : at + _IN_STEP])
         found += _in_step([_checked(p.cell, p.recording, own, p.state, settings, explained) for p, own in some])
-    return agreed(pairs, found)
+    return merge_findings(pairs, found)
 
 
 def _in_step(checks: Sequence[_Check[T]]) -> list[T]:

@@ -16,8 +16,8 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_rotations, solve_translations
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, ViewPosesOf, as_light, pair_views
-from basecal.estimation.start.refinement import Refinement, refined_together
-from basecal.estimation.start.rotation_search import angle_between, search_rotations, settled_rotations
+from basecal.estimation.start.refinement import Refinement, refine_jointly
+from basecal.estimation.start.rotation_search import rotation_angle, search_rotations, settled_rotations
 from basecal.estimation.view.known_poses import KnownPoses
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
@@ -98,7 +98,7 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
         if fit is not None and sight.candidates is not None and trimmed(fit.off) < _HOPELESS_RAD:
-            predicted = sight.predicted(fit.triple).rotation
+            predicted = sight.predict_poses(fit.triple).rotation
             chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
             if np.any(chosen):
                 again[k] = chosen
@@ -118,7 +118,7 @@ def _fits_of(pairs: Sequence[tuple[PairViews, Problem]], chosen: Sequence[IntArr
             lights[k] = light
         else:
             fits[k] = None
-    for k, refined in zip(lights, refined_together(list(lights.values()), _LIGHT_STEPS), strict=True):
+    for k, refined in zip(lights, refine_jointly(list(lights.values()), _LIGHT_STEPS), strict=True):
         fits[k] = LoopFit(refined, off_loops(pairs[k][0], refined), of_light=True)
     for k, triple in zip(loops, _triples(list(loops.values())), strict=True):
         fits[k] = None if triple is None else LoopFit(triple, off_loops(pairs[k][0], triple))
@@ -144,7 +144,7 @@ def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras:
 
 def off_loops(sight: PairViews, triple: Triple) -> Array:
     """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
-    predicted = sight.predicted(triple)
+    predicted = sight.predict_poses(triple)
     if sight.candidates is None:
         # Chords of the point that most views see, whose place `z` is; NaN where it is not seen.
         chords, point = as_light(sight.group.measurement)
@@ -152,7 +152,7 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
         off = lengths(unit - chords.bearings_in_camera[:, point])
         return np.where(chords.weight[:, point] > 0, off, np.nan)
     seen = sight.candidates
-    angles = angle_between(seen.rotation, predicted.rotation[:, None])
+    angles = rotation_angle(seen.rotation, predicted.rotation[:, None])
     apart = lengths(seen.translation - predicted.translation[:, None])
     distance = max(float(np.median(lengths(seen.translation[:, 0]))), 1e-12)
     both: Array = np.hypot(angles, apart / distance).min(1)

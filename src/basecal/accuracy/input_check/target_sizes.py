@@ -19,7 +19,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import SE3, Array, Camera
-from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS
+from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS
 from basecal.numerics.spectral import least_norm
 
 _VIEWS = 20
@@ -173,7 +173,7 @@ class _Sized:
         sized = target_size(self.target, float(np.exp(log)), self.cell)
         return build_problem(*sized.apply(self.cell, self.recording))[0]
 
-    def optimum(self, log: float, state: State, steps: int, left: float = SETTLED_SIGMAS) -> Optimum:
+    def optimum(self, log: float, state: State, steps: int, left: float = CONVERGED_SIGMAS) -> Optimum:
         """Downhill of a state, but for what may be left of the root of the squares."""
         problem = self.problem(log)
         start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))

@@ -11,10 +11,10 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 
 _LEVEL_DEG = 10.0  # that bases which stand upright may be tilted to one another
-_EXACTLY = 1e-9
+_AXIS_TOLERANCE = 1e-9
 
 
-def gravity_taken(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
+def describe_gravity(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
     """Along what gravity is taken to pull in the bases of robots, and whether the bases contradict that.
 
     Args:
@@ -23,7 +23,7 @@ def gravity_taken(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
         robots: Their names.
     """
     downs = {name: chain.masses.down for name, chain in solution.problem.chains.items() if chain.masses is not None}
-    where = " and ".join(f"{_along(downs[robot])} of {robot}_base" for robot in robots)
+    where = " and ".join(f"{_axis_name(downs[robot])} of {robot}_base" for robot in robots)
     taken = f"Gravity is assumed along {where}."
     bases = solution.state.transforms
     in_world = [
@@ -39,9 +39,9 @@ def gravity_taken(cell: Cell, solution: Solution, robots: Sequence[str]) -> str:
     return f"{taken} By the answer, it differs by {apart:.0f} deg between the arms: if it is wrong, write {entry}."
 
 
-def _along(down: Array) -> str:
+def _axis_name(direction: Array) -> str:
     """An axis by its name, or the three numbers."""
-    axis = int(np.argmax(np.abs(down)))
-    if abs(down[axis]) > 1 - _EXACTLY:
-        return f"{'-' if down[axis] < 0 else '+'}{'xyz'[axis]}"
-    return f"({', '.join(f'{number:.2g}' for number in down)})"
+    axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[axis]) > 1 - _AXIS_TOLERANCE:
+        return f"{'-' if direction[axis] < 0 else '+'}{'xyz'[axis]}"
+    return f"({', '.join(f'{number:.2g}' for number in direction)})"

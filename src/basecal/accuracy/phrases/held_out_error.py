@@ -6,10 +6,10 @@ import numpy as np
 
 from basecal.cell import Calibration
 
-_CLEARLY = 1.5  # times as large, below which the two may differ by the views they are of
+_CLEAR_RATIO = 1.5  # times as large, below which the two may differ by the views they are of
 
 
-def why_held_out_errors_are_larger(calibration: Calibration) -> str | None:
+def explain_held_out_error(calibration: Calibration) -> str | None:
     """One sentence where the errors of robots' stops absorb what is not in the residuals; else None."""
     residuals, validation = calibration.residuals, calibration.validation
     if validation is None or residuals.rms_px is None or validation.rms_px is None:
@@ -20,7 +20,7 @@ def why_held_out_errors_are_larger(calibration: Calibration) -> str | None:
         length, angle = np.sqrt(np.mean(sigmas**2, axis=1)).tolist()
         if length > 0 or angle > 0:
             robots.append(f"{name} {1e3 * length:.2g} mm and {1e3 * angle:.2g} mrad")
-    if not robots or validation.rms_px < _CLEARLY * residuals.rms_px:
+    if not robots or validation.rms_px < _CLEAR_RATIO * residuals.rms_px:
         return None
     return (
         f"Held-out views are off by {validation.rms_px:.3f} px and residuals are {residuals.rms_px:.3f} px because "

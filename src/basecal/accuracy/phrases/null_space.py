@@ -19,13 +19,13 @@ def describe_null_space(direction: NullDirection) -> str:
     return describe_direction(direction) + coupled
 
 
-def is_unobservable(whats: Sequence[str], coupled: Sequence[str]) -> str:
+def is_unobservable(whats: Sequence[str], names: Sequence[str]) -> str:
     """A clause that says so of several directions that move the same unknowns."""
     verb = "is" if len(whats) == 1 else "are"
-    return f"{' and '.join(whats)} {verb} unobservable{f' (coupled with {_and(coupled)})' if coupled else ''}"
+    return f"{' and '.join(whats)} {verb} unobservable{f' (coupled with {_join_names(names)})' if names else ''}"
 
 
-def _and(names: Sequence[str]) -> str:
+def _join_names(names: Sequence[str]) -> str:
     return " and ".join(names)
 
 
@@ -54,7 +54,7 @@ def describe_twists(frame: str, twists: Array) -> str:
         return f"any translation or rotation of {frame}"
     directions, rotations = separate_twists(twists)
     parts = [_translation(frame, directions, frame)] if len(directions) else []
-    return _and([*parts, *(_rotation(frame, twist, frame) for twist in rotations)])
+    return _join_names([*parts, *(_rotation(frame, twist, frame) for twist in rotations)])
 
 
 def _translation(frame: str, directions: Array, parent: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from basecal.cell import Outlier
 from basecal.estimation.outliers.left_out import LeftOut
 
-_LARGEST = 1000.0  # sigmas, beyond which the number says no more
+_LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more
 
 
 def described_outlier(outlier: LeftOut) -> Outlier:
@@ -39,4 +39,4 @@ def _distance(outlier: LeftOut, digits: int) -> str:
 
 
 def _sigmas(sigmas: float) -> str:
-    return f"more than {_LARGEST:.0f} sigma" if sigmas > _LARGEST else f"{sigmas:.0f} sigma"
+    return f"more than {_LARGEST_SIGMAS:.0f} sigma" if sigmas > _LARGEST_SIGMAS else f"{sigmas:.0f} sigma"

@@ -8,50 +8,54 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import sentence
-from basecal.estimation.observability.motions import HARDLY_RAD, Motion, attached, based, motions
+from basecal.estimation.observability.motions import STILL_RAD, Motion, base_names, motions, mount_names
 from basecal.estimation.problem.problem import Problem
 from basecal.numerics.spectral import principal_axes
 
-_LITTLE_RAD = 0.15  # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it
+_LITTLE_ROTATION_RAD = (
+    0.15  # [rad] of rotation about a second axis, below which a robot counts as hardly rotated about it
+)
 _SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
 
 
 def describe_cause(
-    cell: Cell, problem: Problem, moved: Mapping[str, Motion], names: Sequence[str]
+    cell: Cell, problem: Problem, motions: Mapping[str, Motion], names: Sequence[str]
 ) -> tuple[tuple[str, ...], str]:
     """What to record that unknowns become observable, and why they are not, by the motion of their robots.
 
     Args:
         cell: What exists.
         problem: The problem.
-        moved: How each robot moved.
+        motions: How each robot moved.
         names: Of the unknowns.
     """
-    near = [m for robot, m in moved.items() if set(names) & {*attached(problem, robot), *based(problem, robot)}]
-    poor = [m for m in near if hardly_rotates(m)]
-    carrying = [m for m in poor if set(names) & set(attached(problem, m.robot))] or poor
+    near = [
+        m for robot, m in motions.items() if set(names) & {*mount_names(problem, robot), *base_names(problem, robot)}
+    ]
+    poor = [m for m in near if has_little_rotation(m)]
+    carrying = [m for m in poor if set(names) & set(mount_names(problem, m.robot))] or poor
     if len(carrying) == 1:
         return (advise_motion(cell, problem, carrying[0]),), sentence(
             describe_motion(carrying[0]), (carrying[0].robot,)
         )
     if carrying:
-        mounts = [n for m in carrying for n in attached(problem, m.robot) if problem.unknowns[n].status != "fixed"]
+        mounts = [n for m in carrying for n in mount_names(problem, m.robot) if problem.unknowns[n].status != "fixed"]
         causes = ", and ".join(map(describe_motion, carrying))
-        return (f"Rotate each about two axes that are not parallel{_or_state(mounts)}.",), sentence(
+        return (f"Rotate each about two axes that are not parallel{_stated_alternative(mounts)}.",), sentence(
             causes, (m.robot for m in carrying)
         )
     do = "Add samples in which every arm is rotated about two axes that are not parallel, or state what is known."
     return (do,), "The views are too few or too much alike."
 
 
-def hardly_rotates(motion: Motion) -> bool:
+def has_little_rotation(motion: Motion) -> bool:
     """Whether a robot hardly rotates about a second axis."""
-    return bool(motion.turn_rad[1] < _LITTLE_RAD)
+    return bool(motion.turn_rad[1] < _LITTLE_ROTATION_RAD)
 
 
 def describe_poor_motions(problem: Problem) -> str:
     """How the robots move that hardly rotate about a second axis; empty where all do."""
-    return " and ".join(describe_motion(m) for m in motions(problem).values() if hardly_rotates(m))
+    return " and ".join(describe_motion(m) for m in motions(problem).values() if has_little_rotation(m))
 
 
 def describe_motion(motion: Motion) -> str:
@@ -59,16 +63,16 @@ def describe_motion(motion: Motion) -> str:
     robot, angle = motion.robot, np.degrees(motion.turn_rad)
     if motion.is_still:
         return f"{robot} never moves in {motion.samples} sample{'s' if motion.samples > 1 else ''}"
-    if motion.only_shifts:
+    if motion.is_translation_only:
         least = f", it rotates by at most {angle[0]:.2f} deg" if angle[0] >= _SHOWN_DEG else ""
         return f"{robot} only translates{least}"
-    if hardly_rotates(motion):
+    if has_little_rotation(motion):
         if motion.orientations == 2:
             return f"{robot} has two orientations only"
         first = motion.axes_in_base[:, 0]
         first = first * np.sign(first[np.argmax(np.round(np.abs(first), 3))])  # its largest component positive
         axis = ", ".join(f"{v + 0.0:.2f}" for v in np.round(first, 2))
-        only = "" if motion.turn_rad[1] < HARDLY_RAD else " mostly"
+        only = "" if motion.turn_rad[1] < STILL_RAD else " mostly"
         least = f", and by at most {angle[1]:.2f} deg about any other" if angle[1] >= _SHOWN_DEG else ""
         return f"{robot} rotates{only} about one axis, along ({axis}) in {robot}_base{least}"
     return f"{robot} rotates by up to {angle[0]:.0f} deg, and {angle[1]:.0f} deg about a second axis"
@@ -77,22 +81,22 @@ def describe_motion(motion: Motion) -> str:
 def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
     """What to record with a robot, or to state of what it carries, that more becomes observable."""
     robot = motion.robot
-    unknown = [n for n in attached(problem, robot) if problem.unknowns[n].status != "fixed"]
-    known = _or_state(unknown)
+    unknown = [n for n in mount_names(problem, robot) if problem.unknowns[n].status != "fixed"]
+    known = _stated_alternative(unknown)
     chain = cell.robots[robot].chain
     # As those of a SCARA arm are.
     axes_are_parallel = chain is not None and principal_axes(chain.jacobian(np.zeros(chain.n))[3:].T).dimension < 2
-    if axes_are_parallel and not (motion.is_still or motion.only_shifts):
-        state = f"State {' and '.join(unknown or based(problem, robot))} as a prior or fixed"
+    if axes_are_parallel and not (motion.is_still or motion.is_translation_only):
+        state = f"State {' and '.join(unknown or base_names(problem, robot))} as a prior or fixed"
         return f"{state}: all joint axes of {robot} are parallel, so that it cannot rotate about another."
     if motion.is_still:
         return f"Move {robot}, and rotate it about two axes that are not parallel{known}."
-    if motion.only_shifts:
+    if motion.is_translation_only:
         return f"Add poses that rotate {robot} about two axes that are not parallel{known}."
-    if motion.turn_rad[0] < _LITTLE_RAD:
+    if motion.turn_rad[0] < _LITTLE_ROTATION_RAD:
         return f"Rotate {robot} further, by 30 deg and more, about two axes that are not parallel{known}."
     return f"Add poses that rotate {robot} by 30 deg and more about another axis{known}."
 
 
-def _or_state(names: Sequence[str]) -> str:
+def _stated_alternative(names: Sequence[str]) -> str:
     return f", or state {' and '.join(names)} as a prior or fixed" if names else ""

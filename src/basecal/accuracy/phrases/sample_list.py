@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-_SHOWN = 10  # ranges, the rest as an ellipsis
+_SHOWN_RANGES = 10  # ranges, the rest as an ellipsis
 
 
 def list_samples(numbers: Sequence[int]) -> str:
@@ -16,5 +16,5 @@ def list_samples(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     ranges = [text for run in runs for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else map(str, run))]
-    shown = ", ".join(ranges[:_SHOWN]) + (", ..." if len(ranges) > _SHOWN else "")
+    shown = ", ".join(ranges[:_SHOWN_RANGES]) + (", ..." if len(ranges) > _SHOWN_RANGES else "")
     return f"sample {shown}" if len(numbers) == 1 else f"samples {shown}"

@@ -24,7 +24,7 @@ from basecal.numerics.spectral import dimension
 _FEWEST_3D_POINTS = 3  # that hold a pose, unless they lie on a line
 
 
-def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
+def residuals(solution: Solution, outliers: Problem | None = None) -> Residuals:
     """How everything fits; views that were left out stand among the samples and are in no mean.
 
     The loop of a view is `(A X B).inverse() @ Y C Z` with A and C as recorded and B from the view alone. Pixels are per
@@ -32,15 +32,15 @@ def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
     """
     per_sample, pixels = [], [np.zeros(0)]
     for group in solution.problem.groups:
-        of_views, coordinates = _of_group(solution, group)
+        of_views, coordinates = _group_residuals(solution, group)
         per_sample += of_views
         pixels.append(coordinates)
     all_px = np.concatenate(pixels)
     closed = np.array([(r.loop_m, r.loop_rad) for r in per_sample if r.loop_m is not None and r.loop_rad is not None])
     loop_m, loop_rad = np.sqrt(np.mean(closed**2, axis=0)) if len(closed) else (None, None)
     around = loops(solution, per_sample)
-    for group in left_out.groups if left_out is not None else ():
-        per_sample += _of_group(solution, group)[0]
+    for group in outliers.groups if outliers is not None else ():
+        per_sample += _group_residuals(solution, group)[0]
     return Residuals(
         rms_px=float(np.sqrt(np.mean(all_px**2))) if len(all_px) else None,
         median_px=float(np.median(np.abs(all_px))) if len(all_px) else None,
@@ -51,7 +51,7 @@ def residuals(solution: Solution, left_out: Problem | None = None) -> Residuals:
     )
 
 
-def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
+def _group_residuals(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual], Array]:
     """The residuals of each view, and of all coordinates in pixels [px]."""
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
     rms, coordinates = np.full(len(group), np.nan), np.zeros(0)
@@ -60,37 +60,39 @@ def _of_group(solution: Solution, group: ViewGroup) -> tuple[list[SampleResidual
         count = 2 * group.measurement.seen.sum(1)
         rms = np.sqrt(np.nansum(off_px**2, axis=(1, 2)) / np.maximum(count, 1))
         coordinates = off_px[np.isfinite(off_px)]
-    alone, enough = view_alone(solution.state, group, predicted)
+    alone, enough = single_view_pose(solution.state, group, predicted)
     as_recorded = replace(solution.state, stop_errors=np.zeros_like(solution.state.stop_errors))
     off = alone.inverse() @ as_recorded.camera_from_target(group, solution.problem.stops)
     length = np.where(enough, lengths(off.translation), np.nan)
     angle = np.where(enough, lengths(off.rotvec), np.nan)
     of_views = [
         SampleResidual(int(number), group.camera, group.target, *fit)
-        for number, *fit in zip(group.sample, _known(rms), _known(length), _known(angle), strict=True)
+        for number, *fit in zip(
+            group.sample, _finite_values(rms), _finite_values(length), _finite_values(angle), strict=True
+        )
     ]
     return of_views, coordinates
 
 
-def _known(values: Array) -> Iterator[float | None]:
+def _finite_values(values: Array) -> Iterator[float | None]:
     return (float(v) if np.isfinite(v) else None for v in values)
 
 
-def view_alone(state: State, group: ViewGroup, predicted: SE3) -> tuple[SE3, BoolArray]:
-    """`camera_from_target` from each view alone, (n,), found from `predicted`; and which views give one, (n,)."""
+def single_view_pose(state: State, group: ViewGroup, camera_from_target: SE3) -> tuple[SE3, BoolArray]:
+    """`camera_from_target` from each view alone, (n,), near the given poses; and which views have one, (n,)."""
     measurement = group.measurement
     everywhere = np.ones(len(group), dtype=bool)
     if isinstance(measurement, PoseMeasurement):
         return measurement.measured_camera_from_target, everywhere
     if not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return predicted, ~everywhere
+        return camera_from_target, ~everywhere
     points = measurement.points_in_target
     if dimension(points) < 2:
-        return predicted, ~everywhere
+        return camera_from_target, ~everywhere
     if isinstance(measurement, PointMeasurement):
         enough = measurement.seen.sum(1) >= _FEWEST_3D_POINTS
         weight = np.where(enough[:, None], measurement.weight, 1.0) ** 2
         return umeyama(points, measurement.points_in_camera, weight), enough
     camera = state.cameras[group.camera]
-    alone = refined(measurement, predicted, camera, iterations=20).camera_from_target
+    alone = refined(measurement, camera_from_target, camera, iterations=20).camera_from_target
     return alone, measurement.seen.sum(1) >= FEWEST_POINTS

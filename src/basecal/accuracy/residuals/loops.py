@@ -17,13 +17,13 @@ from basecal.cell import Loop, SampleResidual, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.noise.some_views import some_views
-from basecal.estimation.observability.observability import observability_of
+from basecal.estimation.observability.observability import analyse_observability
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3
 
-_STEPS = 50  # of a pair's own fit, which starts at the fit to all
+_PAIR_FIT_STEPS = 50  # of a pair's own fit, which starts at the fit to all
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,16 +41,16 @@ class _Relation:
         return _Relation(self.end, self.start, self.path[::-1], self.start_from_end.inverse(), self.views)
 
 
-def loops(solution: Solution, per_sample: Sequence[SampleResidual]) -> tuple[Loop, ...]:
+def loops(solution: Solution, residuals: Sequence[SampleResidual]) -> tuple[Loop, ...]:
     """The loops of every pair of camera and target, rms over its views, and those around rings of bases.
 
     Args:
         solution: What was found.
-        per_sample: The residuals of its views.
+        residuals: The residuals of its views.
     """
     bases = {(g.camera, g.target): _bases(solution.problem, g) for g in solution.problem.groups}
     of_pairs: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
-    for r in per_sample:
+    for r in residuals:
         if r.loop_m is not None and r.loop_rad is not None:
             of_pairs[r.camera, r.target].append((r.loop_m, r.loop_rad))
     found = []
@@ -59,7 +59,7 @@ def loops(solution: Solution, per_sample: Sequence[SampleResidual]) -> tuple[Loo
         if len(closed):
             rms_m, rms_rad = np.sqrt(np.mean(closed**2, axis=0))
             found.append(Loop((eye_base, *pair, hand_base), len(closed), float(rms_m), float(rms_rad)))
-    return (*found, *_around_rings(solution))
+    return (*found, *_ring_loops(solution))
 
 
 def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
@@ -68,7 +68,7 @@ def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
     return f"{eye}_base", f"{hand}_base"
 
 
-def _around_rings(solution: Solution) -> list[Loop]:
+def _ring_loops(solution: Solution) -> list[Loop]:
     """One loop for each pair of camera and target beyond those that a tree over the bases needs."""
     if len(solution.problem.groups) < 2:
         return []
@@ -82,13 +82,13 @@ def _around_rings(solution: Solution) -> list[Loop]:
         forward = relation if relation.start in way else relation.reversed()
         if forward.end in way:
             back = [step.reversed() for step in reversed(way[forward.end])]
-            found.append(_closed([*way[forward.start], forward, *back]))
+            found.append(_close_loop([*way[forward.start], forward, *back]))
         else:
             way[forward.end] = [*way[forward.start], forward]
     return found
 
 
-def _closed(steps: Sequence[_Relation]) -> Loop:
+def _close_loop(steps: Sequence[_Relation]) -> Loop:
     """The loop of steps one after another; one taken forth and back, at its ends, is left out."""
     while len(steps) > 2 and steps[0].path == steps[-1].path[::-1]:
         steps = steps[1:-1]
@@ -114,20 +114,20 @@ def _relations(solution: Solution) -> list[_Relation]:
         if start == end or base is None or not len(group):
             continue
         mounts = [end.mount for end in group.ends if end.mount in solution.problem.columns]
-        state = _alone(solution, group, base, mounts) or _alone(solution, group, base, [])
+        state = _fit_pair(solution, group, base, mounts) or _fit_pair(solution, group, base, [])
         if state is not None:
             path = (start, group.camera, group.target, end)
             relations.append(_Relation(start, end, path, group.eye_base_from_hand_base(state.transforms), len(group)))
     return relations
 
 
-def _alone(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
+def _fit_pair(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
     """The state that fits one pair best, of a base and mounts, the base's prior left out; None where it is not seen."""
     whole, state = some_views(solution.problem.with_groups([group]), solution.state, len(group))
     widths = {name: whole.columns[name].stop - whole.columns[name].start for name in mounts} | {base: 6}
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(i), int(j)) for name, i, j in zip(widths, ends[:-1], ends[1:], strict=True)}
     problem = replace(whole, columns=columns, unknowns={**whole.unknowns, base: Unknown()}, models={})
-    end = bundle_adjust(problem, state, degrees_of_freedom(problem), _STEPS)
-    observability = observability_of(problem, end.state, end.normal.hessian, solution.noise.factor)
+    end = bundle_adjust(problem, state, degrees_of_freedom(problem), _PAIR_FIT_STEPS)
+    observability = analyse_observability(problem, end.state, end.normal.hessian, solution.noise.factor)
     return end.state if end.converged and base not in observability.unobservable else None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.accuracy.residuals.fitted_again import FittedAgain, fitted_again
+from basecal.accuracy.residuals.evaluation import Evaluation, evaluate_recording
 from basecal.cell import Calibration, Cell, Outlier, Recording
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -48,27 +48,27 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    return residuals_of_points(cell, calibration, fitted_again(cell, recording, calibration))
+    return residuals_of_points(cell, calibration, evaluate_recording(cell, recording, calibration))
 
 
-def residuals_of_points(cell: Cell, calibration: Calibration, fitted: FittedAgain) -> tuple[PointResiduals, ...]:
+def residuals_of_points(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[PointResiduals, ...]:
     """The same of what was fitted again already."""
     return tuple(
-        _of_group(target.ids, group, group.measurement, fitted, calibration.outliers or ())
-        for group in fitted.problem.groups
+        _group_residuals(target.ids, group, group.measurement, evaluation, calibration.outliers or ())
+        for group in evaluation.problem.groups
         if isinstance(group.measurement, PixelMeasurement) and (target := cell.targets[group.target].target)
     )
 
 
-def _of_group(
+def _group_residuals(
     ids: IntArray,
     group: ViewGroup,
     measurement: PixelMeasurement,
-    fitted: FittedAgain,
+    evaluation: Evaluation,
     outliers: Sequence[Outlier],
 ) -> PointResiduals:
-    predicted = fitted.state.camera_from_target(group, fitted.problem.stops)
-    off = measurement.residual_px(predicted, fitted.state.cameras[group.camera])
+    predicted = evaluation.state.camera_from_target(group, evaluation.problem.stops)
+    off = measurement.residual_px(predicted, evaluation.state.cameras[group.camera])
     view, point = np.nonzero(np.isfinite(off).all(-1))
     pixels = measurement.pixels[view, point]
     samples, named = group.sample[view], ids[point]

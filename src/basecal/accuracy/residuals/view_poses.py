@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from basecal.accuracy.residuals.fitted_again import FittedAgain
+from basecal.accuracy.residuals.evaluation import Evaluation
 from basecal.geometry import SE3, IntArray
 
 
@@ -18,9 +18,9 @@ class ViewPoses:
     camera_from_target: SE3
 
 
-def view_poses(fitted: FittedAgain) -> tuple[ViewPoses, ...]:
+def view_poses(evaluation: Evaluation) -> tuple[ViewPoses, ...]:
     """The poses of all views whose transforms are known, those left out as outliers among them."""
     return tuple(
-        ViewPoses(g.camera, g.target, g.sample, fitted.state.camera_from_target(g, fitted.problem.stops))
-        for g in fitted.problem.groups
+        ViewPoses(g.camera, g.target, g.sample, evaluation.state.camera_from_target(g, evaluation.problem.stops))
+        for g in evaluation.problem.groups
     )

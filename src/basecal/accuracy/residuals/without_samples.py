@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.accuracy.residuals.evaluation import known_views, with_noise_of
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.residuals.fitted_again import known_views, with_noise_of
 from basecal.cell import Calibration, Cell, Recording, Residuals
 from basecal.errors import InputError
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
@@ -36,7 +36,7 @@ class WithoutSamples:
 
 
 def without_samples(
-    cell: Cell, recording: Recording, calibration: Calibration, left_out: Collection[int]
+    cell: Cell, recording: Recording, calibration: Calibration, excluded: Collection[int]
 ) -> WithoutSamples:
     """The calibration without samples of these numbers.
 
@@ -44,12 +44,12 @@ def without_samples(
         cell: What was calibrated.
         recording: What it was made from.
         calibration: What came out.
-        left_out: Numbers of samples.
+        excluded: Numbers of samples.
 
     Raises:
         InputError: if no sample is left that the calibration knows the transforms of.
     """
-    kept = Recording(tuple(s for s in recording.samples if s.sample not in left_out))
+    kept = Recording(tuple(s for s in recording.samples if s.sample not in excluded))
     known = known_views(cell, kept, calibration)
     if not known.problem.groups:
         raise InputError("no sample is left: keep some, or choose a run that found something")

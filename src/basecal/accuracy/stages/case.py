@@ -9,7 +9,7 @@ from typing import Any, Self
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.residuals.fit import residuals
-from basecal.accuracy.verdicts import verdict_of
+from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Certificate, Finding, Recording
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
@@ -88,7 +88,7 @@ class Case:
     @property
     def is_refused(self) -> bool:
         """Whether one of the findings is an error."""
-        return verdict_of(self.findings) == "refused"
+        return judge_findings(self.findings) == "refused"
 
     def refused(self, findings: Iterable[Finding] | None = None) -> Self:
         """The case at its end without numbers: these would be of a cell that does not exist.

@@ -7,14 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
+from basecal.accuracy.clocks.correction import (
+    apply_remaining_step,
+    clock_findings,
+    clock_offsets,
+    line_times,
+    remaining_step,
+)
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.task.at_task import at_task
-from basecal.accuracy.verdicts import transform_verdicts, verdict_of
+from basecal.accuracy.task.task_error import add_task_error
+from basecal.accuracy.verdicts import judge_findings, transform_verdicts
 from basecal.cell import Calibration
 
 
@@ -25,9 +31,9 @@ def conclude(case: Case) -> Case:
     if clocked is None:
         case = replace(case, answers=(fitted, as_modelled, as_modelled))
         return replace(case, calibration=_calibration(case))
-    left = clocks_left(clocked, case.solution)
+    left = remaining_step(clocked, case.solution)
     case = case.with_findings(clock_findings(clocked, left))
-    case = replace(case, answers=(fitted, as_modelled, settled(as_modelled, left)))
+    case = replace(case, answers=(fitted, as_modelled, apply_remaining_step(as_modelled, left)))
     clocks, lines = clock_offsets(clocked, left), line_times(clocked, left)
     return replace(case, calibration=replace(_calibration(case), clocks=clocks, line_times=lines))
 
@@ -36,7 +42,7 @@ def find_error_at_task(case: Case) -> Case:
     """Add the error at the task, if one is named."""
     assert case.calibration is not None
     fitted, as_modelled, final = case.answers
-    found = at_task(case.cell, case.calibration, case.settings, (fitted, as_modelled, final))
+    found = add_task_error(case.cell, case.calibration, case.settings, (fitted, as_modelled, final))
     return replace(case, calibration=found)
 
 
@@ -44,7 +50,7 @@ def _calibration(case: Case) -> Calibration:
     assert case.robust is not None
     solution, validated = case.answers[-1], case.evidence.cross_validation
     return Calibration(
-        verdict=verdict_of(case.findings),
+        verdict=judge_findings(case.findings),
         noise=noise_summary(case.cell, case.recording, solution),
         residuals=case.evidence.residuals,
         condition=solution.observability.condition if np.isfinite(solution.observability.condition) else None,

@@ -17,7 +17,7 @@ from basecal.accuracy.stated_sigmas import contradicted_sigmas, without_contradi
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
-from basecal.accuracy.widening import largest, widened
+from basecal.accuracy.widening import largest_shift, widen
 from basecal.effects.faces.found import FoundEffect
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
@@ -28,7 +28,7 @@ def screen_stated_sigmas(case: Case) -> Case:
     assert case.robust is not None
     contradicted = contradicted_sigmas(case.solution)
     robust = without_contradicted(case.robust, contradicted, case.settings)
-    refuted = case.solution if any(each.too_small for each in contradicted) else None
+    refuted = case.solution if any(each.is_too_small for each in contradicted) else None
     evidence = Evidence(
         case.cell,
         case.settings,
@@ -79,14 +79,14 @@ def cover_effects(case: Case) -> Case:
     fitted = solution = evidence.solution
     rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
     for other in (evidence.systematic_error, rival, *evidence.lens_structures):
-        solution = solution if other is None else widened(solution, _moved_by(solution, other))
+        solution = solution if other is None else widen(solution, _effect_shift(solution, other))
     for moved in moved_by_sizes(case.cell, fitted, evidence.systematic_error):
-        solution = widened(solution, moved)
+        solution = widen(solution, moved)
     return replace(case, answers=(fitted, solution))
 
 
-def _moved_by(solution: Solution, other: FoundEffect | ClosedFormRival | LensStructure) -> Array:
+def _effect_shift(solution: Solution, other: FoundEffect | ClosedFormRival | LensStructure) -> Array:
     """How far an effect moves the answer, (p,); of confounded effects the one that moves it most."""
     if isinstance(other, FoundEffect):
-        return largest(solution, [each.moved for each in (other, *other.alternatives)])
+        return largest_shift(solution, [each.moved for each in (other, *other.alternatives)])
     return other.moved

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from basecal.accuracy.at_the_door.repeated_views import repeated_views
-from basecal.accuracy.at_the_door.units import impossible_units
 from basecal.accuracy.axis_shift import calibrate_axis_shift
-from basecal.accuracy.clocks.search import clocked
+from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.registry import INPUT_CHECKS
+from basecal.accuracy.input_screening.repeated_views import repeated_views
+from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.task.task import placing
+from basecal.accuracy.task.task import base_transforms
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.streams.streams import streams_of
+from basecal.estimation.streams.streams import recording_streams
 
 
 def place_task(case: Case) -> Case:
@@ -23,16 +23,16 @@ def place_task(case: Case) -> Case:
         InputError: if a task point is named and nothing is.
     """
     if case.settings.task_point is not None and case.settings.method != "axis-shift":
-        placing(case.cell)
+        base_transforms(case.cell)
     return case
 
 
 def estimate_clocks(case: Case) -> Case:
     """Estimate clocks of streams, and read the robots' paths by them."""
-    streams = streams_of(case.cell, case.recording)
+    streams = recording_streams(case.cell, case.recording)
     if streams is None:
         return case
-    found = clocked(streams, case.settings)
+    found = search_offsets(streams, case.settings)
     return replace(case, clocked=found, recording=found.recording)
 
 
@@ -45,7 +45,7 @@ def screen_units(case: Case) -> Case:
 def pack_problem(case: Case) -> Case:
     """Turn cell and recording into arrays."""
     problem, dropped = build_problem(case.cell, case.recording)
-    problem = problem if case.clocked is None else case.clocked.shaken(problem)
+    problem = problem if case.clocked is None else case.clocked.add_jitter(problem)
     case = case.with_findings((*case.recording.findings, *repeated_views(case.cell, case.recording), *dropped))
     return replace(case, packed=problem)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from basecal.accuracy.findings.outlier_samples import agreeing_of
+from basecal.accuracy.findings.outlier_samples import agreement_findings
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
@@ -69,6 +69,6 @@ def refuse_unexplained(case: Case) -> Case:
     last = case.solution
     why = unobservable_by_poses(case.cell, case.problem) or [
         hopeless(last.problem, last.state),
-        *agreeing_of(case.robust),
+        *agreement_findings(case.robust),
     ]
     return case.refused([*why, *(finding for finding in case.findings if finding.code != why[0].code)])

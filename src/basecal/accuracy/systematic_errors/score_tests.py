@@ -25,7 +25,7 @@ from basecal.estimation.least_squares.normal_equations import (
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
-from basecal.numerics.spectral import above, spectrum
+from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 _HIDDEN = 1e-4  # share of an error's information that the unknowns leave, below which it stands for one of them
 _LEAST = 1e-300  # a probability that is no number any more
@@ -148,7 +148,7 @@ def score_of(model: Linearised, known: Sums) -> Score:
     left = information - across @ model.inverse[np.ix_(tied, tied)] @ across.mT
     left = 0.5 * (left + left.mT)
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
-    seen = above(left, _HIDDEN, np.where(size > 0, size, 1.0))
+    seen = scaled_spectrum(left, _HIDDEN, np.where(size > 0, size, 1.0))
     sizes = -(seen.inverse @ gradient[..., None])[..., 0]
     return Score(gradient, left, seen.mahalanobis_squared(gradient), seen.rank, sizes)
 

@@ -16,7 +16,7 @@ from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import confirmed
 from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.widening import step_between
+from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found import FoundEffect
 from basecal.effects.registry import EFFECTS
@@ -149,7 +149,7 @@ def _reconciling(
         if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE) and confirmed(situation, suspect.candidate):
             moved = _without(as_stated, situation, suspect).problem
             after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
-            if not any(each.too_small for each in contradicted_sigmas(after)):
+            if not any(each.is_too_small for each in contradicted_sigmas(after)):
                 described = _described(situation, suspect, solution, after)
                 return replace(described, alternatives=_alternatives(situation, suspect, every))
     return None
@@ -261,7 +261,7 @@ def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
 def _described(situation: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     again = score(linearised(after.noise.held_by(after.problem), after.state), suspect.candidate)
-    return _named(situation, suspect, suspect.size + again.size[0], again.information[0], step_between(before, after))
+    return _named(situation, suspect, suspect.size + again.size[0], again.information[0], solution_step(before, after))
 
 
 def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:

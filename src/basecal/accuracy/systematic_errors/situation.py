@@ -120,7 +120,7 @@ class Situation:
         """Names of the transforms that views depend on: mounts and bases."""
         return tuple(dict.fromkeys(name for group in self.problem.groups for name in group.frames))
 
-    def by_flange(self, k: int, robot: str) -> Array:
+    def flange_jacobian(self, k: int, robot: str) -> Array:
         """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
         group, links = self.problem.groups[k], self.links[k]
         out = np.zeros((len(group), 6, 6))
@@ -129,7 +129,7 @@ class Situation:
                 link.target_from_flange.put_adjoint(out, link.sign)
         return out
 
-    def by_frame(self, k: int, name: str) -> Array:
+    def frame_jacobian(self, k: int, name: str) -> Array:
         """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
         group, links = self.problem.groups[k], self.links[k]
         out = np.zeros((len(group), 6, 6))

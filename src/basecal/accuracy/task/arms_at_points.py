@@ -14,7 +14,7 @@ from basecal.estimation.problem.robot_parameters import Kinematics, by_columns
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics.inverse import inverse
 
-_STEPS = 40  # of the inverse: a point that is out of reach has the arm's errors where it comes nearest
+_INVERSE_STEPS = 40  # of the inverse: a point that is out of reach has the arm's errors where it comes nearest
 
 
 def moved_by_kinematics(
@@ -36,9 +36,9 @@ def moved_by_kinematics(
     recorded = recorded_joints(problem, robot)
     if model is None or recorded is None:
         return None
-    joints = joints_at(problem, state, robot, recorded, points_in_base_m)
+    joints = reach_points(problem, state, robot, recorded, points_in_base_m)
     kinematics = state.kinematics(model)
-    moved = in_base_axes(by_columns(model, kinematics, joints), kinematics.forward(joints).rotation)
+    moved = to_base_axes(by_columns(model, kinematics, joints), kinematics.forward(joints).rotation)
     columns = [np.arange(problem.columns[name].start, problem.columns[name].stop) for name in model.widths]
     return moved, np.concatenate(columns)
 
@@ -49,31 +49,31 @@ def kinematics_of_robot(problem: Problem, state: State, robot: str) -> Kinematic
     return Kinematics(problem.chains[robot]) if model is None else state.kinematics(model)
 
 
-def joints_at(problem: Problem, state: State, robot: str, recorded: Array, points_in_base_m: Array) -> Array:
+def reach_points(problem: Problem, state: State, robot: str, recorded_joints: Array, points_in_base_m: Array) -> Array:
     """Joints, (n, joints) [rad], that bring a flange to points, turned as in the recorded pose nearest to each.
 
     Args:
         problem: What was recorded.
         state: What was found.
         robot: A robot with a chain.
-        recorded: (m, joints) its joints in all views [rad].
+        recorded_joints: (m, joints) its joints in all views [rad].
         points_in_base_m: (n, 3) in its base [m].
     """
     kinematics = kinematics_of_robot(problem, state, robot)
-    poses = kinematics.forward(recorded)
+    poses = kinematics.forward(recorded_joints)
     nearest = np.linalg.norm(points_in_base_m[:, None] - poses.translation[None], axis=-1).argmin(1)
-    start = recorded[nearest]
+    start = recorded_joints[nearest]
     as_stated = kinematics.chain.forward(start) @ kinematics.forward(start).inverse()
     base_from_flange = as_stated @ SE3(poses.rotation[nearest], points_in_base_m)
     try:
-        return inverse(kinematics.chain, base_from_flange, start, iterations=_STEPS)
+        return inverse(kinematics.chain, base_from_flange, start, iterations=_INVERSE_STEPS)
     except NotConverged as error:
         return np.asarray(error.state)
 
 
-def in_base_axes(by_columns: Array, base_from_flange: Array) -> Array:
+def to_base_axes(jacobian: Array, base_from_flange: Array) -> Array:
     """Derivatives of a flange, right tangents (n, 6, k), in the axes of its base, by its rotations there, (n, 3, 3)."""
-    return np.concatenate([base_from_flange @ by_columns[:, :3], base_from_flange @ by_columns[:, 3:]], axis=1)
+    return np.concatenate([base_from_flange @ jacobian[:, :3], base_from_flange @ jacobian[:, 3:]], axis=1)
 
 
 def recorded_joints(problem: Problem, robot: str) -> Array | None:

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from basecal.accuracy.task.sources import Source, sources_of
-from basecal.accuracy.task.task import Task, least_known, placing, task_at
+from basecal.accuracy.task.sources import Source, error_sources
+from basecal.accuracy.task.task import Task, base_transforms, least_known, make_task
 from basecal.cell import BudgetEntry, Calibration, Cell
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.problem import Problem, State
@@ -21,9 +21,9 @@ from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 _LOG_STEP = 1e-2  # of a sigma to both sides: the bend makes 1e-4 of a share, rounding less
-_NO_SHARE = 1e-4  # of the variance: what is left over below it is rounding
-REST = "how well the noise is known"
-COMMON = "errors that the arms' poses have in common, and how well the noise is known"
+_LEAST_SHARE = 1e-4  # of the variance: what is left over below it is rounding
+NOISE_SOURCE = "how well the noise is known"
+SHARED_SOURCE = "errors that the arms' poses have in common, and how well the noise is known"
 
 
 def calibration_budget(
@@ -41,20 +41,20 @@ def calibration_budget(
     Returns:
         The largest first; None where nothing of it is known.
     """
-    known = [name for name in placing(cell) if name in calibration.transforms]
+    known = [name for name in base_transforms(cell) if name in calibration.transforms]
     if not known:
         return None
     transforms = {name: calibration[name].mean for name in known}
     covariances = {name: calibration[name].covariance for name in known}
-    task = least_known([task_at(name, transforms, point_m[None]) for name in known], covariances)
+    task = least_known([make_task(name, transforms, point_m[None]) for name in known], covariances)
     total = task.variance_m2(covariances[task.transform])
-    added = {name: _at_task(solution, task, matrix) for name, matrix in widenings.items()}
-    rest = COMMON if solution.noise.common else REST
+    added = {name: _task_variance(solution, task, matrix) for name, matrix in widenings.items()}
+    rest = SHARED_SOURCE if solution.noise.common else NOISE_SOURCE
     return budget(solution, task, total, added, rest)
 
 
 def budget(
-    solution: Solution, task: Task, total_m2: float, added: Mapping[str, float], rest: str = REST
+    solution: Solution, task: Task, total_m2: float, added: Mapping[str, float], rest: str = NOISE_SOURCE
 ) -> tuple[BudgetEntry, ...]:
     """The variance at a task by source, the largest first.
 
@@ -67,11 +67,11 @@ def budget(
     """
     variances, halved = dict(added), {name: 0.75 * variance for name, variance in added.items()}
     at = _variance(solution, task, solution.problem, solution.state)
-    for source in sources_of(solution.problem):
+    for source in error_sources(solution.problem):
         variances[source.name] = _share(solution, task, source)
         halved[source.name] = at - _variance(solution, task, *source.scaled(solution.problem, solution.state, 0.5))
     left = total_m2 - sum(variances.values())
-    if left > _NO_SHARE * total_m2:
+    if left > _LEAST_SHARE * total_m2:
         variances[rest], halved[rest] = left, 0.75 * left
     elif left < 0:
         # Integrated over what the sigmas may be, the answer is known a little better than at the likeliest: all shrink.
@@ -99,10 +99,10 @@ def _share(solution: Solution, task: Task, source: Source) -> float:
 
 
 def _variance(solution: Solution, task: Task, problem: Problem, state: State) -> float:
-    return _at_task(solution, task, spectrum(linearise(problem, state).hessian).inverse * solution.noise.factor)
+    return _task_variance(solution, task, spectrum(linearise(problem, state).hessian).inverse * solution.noise.factor)
 
 
-def _at_task(solution: Solution, task: Task, covariance: Array) -> float:
+def _task_variance(solution: Solution, task: Task, covariance: Array) -> float:
     """The variance at the task [m^2] of a covariance of all columns, (p, p)."""
     where = solution.problem.columns[task.transform]
     size = where.stop - where.start

@@ -14,14 +14,14 @@ import numpy as np
 
 from basecal.accuracy.task.expected_error import length_quantiles
 from basecal.accuracy.task.meeting_errors import meeting_errors
-from basecal.accuracy.task.task import least_known, placing, task_at
+from basecal.accuracy.task.task import base_transforms, least_known, make_task
 from basecal.cell import Calibration, Cell, ErrorMap
 from basecal.estimation.problem.problem import State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
 
-STEPS = 5
+MAP_STEPS = 5
 """Points along each edge of the box: what lies between is a smooth function of the place."""
 
 _FLAT_M = 1e-3  # a box thinner than that has one layer
@@ -42,21 +42,21 @@ def error_map(
     Returns:
         None where nothing is known that is placed in the reference's base.
     """
-    known = [name for name in placing(cell) if name in calibration.transforms]
+    known = [name for name in base_transforms(cell) if name in calibration.transforms]
     if not known:
         return None
-    places = [seen_at(group, solution.state) for group in solution.problem.groups]
+    places = [target_places(group, solution.state) for group in solution.problem.groups]
     points = _box(np.concatenate([*places, point_m[None]]))
     transforms = {name: calibration[name].mean for name in known}
     covariances = {name: calibration[name].covariance for name in known}
-    task = least_known([task_at(name, transforms, points) for name in known], covariances)
+    task = least_known([make_task(name, transforms, points) for name in known], covariances)
     mean, at = meeting_errors(cell, calibration, solution, task, points, widening)
     place, turn = slice(0, 3), slice(3, 6)
     lengths = (length_quantiles(at[:, each, each], mean[:, each]) for each in (place, turn))
     return ErrorMap(points, *lengths)
 
 
-def seen_at(group: ViewGroup, state: State) -> Array:
+def target_places(group: ViewGroup, state: State) -> Array:
     """Where targets were in the reference's base, (n, 3); the camera instead of one that stays where it is."""
     end = group.eye if group.hand.robot is None else group.hand
     world_from_base = SE3.identity() if end.base is None else state.transforms[end.base]
@@ -67,6 +67,7 @@ def _box(places: Array) -> Array:
     """Points evenly spread over the box around places, (m, 3), x first."""
     low, high = places.min(0), places.max(0)
     edges = [
-        np.linspace(a, b, STEPS) if b - a > _FLAT_M else np.array([(a + b) / 2]) for a, b in zip(low, high, strict=True)
+        np.linspace(a, b, MAP_STEPS) if b - a > _FLAT_M else np.array([(a + b) / 2])
+        for a, b in zip(low, high, strict=True)
     ]
     return np.array([*product(*edges)])

@@ -9,15 +9,15 @@ from functools import cache
 import numpy as np
 from scipy.special import chndtrix, gammainc
 
-from basecal.accuracy.residuals.fitted_again import FittedAgain
+from basecal.accuracy.residuals.evaluation import Evaluation
 from basecal.cell import Calibration, Cell, Tolerance
 from basecal.geometry import Array
-from basecal.geometry.rotation import hat
+from basecal.geometry.rotation import cross_matrix
 
-LEVEL = 0.95
+QUANTILE_LEVEL = 0.95
 _NODES = 12  # of either angle, with which quantiles of a covariance of any shape are exact to 1e-6
-_SHORTEST = 1.95  # of a quantile in the largest sigma: that of a normal number, 1.96, has all others equal to 0
-_ROUNDS = 8
+_LEAST_QUANTILE = 1.95  # of a quantile in the largest sigma: that of a normal number, 1.96, has all others equal to 0
+_NEWTON_ROUNDS = 8
 _LEAST_SHARE = 1e-8  # of the largest variance: what is less is no length
 
 
@@ -36,7 +36,7 @@ class ExpectedError:
     at_m: Array
 
 
-def expected_errors(cell: Cell, calibration: Calibration, fitted: FittedAgain) -> tuple[ExpectedError, ...]:
+def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[ExpectedError, ...]:
     """The expected error of each transform asked for, where it is used most uncertainly.
 
     A base is used at the recorded flanges of its robot, the mount of a camera where its targets are, the mount of a
@@ -45,15 +45,15 @@ def expected_errors(cell: Cell, calibration: Calibration, fitted: FittedAgain) -
     Args:
         cell: What was calibrated.
         calibration: What came out.
-        fitted: The recording at its transforms.
+        evaluation: The recording at its transforms.
     """
     found = []
     for name in cell.asked:
         if name not in calibration.transforms or not np.all(np.isfinite(calibration[name].covariance)):
             continue
-        places = np.concatenate([np.zeros((0, 3)), *_places(name, cell, fitted)])
+        places = np.concatenate([np.zeros((0, 3)), *_places(name, cell, evaluation)])
         if len(places):
-            covariances = at_points(calibration[name].covariance, places)
+            covariances = point_covariances(calibration[name].covariance, places)
             worst = int(np.argmax(np.trace(covariances, axis1=1, axis2=2)))
             found.append(ExpectedError(name, length_quantile(covariances[worst]), places[worst]))
     return tuple(found)
@@ -75,16 +75,16 @@ def length_quantile(covariance: Array) -> float:
 
 
 def length_quantiles(covariances: Array, means: Array | None = None) -> Array:
-    """The lengths that normal vectors of these covariances, (n, 3, 3), stay below with `LEVEL`, (n,).
+    """The lengths that normal vectors of these covariances, (n, 3, 3), stay below with `QUANTILE_LEVEL`, (n,).
 
     Their means, (n, 3), are zero where None.
     """
     if means is None or not np.any(means):
-        return _central(covariances)
-    return _shifted(covariances, means)
+        return _central_quantile(covariances)
+    return _shifted_quantile(covariances, means)
 
 
-def _shifted(covariances: Array, means: Array) -> Array:
+def _shifted_quantile(covariances: Array, means: Array) -> Array:
     """Of any mean: the square of the length as a noncentral chi-square of the same four cumulants, good to a hundredth.
 
     Source: Liu, Tang & Zhang 2009.
@@ -103,12 +103,12 @@ def _shifted(covariances: Array, means: Array) -> Array:
     scale = 1 / (skew - root)
     shift = np.maximum(skew * scale**3 - scale**2, 0.0)
     freedoms = scale**2 - 2 * shift
-    at = chndtrix(LEVEL, freedoms, shift)
+    at = chndtrix(QUANTILE_LEVEL, freedoms, shift)
     squared = c1 + np.where(known, 0.0, (at - freedoms - shift) / scale * np.sqrt(c2))
     return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
 
-def _central(covariances: Array) -> Array:
+def _central_quantile(covariances: Array) -> Array:
     """Of mean zero, to 1e-6.
 
     Along a direction u, uniform on the sphere, the vector is chi L u, with chi of three degrees of freedom and L L' the
@@ -119,12 +119,14 @@ def _central(covariances: Array) -> Array:
     shares = np.divide(variances, largest[:, None], out=np.ones_like(variances), where=largest[:, None] > 0)
     squares, weights = _octant()
     stretched = np.sqrt(np.maximum(shares @ squares.T, _LEAST_SHARE))
-    lengths = np.full(len(variances), _SHORTEST)
-    for _ in range(_ROUNDS):  # of Newton's, from below: the probability is concave there, so that none goes beyond
+    lengths = np.full(len(variances), _LEAST_QUANTILE)
+    for _ in range(
+        _NEWTON_ROUNDS
+    ):  # of Newton's, from below: the probability is concave there, so that none goes beyond
         chi = lengths[:, None] / stretched
         probability = gammainc(1.5, chi**2 / 2) @ weights
         density = (np.sqrt(2 / np.pi) * chi**2 * np.exp(-(chi**2) / 2) / stretched) @ weights
-        lengths = lengths - (probability - LEVEL) / density
+        lengths = lengths - (probability - QUANTILE_LEVEL) / density
     return np.asarray(np.sqrt(largest) * lengths)
 
 
@@ -138,21 +140,21 @@ def _octant() -> tuple[Array, Array]:
     return squares.reshape(-1, 3), np.repeat(weights / (2 * _NODES), _NODES)
 
 
-def at_points(covariance: Array, places: Array) -> Array:
+def point_covariances(covariance: Array, places: Array) -> Array:
     """Covariances of points' positions, (n, 3, 3), in the axes of the source of a transform with this one, (6, 6)."""
-    moved = np.concatenate([np.broadcast_to(np.eye(3), (len(places), 3, 3)), -hat(places)], axis=-1)
+    moved = np.concatenate([np.broadcast_to(np.eye(3), (len(places), 3, 3)), -cross_matrix(places)], axis=-1)
     at: Array = moved @ covariance @ np.swapaxes(moved, 1, 2)
     return at
 
 
-def _places(name: str, cell: Cell, fitted: FittedAgain) -> Iterator[Array]:
+def _places(name: str, cell: Cell, evaluation: Evaluation) -> Iterator[Array]:
     """Where a transform `a_from_b` is used, in b, (n, 3) of each group of views."""
-    for group in fitted.problem.groups:
+    for group in evaluation.problem.groups:
         for end in group.ends:
             if name == end.base:
                 yield end.base_from_flange.translation
         if name == group.eye.mount:
-            yield fitted.state.camera_from_target(group, fitted.problem.stops).translation
+            yield evaluation.state.camera_from_target(group, evaluation.problem.stops).translation
         if name == group.hand.mount:
             shape = cell.targets[group.target].target
             yield np.zeros((1, 3)) if shape is None else shape.points  # the origin of one that is seen only as poses

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from basecal.accuracy.task.arms_at_points import in_base_axes, joints_at, kinematics_of_robot, recorded_joints
+from basecal.accuracy.task.arms_at_points import kinematics_of_robot, reach_points, recorded_joints, to_base_axes
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
@@ -22,11 +22,11 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.geometry import Array
 
-EXPECTED = KINEMATICS._replace(tie=2.0)
+EXPECTED_PRIOR = KINEMATICS._replace(tie=2.0)
 """Of their sigmas. What joints and links together leave of a stop is not smooth in its pose, and hardly tied."""
 
-_MAPPED = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.is_mapped)
-MODELS = (*((name,) for name in _MAPPED), _MAPPED)
+_MAPPED_EFFECTS = tuple(name for name, effect in RANDOM_EFFECTS.items() if effect.is_mapped)
+MODELS = (*((name,) for name in _MAPPED_EFFECTS), _MAPPED_EFFECTS)
 """Effects that may be there: each alone, as of calibrated arms whose offsets are known, and all together."""
 
 
@@ -61,10 +61,10 @@ def moved_by_errors(
     """
     recorded = recorded_joints(problem, robot)
     assert recorded is not None
-    joints = joints_at(problem, state, robot, recorded, points_in_base_m)
+    joints = reach_points(problem, state, robot, recorded, points_in_base_m)
     kinematics = kinematics_of_robot(problem, state, robot)
     moved = _errors(kinematics, joints, _open_kinds(problem, robot, kinds)).by_stop
-    return in_base_axes(moved, kinematics.forward(joints).rotation)
+    return to_base_axes(moved, kinematics.forward(joints).rotation)
 
 
 def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]:

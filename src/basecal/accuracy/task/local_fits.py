@@ -18,8 +18,8 @@ from scipy.special import chdtrc
 
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
-from basecal.accuracy.residuals.fit import view_alone
-from basecal.accuracy.task.error_map import seen_at
+from basecal.accuracy.residuals.fit import single_view_pose
+from basecal.accuracy.task.error_map import target_places
 from basecal.cell import LocalFit
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.solve import Solution
@@ -32,33 +32,35 @@ FEWEST_SAMPLES = 10
 MOST_PARTS = 4
 """Of a workspace, each of which takes as long as a cross-validation."""
 
-CHANCE = 0.01
+CHANCE_LIMIT = 0.01
 """Of a difference so large by noise alone, below which a local fit is recommended."""
 
-_NO_DIFFERENCE = 1e-6  # share of a variance along a direction, below which both fits say the same there
-_ITERATIONS = 30
+_EQUAL_SHARE = 1e-6  # share of a variance along a direction, below which both fits say the same there
+_FIT_STEPS = 30
 
 
-def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] | None = None) -> tuple[LocalFit, ...]:
+def local_fits(
+    solution: Solution, requested: Sequence[str], box_m: Sequence[float] | None = None
+) -> tuple[LocalFit, ...]:
     """Each part of the workspace, with held-out errors of both fits; none where there are too few samples for parts.
 
     Args:
         solution: The fit of all samples.
-        asked: Names of the transforms to tell of the local fits.
+        requested: Names of the transforms to tell of the local fits.
         box_m: (6,) two opposite corners of the only part, in the reference's base [m]; all parts where None.
     """
     problem = solution.problem
-    places = [seen_at(group, solution.state) for group in problem.groups]
+    places = [target_places(group, solution.state) for group in problem.groups]
     samples = [group.sample for group in problem.groups]
     split = next(splits(problem), None)
     if not places or split is None:
         return ()
     where, of = np.concatenate(places), np.concatenate(samples)
-    parts = list(_halves(where, of) if box_m is None else _inside(where, of, box_m))
+    parts = list(_halves(where, of) if box_m is None else _samples_inside(where, of, box_m))
     if not parts:
         return ()
     folds = split.folds
-    everywhere = refit_folds(problem, solution.state, folds, _ITERATIONS)
+    everywhere = refit_folds(problem, solution.state, folds, _FIT_STEPS)
     found = []
     for numbers in parts:
         inside = [np.isin(each, numbers) for each in samples]
@@ -66,9 +68,9 @@ def local_fits(solution: Solution, asked: Sequence[str], box_m: Sequence[float] 
         centre = own.mean(0)
         reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, axis=1)))), np.finfo(np.float64).eps)
         worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, axis=1) / reach**2) for at in places]
-        local = refit_folds(problem, solution.state, [*folds, frozenset()], _ITERATIONS, worth=worth)
-        chance = _chance_of_noise(solution, local[-1], worth, asked)
-        found.append(_compared(solution, everywhere, local, inside, centre, numbers, asked, chance))
+        local = refit_folds(problem, solution.state, [*folds, frozenset()], _FIT_STEPS, worth=worth)
+        chance = _chance_of_noise(solution, local[-1], worth, requested)
+        found.append(_compare_fits(solution, everywhere, local, inside, centre, numbers, requested, chance))
     return tuple(found)
 
 
@@ -86,7 +88,7 @@ def _halves(places: Array, samples: IntArray) -> Iterator[IntArray]:
         yield np.unique(samples[part])
 
 
-def _inside(places: Array, samples: IntArray, box_m: Sequence[float]) -> Iterator[IntArray]:
+def _samples_inside(places: Array, samples: IntArray, box_m: Sequence[float]) -> Iterator[IntArray]:
     """Numbers of the samples in a box, where they are enough."""
     corners = np.reshape(box_m, (2, 3))
     inside = np.all((places >= corners.min(0)) & (places <= corners.max(0)), axis=1)
@@ -95,7 +97,7 @@ def _inside(places: Array, samples: IntArray, box_m: Sequence[float]) -> Iterato
         yield numbers
 
 
-def _chance_of_noise(solution: Solution, local: Refit, worth: Sequence[Array], asked: Sequence[str]) -> float:
+def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], requested: Sequence[str]) -> float:
     """The chance of a local fit so far from that of all where there is noise alone.
 
     With A and A' the information of all views and of views by their worth w, and M that by w squared, the local fit
@@ -107,46 +109,46 @@ def _chance_of_noise(solution: Solution, local: Refit, worth: Sequence[Array], a
     )
     inverse, whole = spectrum(by_worth).inverse, solution.noise.factor * spectrum(by_all).inverse
     apart = solution.noise.factor * (inverse @ by_square @ inverse) - whole
-    columns = [problem.columns[name] for name in asked]
-    steps = [(state.transforms[name].inverse() @ local.optimum.state.transforms[name]).log() for name in asked]
+    columns = [problem.columns[name] for name in requested]
+    steps = [(state.transforms[name].inverse() @ fit.optimum.state.transforms[name]).log() for name in requested]
     step = np.concatenate([each[: of.stop - of.start] for each, of in zip(steps, columns, strict=True)])
     of = np.concatenate([np.arange(each.start, each.stop) for each in columns])
-    if np.all(np.diag(apart)[of] <= _NO_DIFFERENCE * np.diag(whole)[of]):
+    if np.all(np.diag(apart)[of] <= _EQUAL_SHARE * np.diag(whole)[of]):
         return 1.0  # all views are worth as much
-    differs = spectrum(apart[np.ix_(of, of)], _NO_DIFFERENCE)
+    differs = spectrum(apart[np.ix_(of, of)], _EQUAL_SHARE)
     return float(chdtrc(int(differs.rank), float(step @ differs.inverse @ step)))
 
 
-def _compared(
+def _compare_fits(
     solution: Solution,
     everywhere: Sequence[Refit],
-    local: Sequence[Refit],
-    inside: Sequence[BoolArray],
+    fits: Sequence[Refit],
+    masks: Sequence[BoolArray],
     centre: Array,
     numbers: IntArray,
-    asked: Sequence[str],
+    requested: Sequence[str],
     chance: float,
 ) -> LocalFit:
-    *held_out, whole = local
-    by_all = np.concatenate([_squares(solution, fit, inside) for fit in everywhere])
-    by_part = np.concatenate([_squares(solution, fit, inside) for fit in held_out])
-    settled = all(fit.optimum.converged for fit in (*everywhere, *local)) and len(by_all) > 1
-    transforms = {name: whole.optimum.state.transforms[name] for name in asked}
+    *held_out, whole = fits
+    by_all = np.concatenate([_squares(solution, fit, masks) for fit in everywhere])
+    by_part = np.concatenate([_squares(solution, fit, masks) for fit in held_out])
+    settled = all(fit.optimum.converged for fit in (*everywhere, *fits)) and len(by_all) > 1
+    transforms = {name: whole.optimum.state.transforms[name] for name in requested}
     rms = [float(np.sqrt(squares.mean())) if settled else None for squares in (by_all, by_part)]
-    is_better = settled and chance < CHANCE and bool(by_part.mean() < by_all.mean())
+    is_better = settled and chance < CHANCE_LIMIT and bool(by_part.mean() < by_all.mean())
     return LocalFit(centre, tuple(map(int, numbers)), rms[0], rms[1], chance if settled else 1.0, is_better, transforms)
 
 
-def _squares(solution: Solution, fit: Refit, inside: Sequence[BoolArray]) -> Array:
+def _squares(solution: Solution, fit: Refit, masks: Sequence[BoolArray]) -> Array:
     """Squares of how far the targets of held-out views in a part are from where a fit predicts them [m^2]."""
     state = with_known_stops(fit.optimum.state, fit.known)
     found = [np.zeros(0)]
-    for group, mine in zip(solution.problem.groups, inside, strict=True):
+    for group, mine in zip(solution.problem.groups, masks, strict=True):
         views = group.take(np.flatnonzero(mine & np.isin(group.sample, list(fit.held))))
         if not len(views):
             continue
         by_all: SE3 = solution.state.camera_from_target(views, solution.problem.stops)
-        alone, enough = view_alone(solution.state, views, by_all)
+        alone, enough = single_view_pose(solution.state, views, by_all)
         off = alone.inverse() @ state.camera_from_target(views, solution.problem.stops)
         found.append(np.sum(off.translation**2, axis=1)[enough])
     return np.concatenate(found)

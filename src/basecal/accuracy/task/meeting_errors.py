@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.task.arms_at_points import moved_by_kinematics
-from basecal.accuracy.task.kinematic_errors import EXPECTED, MODELS, kinematic_errors, moved_by_errors
+from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration, Cell
 from basecal.effects.faces.shared_errors import SharedErrors
@@ -24,7 +24,7 @@ from basecal.estimation.noise.laplace import moments
 from basecal.estimation.noise.reml import sigmas_of
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
-from basecal.geometry.rotation import hat
+from basecal.geometry.rotation import cross_matrix
 
 
 def meeting_errors(
@@ -45,13 +45,13 @@ def meeting_errors(
     others = [r for r in cell.robots if r != cell.reference and cell.base_name(r) == task.transform]
     meeting = {cell.reference: points_m} | dict.fromkeys(others, task.points_m)
     at = _Meeting(solution, task, cell.reference, meeting)
-    known = at.by_columns()
+    known = at.column_jacobian()
     own = {robot: _own_variance(calibration, solution, robot) for robot in meeting}
     models = _models_of_arms(solution, meeting)
     if not models:
         products = solution.covariance[np.ix_(known.columns, known.columns)]
-        return np.zeros(known.moved.shape[:2]), _in_all(known.moved, products, own.values())
-    return _mixture([_by_model(at, known, own, model, widening) for model in models])
+        return np.zeros(known.moved.shape[:2]), _total_error(known.moved, products, own.values())
+    return _mixture([_model_error(at, known, own, model, widening) for model in models])
 
 
 class _Known(NamedTuple):
@@ -77,26 +77,26 @@ class _Meeting:
     reference: str
     points_m: Mapping[str, Array]
 
-    def by_columns(self) -> _Known:
+    def column_jacobian(self) -> _Known:
         """All that was estimated."""
         problem, state = self.solution.problem, self.solution.state
         own = problem.columns[self.task.transform]
         by_base = np.broadcast_to(np.eye(6), (len(self.task.points_m), 6, 6)).copy()
-        by_base[:, :3, 3:] = -hat(self.task.points_m)
+        by_base[:, :3, 3:] = -cross_matrix(self.task.points_m)
         moved, columns = [by_base[:, :, : own.stop - own.start]], [np.arange(own.start, own.stop)]
         for robot, where_m in self.points_m.items():
             found = moved_by_kinematics(problem, state, robot, where_m)
             if found is not None:
-                moved.append(self.moved(robot, found[0]))
+                moved.append(self.propagate(robot, found[0]))
                 columns.append(found[1])
         return _Known(np.concatenate(moved, axis=-1), np.concatenate(columns))
 
-    def moved(self, robot: str, of_flange: Array) -> Array:
+    def propagate(self, robot: str, flange_jacobian: Array) -> Array:
         """How what meets moves, in the axes of the task's base, with what moves a flange, in those of its own."""
         if robot != self.reference:
-            return of_flange
+            return flange_jacobian
         turned = self.solution.state.transforms[self.task.transform].rotation.T
-        return np.asarray(-np.kron(np.eye(2), turned) @ of_flange)
+        return np.asarray(-np.kron(np.eye(2), turned) @ flange_jacobian)
 
 
 class _ArmErrors(NamedTuple):
@@ -114,40 +114,40 @@ class _Expected(NamedTuple):
     covariance: Array
 
 
-def _by_model(
-    meeting: _Meeting, known: _Known, own: Mapping[str, Array], model: _ArmErrors, widening: Array | None
+def _model_error(
+    meeting: _Meeting, knowns: _Known, own: Mapping[str, Array], model: _ArmErrors, widening: Array | None
 ) -> _Expected:
     """What is off by a model of the arms' errors, its sigmas integrated."""
     problem, state = meeting.solution.problem, meeting.solution.state
-    sigmas = sigmas_with(problem, state, meeting.solution.noise, model.of, EXPECTED)
-    every_move, every_column = [known.moved], [known.columns]
+    sigmas = sigmas_with(problem, state, meeting.solution.noise, model.of, EXPECTED_PRIOR)
+    every_move, every_column = [knowns.moved], [knowns.columns]
     for robot in (name for name in meeting.points_m if name in model.of):
         by_errors = moved_by_errors(problem, state, robot, meeting.points_m[robot], model.kinds)
         first = sigmas.model.layout.common[robot][0]
-        every_move.append(meeting.moved(robot, by_errors))
+        every_move.append(meeting.propagate(robot, by_errors))
         every_column.append(np.arange(first, first + by_errors.shape[-1]))
     mean, products, squares = moments(sigmas, np.concatenate(every_column))
     if widening is not None:
-        products[: len(known.columns), : len(known.columns)] += widening[np.ix_(known.columns, known.columns)]
+        products[: len(knowns.columns), : len(knowns.columns)] += widening[np.ix_(knowns.columns, knowns.columns)]
     estimated = {robot: squares[sigmas_of(sigmas.model, robot)] for robot in model.of}
     moved, variances = np.concatenate(every_move, axis=-1), {**own, **estimated}
     return _Expected(
-        sigmas.surprise, moved @ mean, _in_all(moved, products, (variances[robot] for robot in meeting.points_m))
+        sigmas.surprise, moved @ mean, _total_error(moved, products, (variances[robot] for robot in meeting.points_m))
     )
 
 
-def _mixture(found: Sequence[_Expected]) -> tuple[Array, Array]:
+def _mixture(errors: Sequence[_Expected]) -> tuple[Array, Array]:
     """Mean and covariance over models, which count by their evidence."""
-    least = min(each.surprise for each in found)
-    shares = np.exp([-0.5 * (each.surprise - least) for each in found])
+    least = min(each.surprise for each in errors)
+    shares = np.exp([-0.5 * (each.surprise - least) for each in errors])
     shares /= shares.sum()
-    mean = np.einsum("m,mni->ni", shares, [each.mean for each in found])
-    off = np.array([each.mean for each in found]) - mean
-    spread = np.array([each.covariance for each in found]) + off[..., None] * off[..., None, :]
+    mean = np.einsum("m,mni->ni", shares, [each.mean for each in errors])
+    off = np.array([each.mean for each in errors]) - mean
+    spread = np.array([each.covariance for each in errors]) + off[..., None] * off[..., None, :]
     return mean, np.einsum("m,mnij->nij", shares, spread)
 
 
-def _in_all(moved: Array, products: Array, own: Iterable[Array]) -> Array:
+def _total_error(moved: Array, products: Array, own: Iterable[Array]) -> Array:
     """Of columns by how what meets moves with them, (n, 6, c), and of robots' own errors along an axis, (2,) each."""
     return np.asarray(moved @ products @ np.swapaxes(moved, 1, 2) + np.diag(np.repeat(sum(own, np.zeros(2)), 3)))
 

@@ -23,7 +23,7 @@ class Source:
     scaled: Callable[[Problem, State, float], tuple[Problem, State]]
 
 
-def sources_of(problem: Problem) -> Iterator[Source]:
+def error_sources(problem: Problem) -> Iterator[Source]:
     """All sources of a problem whose sigmas are stated or estimated: views, robots' stops, priors."""
     for camera in sorted({group.camera for group in problem.groups}):
         yield Source(f"views of {camera}", _views(camera))

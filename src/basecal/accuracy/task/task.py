@@ -10,7 +10,7 @@ import numpy as np
 from basecal.cell import Cell
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import hat
+from basecal.geometry.rotation import cross_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,9 @@ class Task:
 
     def weight(self) -> Array:
         """(6, 6) W: the trace of W C is the mean variance at the points [m^2], C the covariance of the transform."""
-        moved = np.concatenate([np.broadcast_to(np.eye(3), (len(self.points_m), 3, 3)), -hat(self.points_m)], axis=-1)
+        moved = np.concatenate(
+            [np.broadcast_to(np.eye(3), (len(self.points_m), 3, 3)), -cross_matrix(self.points_m)], axis=-1
+        )
         return np.asarray((np.swapaxes(moved, 1, 2) @ moved).mean(0))
 
     def variance_m2(self, covariance: Array) -> float:
@@ -35,7 +37,7 @@ class Task:
         return float(np.trace(self.weight() @ covariance))
 
 
-def placing(cell: Cell) -> list[str]:
+def base_transforms(cell: Cell) -> list[str]:
     """The transforms asked for that place something in the reference's base, as work between robots needs it.
 
     Raises:
@@ -50,7 +52,7 @@ def placing(cell: Cell) -> list[str]:
     return names
 
 
-def task_at(name: str, transforms: Mapping[str, SE3], points_m: Array) -> Task:
+def make_task(name: str, transforms: Mapping[str, SE3], points_m: Array) -> Task:
     """The task at points in the reference's base, (n, 3) [m], of a transform with this name."""
     return Task(name, transforms[name].inverse() @ points_m)
 

@@ -13,16 +13,16 @@ import numpy as np
 
 from basecal.acquisition.driver import Camera, HasWatchdog, Moves, Reading, Robot
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import vector_of
+from basecal.acquisition.states import state_vector
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 from basecal.geometry import Array
 
-_KICK_S = 0.02
+_HEARTBEAT_S = 0.02
 _AT_REST_RAD = 2e-4  # by which an arm at rest moves in 0.1 s: 0.1 deg/s
 _REST_S = 0.1
-_STARTS_S = 3.0
-_STOPS_S = 5.0
+_START_TIMEOUT_S = 3.0
+_STOP_TIMEOUT_S = 5.0
 
 Given = TypeVar("Given")
 
@@ -75,7 +75,7 @@ class Stop:
     distance_rad: float
 
 
-def states_for(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals, Array]:
+def record_states(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals, Array]:
     """Read states for a while: when they came, and their values, (n, k) [rad] or [m].
 
     Raises:
@@ -85,10 +85,10 @@ def states_for(name: str, robot: Robot, duration_s: float) -> tuple[Arrivals, Ar
     for reading in readings:
         check_reading(name, reading)
     stamps_s = np.array([reading.stamp_s for reading in readings])
-    return Arrivals(at_s, stamps_s), np.stack([vector_of(reading.state) for reading in readings])
+    return Arrivals(at_s, stamps_s), np.stack([state_vector(reading.state) for reading in readings])
 
 
-def images_for(camera: Camera, duration_s: float) -> Arrivals:
+def record_images(camera: Camera, duration_s: float) -> Arrivals:
     """Read images for a while.
 
     Raises:
@@ -126,7 +126,7 @@ def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
         count, before_s = count + 1, now_s
 
 
-def stop_of(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, order: str = "stop") -> Stop:
+def measure_stop(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, order: str = "stop") -> Stop:
     """Move the last joint, and measure how it stops when it is told to, or when the watchdog hears nothing more.
 
     Args:
@@ -145,10 +145,10 @@ def stop_of(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, or
     with _kept_alive(robot) as silence:
         try:
             robot.move(RobotState(joints_rad=goal), speed_rad_s)
-            _wait(name, robot, lambda joints: abs(joints[-1] - begin[-1]) > distance_rad / 2, _STARTS_S)
+            _wait(name, robot, lambda joints: abs(joints[-1] - begin[-1]) > distance_rad / 2, _START_TIMEOUT_S)
             ordered_s, at = time.monotonic(), _joints(name, robot)
             silence() if order == "silence" else robot.stop()
-            rested_s, rest = _rest(name, robot)
+            rested_s, rest = _wait_for_rest(name, robot)
         finally:
             with suppress(Exception):
                 robot.stop()
@@ -170,16 +170,16 @@ def _wait(name: str, robot: Robot, is_there: Callable[[Array], bool], most_s: fl
             raise DriverError(f"{name}: it did not go where it was sent within {most_s:g} s")
 
 
-def _rest(name: str, robot: Robot) -> tuple[float, Array]:
+def _wait_for_rest(name: str, robot: Robot) -> tuple[float, Array]:
     """Since when [s] the arm stands, and where."""
     since_s, at = time.monotonic(), _joints(name, robot)
-    until_s = since_s + _STOPS_S
+    until_s = since_s + _STOP_TIMEOUT_S
     while time.monotonic() - since_s < _REST_S:
         joints = _joints(name, robot)
         if np.abs(joints - at).max() > _AT_REST_RAD:
             since_s, at = time.monotonic(), joints
         if time.monotonic() > until_s:
-            raise DriverError(f"{name}: it did not stop within {_STOPS_S:g} s. Use the emergency stop")
+            raise DriverError(f"{name}: it did not stop within {_STOP_TIMEOUT_S:g} s. Use the emergency stop")
     return since_s, at
 
 
@@ -190,7 +190,7 @@ def _kept_alive(robot: Robot) -> Iterator[Callable[[], None]]:
 
     def kick() -> None:
         with suppress(Exception):
-            while isinstance(robot, HasWatchdog) and not ended.wait(_KICK_S):
+            while isinstance(robot, HasWatchdog) and not ended.wait(_HEARTBEAT_S):
                 robot.keep_alive()
 
     thread = threading.Thread(target=kick, daemon=True)

@@ -14,7 +14,7 @@ from pydantic import Field
 from basecal.acquisition.driver import Picture, Place, Reading, checked_options
 from basecal.acquisition.freshness import Waits
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.ros2.dds import domain_of
+from basecal.acquisition.ros2.dds import choose_domain
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import BasecalError, DatasetError, DriverError
@@ -117,7 +117,7 @@ def open_robot(place: Place) -> Ros2Robot:
         MissingExtra: if cyclonedds or rosbags is not installed.
     """
     options = checked_options(place, Ros2Options)
-    domain = domain_of(options.domain)
+    domain = choose_domain(options.domain)
     if options.frames is not None:
         if options.topic is not None:
             raise _wrong(place, "robots", "topic and frames are both stated; expected one of them")
@@ -143,7 +143,7 @@ def open_camera(place: Place) -> Ros2Camera:
     options = checked_options(place, Ros2Options)
     if options.topic is None or options.frames is not None:
         raise _wrong(place, "cameras", "expected the topic of its pictures, as `topic: /camera/image_raw`")
-    domain = domain_of(options.domain)
+    domain = choose_domain(options.domain)
     stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _DEPTH, options.reconnect_s)
     size_px = place.cell.cameras[place.name].size_px
     return Ros2Camera(place.name, stream, options.topic, size_px, options.reconnect_s + _STOP_S)

@@ -63,7 +63,7 @@ class _WithProgram(UrWatched):
         Raises:
             DriverError: also if somebody stopped the program.
         """
-        was_asked = self._program.was_asked
+        was_asked = self._program.was_sent
         reading = self._receiver.state()
         self._ended = self._ended + 1 if was_asked and not self._receiver.is_program_running else 0
         if self._ended >= _ENDED:

@@ -9,7 +9,7 @@ from basecal.errors import DriverError
 _CONNECT_S = 3.0  # a controller in the same building answers within milliseconds; one that boots, never
 
 
-def reached(name: str, host: str, port: int, device: str) -> socket.socket:
+def connect(name: str, host: str, port: int, device: str) -> socket.socket:
     """A connection to a port, whose reads give up after three seconds.
 
     Args:

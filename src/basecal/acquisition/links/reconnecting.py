@@ -9,12 +9,12 @@ from contextlib import suppress
 import numpy as np
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.freshness import STALE_S, Stale, Waits, next_of
+from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import vector_of
+from basecal.acquisition.states import state_vector
 from basecal.errors import BasecalError, DriverError
 
-_TRY_AGAIN_S = 0.2  # between two attempts to connect
+_RETRY_S = 0.2  # between two attempts to connect
 
 
 class LostLink(DriverError):
@@ -51,7 +51,7 @@ class ReconnectingRobot(ABC):
         try:
             self._connect()
         except Exception as error:
-            raise _known(name, error) from error
+            raise _domain_error(name, error) from error
 
     @abstractmethod
     def connect(self) -> None:
@@ -77,8 +77,8 @@ class ReconnectingRobot(ABC):
         self._old = 0
         while True:
             try:
-                self._connect_again()
-                reading = next_of(self._newer)
+                self._reconnect()
+                reading = wait_for_newer(self._newer)
                 break
             except Exception as error:
                 self._lose(error, until_s)
@@ -97,7 +97,7 @@ class ReconnectingRobot(ABC):
         self.connect()
         self.is_connected = True
 
-    def _connect_again(self) -> None:
+    def _reconnect(self) -> None:
         """Connect if there is no connection; what refuses may be on its way up."""
         try:
             if not self.is_connected:
@@ -119,30 +119,30 @@ class ReconnectingRobot(ABC):
         self._old += 1
         return None
 
-    def _lose(self, error: Exception, until_s: float) -> None:
+    def _lose(self, error: Exception, deadline_s: float) -> None:
         """Give the connection up; raise the error if it is final or the time is over."""
         if isinstance(error, BasecalError) and not isinstance(error, LostLink):
             raise error
         self.close()
-        if time.monotonic() > until_s:
-            raise DriverError(self._why(error)) from None
-        time.sleep(_TRY_AGAIN_S)
+        if time.monotonic() > deadline_s:
+            raise DriverError(self._reason(error)) from None
+        time.sleep(_RETRY_S)
 
-    def _why(self, error: Exception) -> str:
+    def _reason(self, error: Exception) -> str:
         if self._old and self._last is not None:
             return (
                 f"{self.name}: stale stamps: {self._old} states came, none with a stamp newer than "
                 f"{self._last.stamp_s:.3f} s. The clock of the controller stands still or went back, or it sends old "
                 f"states. Restart it"
             )
-        return f"{_known(self.name, error)}; tried again for {self._reconnect_s:g} s"
+        return f"{_domain_error(self.name, error)}; tried again for {self._reconnect_s:g} s"
 
 
-def _is_same(one: Reading, other: Reading) -> bool:
-    return np.array_equal(vector_of(one.state), vector_of(other.state))
+def _is_same(reading: Reading, other: Reading) -> bool:
+    return np.array_equal(state_vector(reading.state), state_vector(other.state))
 
 
-def _known(name: str, error: Exception) -> BasecalError:
+def _domain_error(name: str, error: Exception) -> BasecalError:
     if isinstance(error, BasecalError):
         return error
     if isinstance(error, Stale):

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from basecal.acquisition.links.reach import reached
+from basecal.acquisition.links.reach import connect
 from basecal.acquisition.links.reconnecting import LostLink
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.errors import DriverError, MissingExtra
@@ -43,7 +43,7 @@ class Session:
             from asyncua.sync import Client
         except ImportError:
             raise MissingExtra("opcua", "the driver 'opcua'") from None
-        reached(self._name, options.host, options.port, "an OPC UA server").close()
+        connect(self._name, options.host, options.port, "an OPC UA server").close()
         client = Client(options.url, timeout=_ANSWER_S)
         if options.user is not None:
             client.set_user(options.user)

@@ -11,19 +11,19 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.acquisition.driver import Camera, Picture, Switches
-from basecal.acquisition.pictures.latency import ArmMotion, Latency, latency_of
+from basecal.acquisition.pictures.latency import ArmMotion, Latency, estimate_latency
 from basecal.errors import DriverError
 from basecal.geometry import Array
-from basecal.vision.picture_motion import Levels, shift_between, small
+from basecal.vision.picture_motion import Levels, reduce_picture, shift_between
 
-_WAIT_S = 10.0  # for a picture, unless the driver states how long it waits
-_CLOSE_S = 2.0  # for a driver that does not come back
+_PICTURE_TIMEOUT_S = 10.0  # for a picture, unless the driver states how long it waits
+_CLOSE_TIMEOUT_S = 2.0  # for a driver that does not come back
 _UNKNOWN_S, _UNKNOWN_PICTURES = 2.0, 12  # of latency until it is measured, whichever is longer
-_MOTIONS = 3  # whose latencies count: it may grow, and shrink again
+_MOTION_COUNT = 3  # whose latencies count: it may grow, and shrink again
 _MOVES_PX = 0.1  # between a picture and the next, of about 640 px
-_COLUMNS = 640
+_PICTURE_COLUMNS = 640
 _UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest share of so many pictures
-_PICTURES = 2000  # whose arrival is remembered
+_REMEMBERED_PICTURES = 2000  # whose arrival is remembered
 _STREAM, _STREAM_S = 4, 5.0  # so many pictures within such a time are a stream
 _WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that pictures usually take: so large a share of so many
 _LOOK_S = 1.5  # until a program that saves pictures without pause is told from a person
@@ -36,8 +36,10 @@ class CameraFeed:
         self._name, self._camera, self._arms = name, camera, arms
         self._changed = threading.Condition()
         self._is_stamped = getattr(camera, "is_stamped", False)
-        self._arrivals: deque[tuple[float, bool]] = deque(maxlen=_PICTURES)  # and whether something moved since before
-        self._delays_s: deque[float] = deque(maxlen=_PICTURES)  # arrival less stamp
+        self._arrivals: deque[tuple[float, bool]] = deque(
+            maxlen=_REMEMBERED_PICTURES
+        )  # and whether something moved since before
+        self._delays_s: deque[float] = deque(maxlen=_REMEMBERED_PICTURES)  # arrival less stamp
         self._waits_s: deque[float] = deque(maxlen=_WAITS)
         self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from picture to picture
         self._last_s = -np.inf
@@ -47,7 +49,7 @@ class CameraFeed:
         self._latencies: dict[float, Latency] = {}  # by the begin of the motion they were measured on
         self._reported: Latency | None = None
         self._began_s, self._is_open = time.monotonic(), True
-        self._go_on()
+        self._run()
 
     @property
     def is_live(self) -> bool:
@@ -77,24 +79,24 @@ class CameraFeed:
     def close(self) -> None:
         """Let go of the camera; a driver that does not come back is left to the end of the process."""
         self._is_open = False
-        self._thread.join(_CLOSE_S)
+        self._thread.join(_CLOSE_TIMEOUT_S)
         if not self._thread.is_alive():
             self._camera.close()
 
-    def _go_on(self) -> None:
+    def _run(self) -> None:
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._drain, daemon=True)
         self._thread.start()
 
-    def _wait(self, done: Callable[[], bool]) -> None:
+    def _wait(self, is_done: Callable[[], bool]) -> None:
         """Wait for the thread; it begins again if it ended while nobody waited."""
         if not self._thread.is_alive():
-            self._go_on()
-        wait_s = getattr(self._camera, "wait_s", _WAIT_S)
+            self._run()
+        wait_s = getattr(self._camera, "wait_s", _PICTURE_TIMEOUT_S)
         with self._changed:
-            if not self._changed.wait_for(lambda: done() or self._error is not None, wait_s):
+            if not self._changed.wait_for(lambda: is_done() or self._error is not None, wait_s):
                 raise DriverError(f"{self._name}: no picture came within {wait_s:g} s; check its cable and program")
-            if not done() and self._error is not None:
+            if not is_done() and self._error is not None:
                 raise self._error
 
     def _drain(self) -> None:
@@ -107,8 +109,8 @@ class CameraFeed:
                 now_s = time.monotonic()
                 if self._is_outdated(picture, now_s - began_s):
                     continue
-                every = max(1, picture.grey.shape[1] // _COLUMNS)
-                levels = small(picture.grey[::every, ::every])
+                every = max(1, picture.grey.shape[1] // _PICTURE_COLUMNS)
+                levels = reduce_picture(picture.grey[::every, ::every])
                 self._add(picture, before is not None and self._has_moved(before, levels), now_s)
                 before = levels
         except Exception as error:  # of whatever library: who waits for a picture is told
@@ -116,13 +118,13 @@ class CameraFeed:
                 self._error = error
                 self._changed.notify_all()
 
-    def _has_moved(self, before: Levels, after: Levels) -> bool:
-        change = float(np.abs(after - before).mean())
+    def _has_moved(self, first: Levels, second: Levels) -> bool:
+        change = float(np.abs(second - first).mean())
         if change > 0:  # some cameras give a picture twice
             self._changes.append(change)
         # Of a picture that slides as a whole, and far, no block tells by how much.
         is_unlike = change > _UNLIKE * np.quantile(self._changes or [change], _QUIET)
-        return bool(is_unlike) or shift_between(before, after) > _MOVES_PX
+        return bool(is_unlike) or shift_between(first, second) > _MOVES_PX
 
     def _is_outdated(self, picture: Picture, waited_s: float) -> bool:
         """Whether a picture is older than one that came before, or came at once: then it lay in a buffer."""
@@ -154,22 +156,22 @@ class CameraFeed:
         if not self.is_live:
             return 0.0
         spans = self._arms.spans
-        found = latency_of(np.array(spans), arrivals[arrivals[:, 0] >= spans[0][0]]) if spans else None
+        found = estimate_latency(np.array(spans), arrivals[arrivals[:, 0] >= spans[0][0]]) if spans else None
         if found is not None:
             self._report(found)
             self._latencies = {**self._latencies, spans[0][0]: found}
-        known_s = max((each.high_s for each in list(self._latencies.values())[-_MOTIONS:]), default=0.0)
+        known_s = max((each.high_s for each in list(self._latencies.values())[-_MOTION_COUNT:]), default=0.0)
         if found is not None or (self._latencies and not spans):
             return known_s
         interval_s = float(np.median(np.diff(arrivals[:, 0]))) if len(arrivals) > 1 else 0.0
         return max(_UNKNOWN_S, _UNKNOWN_PICTURES * interval_s, known_s)
 
-    def _report(self, found: Latency) -> None:
+    def _report(self, latency: Latency) -> None:
         before = self._reported
-        if before is None or found.low_s > before.high_s:
-            self._reported = found
+        if before is None or latency.low_s > before.high_s:
+            self._reported = latency
             then = f", {before} before" if before else ""
-            self._notes.append(f"camera {self._name}: pictures arrive {found} after exposure{then} (measured)")
+            self._notes.append(f"camera {self._name}: pictures arrive {latency} after exposure{then} (measured)")
 
 
 class LightFeed(CameraFeed):
@@ -186,7 +188,7 @@ class LightFeed(CameraFeed):
         self._wait(lambda: self._light is None)
 
 
-def fed(name: str, camera: Camera, arms: ArmMotion) -> Camera:
+def feed_camera(name: str, camera: Camera, arms: ArmMotion) -> Camera:
     """A camera as a capture takes pictures from it: read without pause, unless it exposes each when asked.
 
     Args:

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.states import vector_of
+from basecal.acquisition.states import state_vector
 from basecal.geometry import Array
 
-_MOVES = 2e-3  # [rad, m] of any joint: a picture shows it, and noise of encoders is smaller
+_LEAST_MOTION = 2e-3  # [rad, m] of any joint: a picture shows it, and noise of encoders is smaller
 _PAUSE_S = 0.3  # shorter pauses are part of one motion
 _LAGS_S = np.arange(0.0, 6.0, 0.005)
 _LEAST_PICTURES = 3  # that have to show the motion
 _STILL_PICTURES = 2  # after it
 _LEAST_OVERLAP = 0.5  # of the arms' motion and that in the picture, over both: below, something else moved
-_MORE = 1.01  # pictures that may disagree by chance: one
+_CHANCE_FACTOR = 1.01  # pictures that may disagree by chance: one
 
 
 class ArmMotion:
@@ -33,8 +33,8 @@ class ArmMotion:
 
     def note(self, name: str, reading: Reading) -> None:
         """Take account of a state that a robot, by its name, gave just now."""
-        now_s, here = time.monotonic(), vector_of(reading.state)
-        if np.abs(here - self._at.setdefault(name, here)).max() <= _MOVES:
+        now_s, here = time.monotonic(), state_vector(reading.state)
+        if np.abs(here - self._at.setdefault(name, here)).max() <= _LEAST_MOTION:
             return
         self._at[name] = here
         goes_on = bool(self.spans) and now_s - self.spans[-1][1] < _PAUSE_S
@@ -57,7 +57,7 @@ class Latency:
         return f"{(self.low_s + self.high_s) / 2:.2f} +- {(self.high_s - self.low_s) / 2:.2f} s"
 
 
-def latency_of(spans: Array, arrivals: Array) -> Latency | None:
+def estimate_latency(spans: Array, arrivals: Array) -> Latency | None:
     """The latency at which motions of arms explain those in pictures; None if they do not, or still go on.
 
     Lags are tried, and those at which one picture more or less would agree as well as at the best are possible. A slow
@@ -78,5 +78,5 @@ def latency_of(spans: Array, arrivals: Array) -> Latency | None:
     overlap = (expected & moves[:, None]).sum(0) / either
     if overlap.max() < _LEAST_OVERLAP:
         return None
-    possible = _LAGS_S[overlap >= overlap.max() - _MORE / either[overlap.argmax()]]
+    possible = _LAGS_S[overlap >= overlap.max() - _CHANCE_FACTOR / either[overlap.argmax()]]
     return Latency(float(possible[0]), float(possible[-1]))

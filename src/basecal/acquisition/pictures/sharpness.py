@@ -7,7 +7,7 @@ import numpy as np
 from basecal.geometry import Array
 from basecal.vision.edge_width import EdgeWidth
 
-_WIDER = 1.25  # across one direction than across another: motion, for a lens or a print is as soft in all
+_WIDTH_RATIO = 1.25  # across one direction than across another: motion, for a lens or a print is as soft in all
 _MOTION_PX = 3.0  # that is seen in the width of edges, beside that of the sharpest view
 _MELT_PX = 16.0  # width at which twice as wide is as good: neighbouring marks melt into one another
 
@@ -35,7 +35,7 @@ class Sharpness:
         narrowest = self._narrowest.get(view, np.full(2, np.inf))
         typical = (scale * narrowest).max()
         limit = max(np.hypot(typical, _MOTION_PX), typical * (1 + typical / _MELT_PX))
-        if width.wide_px > min(limit, _WIDER * width.narrow_px):
+        if width.wide_px > min(limit, _WIDTH_RATIO * width.narrow_px):
             return True
         self._narrowest[view] = np.minimum(narrowest, width.wide_px / scale)
         return False

@@ -65,7 +65,7 @@ def participant(domain: int) -> Any:
         raise InputError(f"DDS cannot be used in domain {domain}: {error}; look at CYCLONEDDS_URI") from None
 
 
-def domain_of(stated: int | None) -> int:
+def choose_domain(stated: int | None) -> int:
     """The domain that is stated, else that of the variable ROS_DOMAIN_ID, else 0.
 
     Raises:
@@ -156,9 +156,9 @@ class Listener:
         Raises:
             InputError: if one is not what its topic says.
         """
-        return [message for _, message in self.received(wait_s)]
+        return [message for _, message in self.receive(wait_s)]
 
-    def received(self, wait_s: float) -> list[tuple[int, Any]]:
+    def receive(self, wait_s: float) -> list[tuple[int, Any]]:
         """Likewise, each with the number of its publisher."""
         taken = self._take()
         if not taken and wait_s > 0:
@@ -172,14 +172,14 @@ class Listener:
         for number in self._reader.get_matched_publications():
             endpoint = self._reader.get_matched_publication_data(number)
             if endpoint is not None:
-                found[number % _NUMBERS] = _process_of(self._participants, endpoint)
+                found[number % _NUMBERS] = _publisher_process(self._participants, endpoint)
         return found
 
     def _take(self) -> list[Any]:
         return [each for each in self._reader.take(_AT_MOST) if isinstance(each, _Bytes)]
 
 
-def _process_of(participants: Any, endpoint: Any) -> str:
+def _publisher_process(participants: Any, endpoint: Any) -> str:
     """The process of a publisher, as CycloneDDS states it of itself; its GUID if it is of another DDS."""
     for each in participants.read(_AT_MOST):
         if each.key == endpoint.participant_key:

@@ -14,9 +14,9 @@ from basecal.errors import BasecalError, DriverError, listed
 from basecal.exchange.bags.bag import JOINTS, POSE, TF
 from basecal.exchange.bags.frames import Hang, Tree, along, pose_of, values_of
 
-_DEPTH = 50  # messages of states that are kept: a tenth of a second of the fastest
-_FRAMES_DEPTH = 200  # of tf: all publishers together
-_TOGETHER_S = 5e-3  # by which stamps of frames of one way may differ: those of one publisher are equal
+_QUEUE_DEPTH = 50  # messages of states that are kept: a tenth of a second of the fastest
+_FRAMES_QUEUE_DEPTH = 200  # of tf: all publishers together
+_STAMP_TOLERANCE_S = 5e-3  # by which stamps of frames of one way may differ: those of one publisher are equal
 
 
 class StatesByTopic:
@@ -25,7 +25,7 @@ class StatesByTopic:
     def __init__(self, name: str, domain: int, topic: str, joints: Sequence[str], wait_s: float) -> None:
         self._name, self._joints, self._last_s = name, list(joints), float("-inf")
         kinds = (JOINTS, POSE) if joints else (POSE,)
-        self._stream = Stream(name, domain, topic, kinds, _DEPTH, wait_s)
+        self._stream = Stream(name, domain, topic, kinds, _QUEUE_DEPTH, wait_s)
         self._topic = topic
         self._names: set[str] = set()
 
@@ -83,9 +83,9 @@ class StatesByFrames:
         self._hangs: dict[str, Hang] = {}
         self._stamps: dict[str, float] = {}
         self._last_s = float("-inf")
-        self._moving = Stream(name, domain, "/tf", (TF,), _FRAMES_DEPTH, wait_s)
+        self._moving = Stream(name, domain, "/tf", (TF,), _FRAMES_QUEUE_DEPTH, wait_s)
         try:
-            self._still = [Stream(name, domain, "/tf_static", (TF,), _FRAMES_DEPTH, 0.5)]
+            self._still = [Stream(name, domain, "/tf_static", (TF,), _FRAMES_QUEUE_DEPTH, 0.5)]
         except DriverError:  # a robot without fixed frames has none
             self._still = []
 
@@ -117,7 +117,7 @@ class StatesByFrames:
         except BasecalError:  # not all frames have come yet
             return None
         stamps = [self._stamps[step.child] for step in way if not self._hangs[step.child].is_fixed]
-        if not stamps or max(stamps) - min(stamps) > _TOGETHER_S or min(stamps) <= self._last_s:
+        if not stamps or max(stamps) - min(stamps) > _STAMP_TOLERANCE_S or min(stamps) <= self._last_s:
             return None
         self._last_s = min(stamps)
         return Reading(self._last_s, RobotState(along(self._tree(), way, {}, self._name)))

@@ -10,8 +10,8 @@ from basecal.acquisition.ros2.dds import Speaker
 from basecal.exchange.bags.bag import TF
 from basecal.geometry import SE3
 
-TOPIC = "/tf_static"
-_NS = 10**9  # in a second
+STATIC_TOPIC = "/tf_static"
+_NANOSECONDS = 10**9  # in a second
 
 
 def send_static(domain: int, transforms: Iterable[tuple[str, str, SE3]]) -> Speaker:
@@ -21,9 +21,9 @@ def send_static(domain: int, transforms: Iterable[tuple[str, str, SE3]]) -> Spea
         domain: Of DDS.
         transforms: Name of the parent, name of the child, `parent_from_child`.
     """
-    speaker = Speaker(domain, TOPIC, TF, is_latched=True)
+    speaker = Speaker(domain, STATIC_TOPIC, TF, is_latched=True)
     now_ns = time.time_ns()
-    stamp = Message(sec=now_ns // _NS, nanosec=now_ns % _NS)
+    stamp = Message(sec=now_ns // _NANOSECONDS, nanosec=now_ns % _NANOSECONDS)
     sent = []
     for parent, child, parent_from_child in transforms:
         place = Message(**dict(zip("xyz", map(float, parent_from_child.translation), strict=True)))

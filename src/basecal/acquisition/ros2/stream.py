@@ -11,14 +11,14 @@ from basecal.acquisition.ros2.dds import Discovery, Listener
 from basecal.acquisition.ros2.types import type_hash
 from basecal.errors import DriverError, listed
 
-_NANO = 1e-9  # [s]
+_NANOSECOND_S = 1e-9  # [s]
 
 Given = TypeVar("Given")
 
 
 def stamp_s(header: Any) -> float:
     """The time of a `std_msgs/Header` [s]."""
-    return float(header.stamp.sec + _NANO * header.stamp.nanosec)
+    return float(header.stamp.sec + _NANOSECOND_S * header.stamp.nanosec)
 
 
 class Stream:
@@ -64,7 +64,7 @@ class Stream:
         """
         until_s, came = time.monotonic() + STALE_S + self._wait_s, 0
         while True:
-            messages = self._listener.received(STALE_S)
+            messages = self._listener.receive(STALE_S)
             came += len(messages)
             if is_mine is not None:
                 self._check_publishers({publisher for publisher, message in messages if is_mine(message)})
@@ -72,7 +72,7 @@ class Stream:
             if made:
                 return made[-1]
             if time.monotonic() > until_s:
-                raise DriverError(f"{self._name}: {self._why_nothing(came)}")
+                raise DriverError(f"{self._name}: {self._silence_reason(came)}")
 
     def _check_publishers(self, publishers: set[int]) -> None:
         """Refuse a second publisher; one that ended, and was started again, is no second one.
@@ -92,7 +92,7 @@ class Stream:
                 f"told apart. End all but one, or give each robot a topic of its own"
             )
 
-    def _why_nothing(self, came: int) -> str:
+    def _silence_reason(self, came: int) -> str:
         waited = f"for {STALE_S + self._wait_s:g} s"
         if came:
             return (

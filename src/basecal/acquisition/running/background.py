@@ -76,11 +76,11 @@ class BackgroundCheck:
             if not future.set_running_or_notify_cancel():
                 continue
             try:
-                future.set_result(self._checked(sample))
+                future.set_result(self._check_request(sample))
             except Exception as error:  # whoever asks for the result is told
                 future.set_exception(error)
 
-    def _checked(self, sample: Sample) -> Checked:
+    def _check_request(self, sample: Sample) -> Checked:
         doubts = self._check.add(sample)
         estimate = self._check.estimate
         return Checked(None if estimate is None else estimate.sigma, doubts)

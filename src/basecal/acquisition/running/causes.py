@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.drift.shifts import SIZE, Shift
+from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
 from basecal.effects.faces.found import FoundEffect
 from basecal.effects.registry import words_of
 
@@ -30,7 +30,7 @@ def _moved(cause: Shift, sample: int) -> str:
     if cause.joint is not None:
         robot = cause.frame.removesuffix("_flange")
         return f"joint {cause.joint + 1} of {robot} slipped by {np.degrees(cause.shift_rad):.2g} deg at sample {sample}"
-    if cause.transform == SIZE:
+    if cause.transform == SIZE_KIND:
         percent = 100 * float(cause.size[0])
         larger = "larger" if percent > 0 else "smaller"
         return f"{cause.frame} is another board since sample {sample}, {abs(percent):.2g} % {larger}"

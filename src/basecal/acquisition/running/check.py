@@ -16,7 +16,7 @@ from basecal.acquisition.running.estimate import RunningEstimate, running_estima
 from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.found import FoundEffect
 
-LEVEL = 1e-3
+SIGNIFICANCE_LEVEL = 1e-3
 """Chance by which a sample is reported that agrees: one in forty captures of 25 samples."""
 
 _WINDOW = 3  # samples that are compared together, to see what is too small to see in one
@@ -52,7 +52,7 @@ class RunningCheck:
         self._cell = cell
         self._agreeing: list[Sample] = []
         self._pending: list[Sample] = []
-        self._before: list[RunningEstimate | None] = []
+        self._preceding_records: list[RunningEstimate | None] = []
         self._suspected: tuple[str, ...] = ()
         self._reported: set[tuple[str, ...]] = set()
 
@@ -60,7 +60,7 @@ class RunningCheck:
         """Count a sample, and report what disagrees."""
         doubts = self._compare(sample) if sample.observations else ()
         if not self._pending:
-            self._before.append(self.estimate)
+            self._preceding_records.append(self.estimate)
             self.estimate = running_estimate(self._cell, self._agreeing, self.estimate) or self.estimate
             doubts = (*doubts, *self._systematic())
         return doubts
@@ -68,7 +68,7 @@ class RunningCheck:
     def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
         """Whether a sample agrees with the estimate before it; it joins the samples that agree, or is held back."""
         alone = self._against(self.estimate, [sample])
-        if alone is None or alone.chance > LEVEL:
+        if alone is None or alone.chance > SIGNIFICANCE_LEVEL:
             odd, self._pending = self._pending, []
             self._agreeing.append(sample)
             return (*map(_odd, odd), *self._window())
@@ -89,11 +89,11 @@ class RunningCheck:
 
     def _window(self) -> tuple[Doubt, ...]:
         """Whether the last samples together disagree with the estimate before them."""
-        if len(self._before) < _WINDOW:
+        if len(self._preceding_records) < _WINDOW:
             return ()
         recent = self._agreeing[-_WINDOW:]
-        found = self._against(self._before[1 - _WINDOW], recent)
-        if found is None or found.chance > LEVEL or found.chance_left < _EXPLAINED:
+        found = self._against(self._preceding_records[1 - _WINDOW], recent)
+        if found is None or found.chance > SIGNIFICANCE_LEVEL or found.chance_left < _EXPLAINED:
             return ()
         return self._lasting(recent[0].sample, found)
 

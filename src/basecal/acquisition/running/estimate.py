@@ -11,7 +11,7 @@ from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.systematic_errors.search import running_error
 from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
-from basecal.accuracy.widening import widened
+from basecal.accuracy.widening import widen
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.effects.faces.found import FoundEffect
 from basecal.errors import BasecalError
@@ -112,6 +112,6 @@ def _sigma(cell: Cell, solution: Solution, error: FoundEffect | None) -> tuple[f
         return None
     moves = [*moved_by_sizes(cell, solution, error), *(() if error is None else (error.moved,))]
     for moved in moves:
-        solution = widened(solution, moved)
+        solution = widen(solution, moved)
     sigmas = solution.transforms[name].sigma_norms
     return sigmas if max(sigmas) < _OPEN else None

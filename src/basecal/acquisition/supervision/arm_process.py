@@ -23,15 +23,15 @@ import numpy as np
 from basecal.acquisition.driver import ChecksGoals, Freedrives, HasWatchdog, Moves, Place, Reading, Robot
 from basecal.acquisition.drivers.registry import driver_kind
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.states import has_arrived, vector_of
+from basecal.acquisition.states import has_arrived, state_vector
 from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     HEARTBEAT_S,
-    HELD_S,
+    HOLD_S,
     RECONNECT_S,
-    REST_SILENT_S,
-    SILENT_S,
+    REST_SILENCE_LIMIT_S,
+    SILENCE_LIMIT_S,
     STALE_S,
     STOP_S,
     TICK_S,
@@ -40,11 +40,11 @@ from basecal.cell import RobotState
 from basecal.errors import DriverError
 from basecal.geometry import Array
 
-_KICK_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
-_SETTLED = 10  # states at the goal, after which an arm no longer counts as moving
+_HEARTBEAT_S = 0.02  # between heartbeats to the controller: a watchdog of 6 Hz may miss seven
+_SETTLED_STATES = 10  # states at the goal, after which an arm no longer counts as moving
 _CHANGED_RAD_M = 1e-4  # by which an arm moves that is on its way: in two seconds, even the slowest
 _MEMORY_BYTES = 2**30  # that a driver may take: a damaged packet can ask for any length
-_FACES = {"moves": Moves, "freedrives": Freedrives, "checks_goals": ChecksGoals}
+_CAPABILITIES = {"moves": Moves, "freedrives": Freedrives, "checks_goals": ChecksGoals}
 
 
 class ArmProcess:
@@ -62,7 +62,7 @@ class ArmProcess:
         self._read_s = self._changed_s = self._supervisor_s = self._beat_s = now
         self._values: Array | None = None
         self._must_stop = self._is_over = False
-        self._patience_s = REST_SILENT_S + RECONNECT_S
+        self._patience_s = REST_SILENCE_LIMIT_S + RECONNECT_S
 
     def run(self) -> None:
         """Obey the supervisor until it closes this arm; stop the arm if the supervisor ends or hangs."""
@@ -79,7 +79,7 @@ class ArmProcess:
 
     def _obey(self, frame: Frame) -> None:
         if frame.kind == Kind.OPEN:
-            _begin(self._open, frame.payload)
+            _start_thread(self._open, frame.payload)
         elif frame.kind == Kind.REQUEST:
             self._requests.put(pickle.loads(frame.payload))
         elif frame.kind == Kind.STOP:
@@ -95,14 +95,14 @@ class ArmProcess:
             return
         if self._is_moving and not getattr(self._robot, "is_connected", True):
             self._report(f"{self._name}: its connection was closed while it moved")
-        if self._goal is not None and now - self._changed_s > HELD_S:
+        if self._goal is not None and now - self._changed_s > HOLD_S:
             self._report(
                 f"{self._name}: it stands still, but not where it was sent. Look for an obstacle, a paused program "
                 f"or a speed slider at zero"
             )
         if self._robot.is_live and now - self._read_s > self._patience_s:
             self._report(f"{self._name}: no state came for {self._patience_s:g} s: its link is lost")
-        if now - self._supervisor_s > SILENT_S:
+        if now - self._supervisor_s > SILENCE_LIMIT_S:
             self._stop()
 
     @property
@@ -118,20 +118,20 @@ class ArmProcess:
     def _open(self, payload: bytes) -> None:
         place, sys.path[:] = pickle.loads(payload)
         self._name = place.name
-        self._patience_s = REST_SILENT_S + float(place.options.get("reconnect_s", RECONNECT_S))
+        self._patience_s = REST_SILENCE_LIMIT_S + float(place.options.get("reconnect_s", RECONNECT_S))
         try:
-            robot = _opened(place)
-            faces = {name: isinstance(robot, face) for name, face in _FACES.items()}
+            robot = _open_robot(place)
+            faces = {name: isinstance(robot, face) for name, face in _CAPABILITIES.items()}
             self._channel.send(Kind.OPENED, pickle.dumps({"is_live": robot.is_live, **faces}))
         except BaseException as error:
             self._channel.send(Kind.FAILED, pickle.dumps(_as_data(error)))
             return
         self._read_s, self._robot = time.monotonic(), robot
-        _begin(self._answer, robot)
+        _start_thread(self._answer, robot)
         if robot.is_live:
-            _begin(self._read, robot)
+            _start_thread(self._read, robot)
         if isinstance(robot, HasWatchdog):
-            _begin(self._kick, robot)
+            _start_thread(self._kick, robot)
 
     def _read(self, robot: Robot) -> None:
         try:
@@ -144,7 +144,7 @@ class ArmProcess:
                 self._note(reading)
                 self._channel.send(Kind.READING, pickle.dumps(reading))
         except BaseException as error:
-            self._report(_in_words(self._name, error))
+            self._report(_error_text(self._name, error))
 
     def _check_lag(self, reading: Reading) -> None:
         """A link that delays shows where the arm was; its stamps fall behind this machine's clock.
@@ -159,13 +159,13 @@ class ArmProcess:
             raise DriverError(f"{self._name}: its states came {late_s:.1f} s late while it moved: the link is too slow")
 
     def _note(self, reading: Reading) -> None:
-        values = vector_of(reading.state)
+        values = state_vector(reading.state)
         if self._values is None or np.abs(values - self._values).max() > _CHANGED_RAD_M:
             self._values, self._changed_s = values, time.monotonic()
         goal = self._goal
         if goal is not None:
             self._at_goal = self._at_goal + 1 if has_arrived(reading.state, goal) else 0
-            if self._at_goal >= _SETTLED:
+            if self._at_goal >= _SETTLED_STATES:
                 self._goal = None
 
     def _answer(self, robot: Robot) -> None:
@@ -192,16 +192,16 @@ class ArmProcess:
         try:
             while not self._is_over:
                 now = time.monotonic()
-                if now - self._supervisor_s < SILENT_S and now - self._read_s < STALE_S:
+                if now - self._supervisor_s < SILENCE_LIMIT_S and now - self._read_s < STALE_S:
                     robot.keep_alive()
-                time.sleep(_KICK_S)
+                time.sleep(_HEARTBEAT_S)
         except BaseException as error:
-            self._report(_in_words(self._name, error))
+            self._report(_error_text(self._name, error))
 
     def _stop(self) -> None:
         if not self._must_stop:
             self._must_stop = True
-            _begin(self._stop_robot)
+            _start_thread(self._stop_robot)
 
     def _stop_robot(self) -> None:
         """Stop the arm, and confirm it only if the driver did: else the supervisor ends this process."""
@@ -220,8 +220,8 @@ class ArmProcess:
         self._is_over = True
         if self._is_moving and not self._must_stop:
             self._must_stop = True
-            _begin(self._stop_robot).join(STOP_S)
-        _begin(self._close).join(CLOSE_S - STOP_S)
+            _start_thread(self._stop_robot).join(STOP_S)
+        _start_thread(self._close).join(CLOSE_S - STOP_S)
         self._channel.flush()
         os._exit(0)
 
@@ -231,7 +231,7 @@ class ArmProcess:
                 self._robot.close()
 
 
-def _opened(place: Place) -> Robot:
+def _open_robot(place: Place) -> Robot:
     driver = place.cell.robots[place.name].driver
     kind = None if driver is None else driver_kind(driver.kind)
     assert kind is not None
@@ -250,7 +250,7 @@ def _address_space_bytes() -> int:
         return 2**33
 
 
-def _begin(do: Any, *arguments: Any) -> threading.Thread:
+def _start_thread(do: Any, *arguments: Any) -> threading.Thread:
     thread = threading.Thread(target=do, args=arguments, daemon=True)
     thread.start()
     return thread
@@ -263,7 +263,7 @@ def _as_data(error: BaseException) -> tuple[type[BaseException], str, dict[str, 
     return kind, words, vars(error) if kind is not RuntimeError else {}
 
 
-def _in_words(name: str, error: BaseException) -> str:
+def _error_text(name: str, error: BaseException) -> str:
     _, words, _ = _as_data(error)
     if isinstance(error, OSError):
         words = f"its connection was closed ({error.strerror or error})"

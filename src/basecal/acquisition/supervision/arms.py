@@ -19,7 +19,7 @@ from basecal.acquisition.supervision.frames import Channel, Frame, Kind
 from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     HEARTBEAT_S,
-    PARENT_SILENT_S,
+    PARENT_SILENCE_LIMIT_S,
     START_S,
     STOP_S,
     TICK_S,
@@ -28,10 +28,12 @@ from basecal.acquisition.supervision.signals import interrupt_main_thread
 from basecal.cell import RobotState
 from basecal.errors import DriverError
 
-_SUPERVISOR = "basecal.acquisition.supervision.supervisor"
-_OPEN_S = 60.0  # that a driver may take to connect: it imports libraries, and drivers have deadlines of their own
-_ANSWER_S = 15.0  # that a request may take: the first one of a UR sends a program
-_WAIT_S = 0.1  # between looks at whether all arms were stopped
+_SUPERVISOR_MODULE = "basecal.acquisition.supervision.supervisor"
+_OPEN_TIMEOUT_S = (
+    60.0  # that a driver may take to connect: it imports libraries, and drivers have deadlines of their own
+)
+_ANSWER_TIMEOUT_S = 15.0  # that a request may take: the first one of a UR sends a program
+_POLL_S = 0.1  # between looks at whether all arms were stopped
 
 
 class Arms:
@@ -52,7 +54,7 @@ class Arms:
         self._requests = 0
         self._reason = ""
         self._is_ending = False
-        command = [sys.executable, "-m", _SUPERVISOR, str(signals_fd), *self._names]
+        command = [sys.executable, "-m", _SUPERVISOR_MODULE, str(signals_fd), *self._names]
         self._process = subprocess.Popen(
             command,
             stdin=subprocess.PIPE,
@@ -73,7 +75,7 @@ class Arms:
         """What to interrupt the main thread with: why all arms were stopped; empty if it knows, or they were not."""
         return "" if self._is_ending else self._reason
 
-    def leave_main_thread_alone(self) -> None:
+    def stop_interrupting(self) -> None:
         """Interrupt the main thread no more: it is on its way to close the arms."""
         self._is_ending = True
 
@@ -84,7 +86,7 @@ class Arms:
             BasecalError: what the first driver that did not open raised.
         """
         with self._changed:
-            self._wait(lambda: len(self._opened) == len(self._names), _OPEN_S, "a driver did not open")
+            self._wait(lambda: len(self._opened) == len(self._names), _OPEN_TIMEOUT_S, "a driver did not open")
         for found in self._opened.values():
             if not isinstance(found, dict):
                 raise _error(*found)
@@ -102,9 +104,9 @@ class Arms:
                 found = self._readings.get(arm)
                 if found is not None and found[0] > count:
                     return found
-                self._changed.wait(_WAIT_S)
+                self._changed.wait(_POLL_S)
 
-    def ask(self, arm: int, method: str, *arguments: Any, most_s: float = _ANSWER_S) -> Any:
+    def ask(self, arm: int, method: str, *arguments: Any, most_s: float = _ANSWER_TIMEOUT_S) -> Any:
         """What a method of an arm's driver returns; it may take so long [s].
 
         Raises:
@@ -150,7 +152,7 @@ class Arms:
             self._check()
             if time.monotonic() > until:
                 raise DriverError(f"{event} within {most_s:g} s")
-            self._changed.wait(_WAIT_S)
+            self._changed.wait(_POLL_S)
 
     def _check(self) -> None:
         if self._reason:
@@ -171,7 +173,7 @@ class Arms:
             heard_s = now if frames else heard_s
             for frame in frames:
                 self._note(frame)
-            if now - heard_s > PARENT_SILENT_S:
+            if now - heard_s > PARENT_SILENCE_LIMIT_S:
                 self._end("the process that supervises the arms hangs", self._names)
                 self._process.kill()
                 return
@@ -197,12 +199,12 @@ class Arms:
                     self._opened[frame.arm] = found
                 self._changed.notify_all()
 
-    def _end(self, reason: str, unconfirmed: list[str]) -> None:
+    def _end(self, reason: str, names: list[str]) -> None:
         """Note why arms were stopped, and have the main thread leave whatever it waits for."""
         if self._reason:
             return
         with self._changed:
-            self._reason = stop_report(reason, self._names, unconfirmed)
+            self._reason = stop_report(reason, self._names, names)
             self._changed.notify_all()
         if not self._is_ending:
             interrupt_main_thread()
@@ -212,13 +214,13 @@ def stop_report(reason: str, names: list[str], unconfirmed: list[str]) -> str:
     """Why all arms were stopped, which of them were told, and what to do."""
     told = [name for name in names if name not in unconfirmed]
     words = [f"{reason.rstrip('.')}."]
-    words += [f"{_joined(told)} told to stop."] if told else []
-    words += [f"{_joined(unconfirmed)} not told to stop: look at the arm."] if unconfirmed else []
+    words += [f"{_join_names(told)} told to stop."] if told else []
+    words += [f"{_join_names(unconfirmed)} not told to stop: look at the arm."] if unconfirmed else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
 
 
-def _joined(names: list[str]) -> str:
+def _join_names(names: list[str]) -> str:
     return f"{' and '.join(names)} {'were' if len(names) > 1 else 'was'}"
 
 
@@ -276,11 +278,11 @@ class _Checked(RemoteRobot):
         return str(self._arms.ask(self._number, "goal_refusal", to))
 
 
-_FACES = {"moves": _Moved, "freedrives": _Led, "checks_goals": _Checked}
+_CAPABILITIES = {"moves": _Moved, "freedrives": _Led, "checks_goals": _Checked}
 
 
-def _proxy(arms: Arms, number: int, found: dict[str, bool]) -> Robot:
+def _proxy(arms: Arms, number: int, capabilities: dict[str, bool]) -> Robot:
     """A proxy with the faces that the robot has, and no other."""
-    faces = tuple(face for name, face in _FACES.items() if found[name])
-    robot: Robot = type("Remote", (*faces, RemoteRobot), {})(arms, number, found["is_live"])
+    faces = tuple(face for name, face in _CAPABILITIES.items() if capabilities[name])
+    robot: Robot = type("Remote", (*faces, RemoteRobot), {})(arms, number, capabilities["is_live"])
     return robot

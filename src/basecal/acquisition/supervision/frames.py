@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 _HEADER = struct.Struct(">BBI")  # kind, number of the arm, length of the payload
 _CHUNK_BYTES = 2**16
-_FULL_BYTES = 2**22  # of frames that the other side does not read: it hangs
+_FULL_BUFFER_BYTES = 2**22  # of frames that the other side does not read: it hangs
 
 
 class Kind(IntEnum):
@@ -66,7 +66,7 @@ class Channel:
             while self._unsent and not self.is_broken:
                 del self._unsent[: os.write(self._write_fd, self._unsent[:_CHUNK_BYTES])]
         except BlockingIOError:
-            self.is_broken = len(self._unsent) > _FULL_BYTES
+            self.is_broken = len(self._unsent) > _FULL_BUFFER_BYTES
         except OSError:
             self.is_broken = True
 

@@ -6,13 +6,13 @@ TICK_S = 0.01
 HEARTBEAT_S = 0.05
 """How often each process says that it runs."""
 
-SILENT_S = 0.4
+SILENCE_LIMIT_S = 0.4
 """Without a heartbeat for so long while any arm moves, a process of an arm, or the supervisor, counts as hung."""
 
-HUNG_AT_REST_S = 10.0
+REST_HANG_LIMIT_S = 10.0
 """The same while all arms stand: a library may hold Python's lock while it connects."""
 
-PARENT_SILENT_S = 1.0
+PARENT_SILENCE_LIMIT_S = 1.0
 """The same of the capture itself while an arm moves; it computes, and its heartbeat may be late."""
 
 START_S = 10.0
@@ -24,10 +24,10 @@ STALE_S = 0.45
 RECONNECT_S = 10.0
 """How long a driver may try a lost link again while all arms stand, unless its option `reconnect_s` says otherwise."""
 
-REST_SILENT_S = 2.0
+REST_SILENCE_LIMIT_S = 2.0
 """How long a link may be silent beyond that."""
 
-HELD_S = 2.0
+HOLD_S = 2.0
 """An arm that stands still for so long away from its goal is held up by something that nobody reported."""
 
 STOP_S = 0.3

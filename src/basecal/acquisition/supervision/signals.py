@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from basecal.errors import DriverError
 
 _INTERRUPT = signal.SIGUSR1
-_ENDING = (signal.SIGTERM, signal.SIGHUP)
+_ENDING_SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
@@ -32,7 +32,7 @@ def routed_signals(reason: Callable[[], str]) -> Iterator[int]:
             raise DriverError(words)
 
     is_main = threading.current_thread() is threading.main_thread()
-    handlers = dict.fromkeys(_ENDING, signal.default_int_handler) | {_INTERRUPT: raise_reason}
+    handlers = dict.fromkeys(_ENDING_SIGNALS, signal.default_int_handler) | {_INTERRUPT: raise_reason}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()} if is_main else {}
     former_fd = signal.set_wakeup_fd(write_fd, warn_on_full_buffer=False) if is_main else -1
     try:

@@ -22,18 +22,18 @@ from basecal.acquisition.supervision.limits import (
     CLOSE_S,
     FORCED_END_S,
     HEARTBEAT_S,
-    HUNG_AT_REST_S,
-    PARENT_SILENT_S,
-    SILENT_S,
+    PARENT_SILENCE_LIMIT_S,
+    REST_HANG_LIMIT_S,
+    SILENCE_LIMIT_S,
     STALE_S,
     STOP_S,
     TICK_S,
 )
 
-_ARM = [sys.executable, "-m", "basecal.acquisition.supervision.arm_process"]
-_ENDING = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
-_TO_PARENT = (Kind.OPENED, Kind.FAILED, Kind.ANSWER, Kind.READING)
-_PYTHON_NOISE = "ignore"  # warnings of drivers' libraries
+_ARM_COMMAND = [sys.executable, "-m", "basecal.acquisition.supervision.arm_process"]
+_ENDING_SIGNALS = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP"}
+_FORWARDED_KINDS = (Kind.OPENED, Kind.FAILED, Kind.ANSWER, Kind.READING)
+_WARNING_FILTER = "ignore"  # warnings of drivers' libraries
 
 
 @dataclass(eq=False)
@@ -52,9 +52,12 @@ class _Arm:
     is_gone: bool = False
 
     @classmethod
-    def started(cls, number: int, name: str) -> _Arm:
+    def start(cls, number: int, name: str) -> _Arm:
         process = subprocess.Popen(
-            _ARM, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": _PYTHON_NOISE}
+            _ARM_COMMAND,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONWARNINGS": _WARNING_FILTER},
         )
         assert process.stdin is not None
         assert process.stdout is not None
@@ -67,7 +70,7 @@ class Supervisor:
 
     def __init__(self, parent: Channel, signals_fd: int, names: list[str]) -> None:
         self._parent, self._signals_fd, self._parent_pid = parent, signals_fd, os.getppid()
-        self._arms = [_Arm.started(number, name) for number, name in enumerate(names)]
+        self._arms = [_Arm.start(number, name) for number, name in enumerate(names)]
         now = time.monotonic()
         self._parent_heard_s = self._beat_s = now
         self._stopped_s: float | None = None
@@ -110,11 +113,11 @@ class Supervisor:
     def _hear_signals(self) -> None:
         with suppress(OSError):
             for number in os.read(self._signals_fd, 64):
-                if number in _ENDING:
+                if number in _ENDING_SIGNALS:
                     self._signals += 1
                     if self._signals == 2:
                         self._forced_s = time.monotonic()
-                    self.stop(_ENDING[signal.Signals(number)])
+                    self.stop(_ENDING_SIGNALS[signal.Signals(number)])
 
     def _hear_parent(self) -> None:
         try:
@@ -146,7 +149,7 @@ class Supervisor:
         except EOFError:
             self._drop(arm)
             if self._closed_s is None:
-                self.stop(f"{arm.name}: the process of its driver ended ({_how(arm.process.wait())})")
+                self.stop(f"{arm.name}: the process of its driver ended ({_exit_phrase(arm.process.wait())})")
 
     def _drop(self, arm: _Arm) -> None:
         """Kill the process of an arm, whatever it does; the watchdog of its controller stops the arm."""
@@ -157,7 +160,7 @@ class Supervisor:
                 arm.process.kill()
 
     def _note(self, arm: _Arm, frame: Frame) -> None:
-        if frame.kind in _TO_PARENT:
+        if frame.kind in _FORWARDED_KINDS:
             self._parent.send(Kind(frame.kind), frame.payload, arm.number)
         if frame.kind == Kind.OPENED:
             arm.is_open = True
@@ -174,11 +177,15 @@ class Supervisor:
         is_moving = any(arm.is_moving for arm in self._arms)
         for arm in self._arms:
             arm.channel.flush()
-            if arm.is_open and not arm.is_gone and now - arm.heard_s > (SILENT_S if is_moving else HUNG_AT_REST_S):
+            if (
+                arm.is_open
+                and not arm.is_gone
+                and now - arm.heard_s > (SILENCE_LIMIT_S if is_moving else REST_HANG_LIMIT_S)
+            ):
                 self.stop(f"{arm.name}: its driver hangs")
             if is_moving and arm.read_s is not None and now - arm.read_s > STALE_S:
                 self.stop(f"{arm.name}: no state came for {STALE_S:g} s while an arm moved: its link is lost")
-        if is_moving and now - self._parent_heard_s > PARENT_SILENT_S:
+        if is_moving and now - self._parent_heard_s > PARENT_SILENCE_LIMIT_S:
             self.stop("the capture hangs while an arm moves")
         if now - self._beat_s > HEARTBEAT_S:
             self._beat_s = now
@@ -197,7 +204,11 @@ class Supervisor:
         for arm in waiting:
             self._drop(arm)
         unconfirmed = [arm.name for arm in self._arms if not arm.has_stopped]
-        event = {"reason": self._reason, "unconfirmed": unconfirmed, "by_signal": self._reason in _ENDING.values()}
+        event = {
+            "reason": self._reason,
+            "unconfirmed": unconfirmed,
+            "by_signal": self._reason in _ENDING_SIGNALS.values(),
+        }
         self._parent.send(Kind.EVENT, json.dumps(event).encode())
         self._is_reported = True
 
@@ -210,13 +221,13 @@ class Supervisor:
                 self._drop(arm)
 
 
-def _how(code: int) -> str:
+def _exit_phrase(code: int) -> str:
     return f"signal {-code}" if code < 0 else f"exit code {code}"
 
 
 def main() -> None:
     """Supervise the arms whose names are on the command line, after the descriptor that signals are written to."""
-    for number in _ENDING:
+    for number in _ENDING_SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     signals_fd = int(sys.argv[1])
     os.set_blocking(signals_fd, False)

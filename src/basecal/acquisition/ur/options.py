@@ -27,6 +27,6 @@ class UrOptions(Entry):
     reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
 
 
-def in_a_line(error: Exception) -> str:
+def join_lines(error: Exception) -> str:
     """What ur-rtde says, without its line breaks."""
     return " ".join(str(error).split()) or type(error).__name__

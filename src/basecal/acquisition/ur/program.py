@@ -8,16 +8,16 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from basecal.acquisition.links.reach import reached
-from basecal.acquisition.ur.options import UrOptions, in_a_line
+from basecal.acquisition.links.reach import connect
+from basecal.acquisition.ur.options import UrOptions, join_lines
 from basecal.errors import DriverError
 
-_DASHBOARD = 29999
-_NEEDED = {_DASHBOARD: "the dashboard of a UR", 30003: "a UR that takes programs"}
+_DASHBOARD_PORT = 29999
+_PORT_PHRASES = {_DASHBOARD_PORT: "the dashboard of a UR", 30003: "a UR that takes programs"}
 _WATCHDOG_HZ = 6.0  # URSim stops a program after about two periods of silence: a third of a second
-_BUSY_S = 0.1  # that another call may hold the line while a stop waits
+_BUSY_TIMEOUT_S = 0.1  # that another call may hold the line while a stop waits
 _STOP_RAD_S2 = 2.0  # of each joint when it is told to stop: from 30 deg/s it takes a quarter of a second
-_DASHBOARD_S = 0.2  # that the dashboard may take to take a line
+_DASHBOARD_TIMEOUT_S = 0.2  # that the dashboard may take to take a line
 
 Given = TypeVar("Given")
 
@@ -31,7 +31,7 @@ class Program:
         self._lock = threading.Lock()
 
     @property
-    def was_asked(self) -> bool:
+    def was_sent(self) -> bool:
         """Whether it was ever sent."""
         return self._line is not None
 
@@ -47,7 +47,7 @@ class Program:
         with self._lock:
             try:
                 if self._line is None:
-                    self._line = self._started()
+                    self._line = self._start()
                 elif not (self._line.isConnected() and self._line.isProgramRunning()):
                     raise DriverError(
                         f"{self._name}: the program on the controller was stopped. It is not sent again by itself: "
@@ -55,16 +55,16 @@ class Program:
                     )
                 return question(self._line)
             except (RuntimeError, ValueError) as error:
-                said = in_a_line(error)
+                said = join_lines(error)
                 if "remote control" in said:
                     said = "no permission to move: choose remote control on the pendant, then start again"
                 raise DriverError(f"{self._name}: {said}") from None
 
-    def _started(self) -> Any:
+    def _start(self) -> Any:
         from rtde_control import RTDEControlInterface
 
-        for port, what in _NEEDED.items():
-            reached(self._name, self._options.host, port, what).close()
+        for port, what in _PORT_PHRASES.items():
+            connect(self._name, self._options.host, port, what).close()
         line = RTDEControlInterface(self._options.host, self._options.rate_hz)
         if not line.setWatchdog(_WATCHDOG_HZ):
             line.stopScript()
@@ -85,13 +85,13 @@ class Program:
         Raises:
             DriverError: if neither was taken.
         """
-        if not self.was_asked:
+        if not self.was_sent:
             return
-        if self._lock.acquire(timeout=_BUSY_S):
+        if self._lock.acquire(timeout=_BUSY_TIMEOUT_S):
             try:
                 self._line.stopJ(_STOP_RAD_S2, True)
             except (RuntimeError, ValueError) as error:
-                raise DriverError(f"{self._name}: {in_a_line(error)}") from None
+                raise DriverError(f"{self._name}: {join_lines(error)}") from None
             finally:
                 self._lock.release()
         else:
@@ -99,7 +99,7 @@ class Program:
 
     def _stop_by_dashboard(self) -> None:
         try:
-            with socket.create_connection((self._options.host, _DASHBOARD), timeout=_DASHBOARD_S) as line:
+            with socket.create_connection((self._options.host, _DASHBOARD_PORT), timeout=_DASHBOARD_TIMEOUT_S) as line:
                 line.sendall(b"stop\n")
                 line.recv(256)
         except OSError as error:

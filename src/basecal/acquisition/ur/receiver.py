@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 
 from basecal.acquisition.driver import Reading
-from basecal.acquisition.freshness import STALE_S, Stale, Waits, next_of
-from basecal.acquisition.links.reach import reached
-from basecal.acquisition.ur.options import UrOptions, in_a_line
+from basecal.acquisition.freshness import STALE_S, Stale, Waits, wait_for_newer
+from basecal.acquisition.links.reach import connect
+from basecal.acquisition.ur.options import UrOptions, join_lines
 from basecal.cell import RobotState
 from basecal.errors import DriverError, MissingExtra
 from basecal.exchange.controllers.registry import CONTROLLERS
 
-_PORT = 30004
-_VERSION_2 = struct.pack(">HBH", 5, 86, 2)  # asks for the second version of the protocol: size, kind "V", version
-_ACCEPTED = struct.pack(">HBB", 4, 86, 1)
+_RTDE_PORT = 30004
+_VERSION_REQUEST = struct.pack(">HBH", 5, 86, 2)  # asks for the second version of the protocol: size, kind "V", version
+_ACCEPT_REPLY = struct.pack(">HBB", 4, 86, 1)
 _VARIABLES = ["timestamp", "actual_q", "actual_TCP_pose", "robot_status_bits", "safety_status_bits"]
-_TRY_AGAIN_S = 0.2  # between two attempts to connect
-_PROGRAM_RUNS = 2  # bit of the robot's status
+_RETRY_S = 0.2  # between two attempts to connect
+_PROGRAM_BIT = 2  # bit of the robot's status
 _SAFETY_STOPS = {
     9: "the controller reports a fault",
     8: "the controller reports a violation",
@@ -39,7 +39,7 @@ _SAFETY_STOPS = {
 Source: Universal Robots, Real-Time Data Exchange Guide.
 """
 
-_LET_GO = (4, 10)  # bits of a safeguard stop, as of an enabling device that is let go in manual mode
+_SAFEGUARD_BITS = (4, 10)  # bits of a safeguard stop, as of an enabling device that is let go in manual mode
 
 
 class Receiver:
@@ -48,9 +48,9 @@ class Receiver:
     def __init__(self, name: str, options: UrOptions, gives_joints: bool) -> None:
         self._name, self._options, self._gives_joints = name, options, gives_joints
         # A person who leads an arm by its pendant lets go of the enabling device whenever it stands.
-        self._tolerated = _LET_GO if options.motion == "watch" else ()
+        self._tolerated = _SAFEGUARD_BITS if options.motion == "watch" else ()
         self._waits = Waits(name)
-        self._line = _opened(name, options)
+        self._line = _open_receiver(name, options)
         self._last_s = -1.0
 
     def state(self) -> Reading:
@@ -63,7 +63,7 @@ class Receiver:
         until_s, is_new = began_s + STALE_S + self._options.reconnect_s, False
         while True:
             try:
-                reading = next_of(self._newer)
+                reading = wait_for_newer(self._newer)
             except Stale:
                 if is_new and time.monotonic() > until_s:
                     raise DriverError(
@@ -95,7 +95,7 @@ class Receiver:
     @property
     def is_program_running(self) -> bool:
         """Whether the last state says that a program runs on the controller."""
-        return bool(self._line.getRobotStatus() & _PROGRAM_RUNS)
+        return bool(self._line.getRobotStatus() & _PROGRAM_BIT)
 
     def _check_safety(self) -> None:
         bits = self._line.getSafetyStatusBits()
@@ -103,7 +103,7 @@ class Receiver:
             if bits >> bit & 1 and bit not in self._tolerated:
                 raise DriverError(f"{self._name}: {words}. Release it at the pendant.")
 
-    def _reconnect(self, until_s: float) -> None:
+    def _reconnect(self, deadline_s: float) -> None:
         """A new connection.
 
         Raises:
@@ -113,12 +113,12 @@ class Receiver:
         self.close()
         while True:
             try:
-                self._line = _opened(self._name, self._options)
+                self._line = _open_receiver(self._name, self._options)
                 return
             except DriverError as error:
-                if time.monotonic() > until_s:
+                if time.monotonic() > deadline_s:
                     raise DriverError(f"{error}; tried again for {self._options.reconnect_s:g} s") from None
-            time.sleep(_TRY_AGAIN_S)
+            time.sleep(_RETRY_S)
 
     def close(self) -> None:
         """Hang up."""
@@ -126,7 +126,7 @@ class Receiver:
             self._line.disconnect()
 
 
-def _opened(name: str, options: UrOptions) -> Any:
+def _open_receiver(name: str, options: UrOptions) -> Any:
     try:
         from rtde_receive import RTDEReceiveInterface
     except ImportError:
@@ -135,18 +135,18 @@ def _opened(name: str, options: UrOptions) -> Any:
     try:
         return RTDEReceiveInterface(options.host, options.rate_hz, _VARIABLES)
     except (RuntimeError, ValueError) as error:
-        raise DriverError(f"{name}: {in_a_line(error)}") from None
+        raise DriverError(f"{name}: {join_lines(error)}") from None
 
 
 def _check_protocol(name: str, host: str) -> None:
     """Ask for the version first: where another program listens, ur-rtde would wait for ever."""
-    with reached(name, host, _PORT, "a UR controller") as line:
+    with connect(name, host, _RTDE_PORT, "a UR controller") as line:
         try:
-            line.sendall(_VERSION_2)
-            answer = line.recv(len(_ACCEPTED))
+            line.sendall(_VERSION_REQUEST)
+            answer = line.recv(len(_ACCEPT_REPLY))
         except OSError:
             answer = b""
-    if answer != _ACCEPTED:
+    if answer != _ACCEPT_REPLY:
         raise DriverError(
-            f"{name}: what listens at {host}:{_PORT} does not speak RTDE 2: is this a UR with PolyScope 3.3 or later?"
+            f"{name}: what listens at {host}:{_RTDE_PORT} does not speak RTDE 2; expected a UR, PolyScope 3.3 or later"
         )

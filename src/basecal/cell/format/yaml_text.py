@@ -17,7 +17,7 @@ from ruamel.yaml.parser import Parser
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.yaml_faults import yaml_fault
 from basecal.errors import DatasetError
-from basecal.fields.problems import CAUSE, Loc, Problem, dataset_error, short
+from basecal.fields.problems import CAUSE_LENGTH, Loc, Problem, dataset_error, shorten
 
 LARGEST_BYTES = 2**19
 """Of YAML: 512 kB, twenty times a cell with a target of a thousand tags; a parser takes some seconds for it."""
@@ -111,7 +111,7 @@ def parse_yaml(text: str, path: str) -> Document:
         fault = yaml_fault(text, error)
         raise DatasetError(path, f"not YAML: {fault.reason}", fault.line) from None
     except (YAMLError, ValueError) as error:
-        raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:CAUSE]}") from None
+        raise DatasetError(path, f"not YAML: {' '.join(str(error).split())[:CAUSE_LENGTH]}") from None
     notes = _Notes(_yaml().constructor)
     data = None if node is None else _plain(node, (), notes)
     if notes.problems:
@@ -147,7 +147,7 @@ def _plain(node: Any, loc: Loc, notes: _Notes) -> Any:
     try:
         return notes.constructor.construct_object(node)
     except (ValueError, OverflowError, YAMLError):
-        notes.problems.append(Problem(loc, f"{short(node.value)} is not a number that can be read"))
+        notes.problems.append(Problem(loc, f"{shorten(node.value)} is not a number that can be read"))
         return None
 
 

@@ -13,7 +13,7 @@ from basecal.cell.journal.observation_line import UnknownPoint, observation
 from basecal.cell.journal.sample_values import Where, number, numbers, pose
 from basecal.cell.recording import Observation, RobotState, Sample
 from basecal.errors import InputError
-from basecal.fields.problems import CAUSE, short
+from basecal.fields.problems import CAUSE_LENGTH, shorten
 
 _FIELDS = ("sample", "stamp_s", "robots", "images", "background", "observations")
 _LARGEST_NUMBER = 2**53  # up to which other programs keep every whole number of JSON
@@ -58,7 +58,7 @@ def line_data(text: bytes, where: Where) -> Any:
         where_and_what = f"not JSON ({error.msg}, column {error.colno}); expected one object a line"
         raise where.error("", f"{where_and_what}{hint}") from None
     except (ValueError, RecursionError) as error:
-        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE]
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE_LENGTH]
         raise where.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 
@@ -84,7 +84,7 @@ def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Drop
         data = where.mapping(data, "", _FIELDS)
         index = data.get("sample")
         if not isinstance(index, int) or not 0 <= index < _LARGEST_NUMBER:
-            raise where.error("sample", f"expected the sample's number, 0 or more, got {short(index)}")
+            raise where.error("sample", f"expected the sample's number, 0 or more, got {shorten(index)}")
         stamp = number(where, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
         robots = where.mapping(data.get("robots", {}), "robots")
         states = {name: _state(value, f"robots.{name}", name, where, known.cell) for name, value in robots.items()}
@@ -103,7 +103,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(data) != len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for index, key in enumerate(keys) if key in keys[:index])
-        raise InputError(f"the key {short(twice)} is given twice")
+        raise InputError(f"the key {shorten(twice)} is given twice")
     return data
 
 
@@ -142,7 +142,7 @@ def _paths(value: Any, field: str, where: Where, known: Context) -> dict[str, st
     for camera, path in where.mapping(value, field).items():
         where.name(camera, f"{field}.{camera}", "camera", known.cell.cameras)
         if not isinstance(path, str):
-            raise where.error(f"{field}.{camera}", f"expected a path, got {short(path)}")
+            raise where.error(f"{field}.{camera}", f"expected a path, got {shorten(path)}")
         try:
             paths[camera] = known.path_in_cell(path)
         except InputError as error:
@@ -152,7 +152,7 @@ def _paths(value: Any, field: str, where: Where, known: Context) -> dict[str, st
 
 def _observations(value: Any, where: Where, known: Context) -> tuple[Observation, ...]:
     if not isinstance(value, list):
-        raise where.error("observations", f"expected a list, got {short(value)}")
+        raise where.error("observations", f"expected a list, got {shorten(value)}")
     seen: dict[tuple[str, str], Observation | None] = {}
     for index, item in enumerate(value):
         field = f"observations[{index}]"

@@ -11,8 +11,8 @@ from pydantic import ValidationError
 
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DatasetError, nearest
-from basecal.fields.problems import SHORT, short
-from basecal.fields.values import LARGEST, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
+from basecal.fields.problems import SHORT_LENGTH, shorten
+from basecal.fields.values import LARGEST_VALUE, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import ROTATION_TOLERANCE
 
@@ -37,12 +37,14 @@ class Where:
             DatasetError: if not.
         """
         if not isinstance(value, dict):
-            raise self.error(field, f"expected an object {{...}}, got {short(value)}")
+            raise self.error(field, f"expected an object {{...}}, got {shorten(value)}")
         if known is not None:
             for name in value:
                 if name not in known:
                     at = f"{field}.{name}" if field else name
-                    raise self.error(at, f"unknown field{nearest(name[:SHORT], known)}; known: {', '.join(known)}")
+                    raise self.error(
+                        at, f"unknown field{nearest(name[:SHORT_LENGTH], known)}; known: {', '.join(known)}"
+                    )
         return value
 
     def name(self, value: Any, field: str, kind: str, known: Any) -> str:
@@ -53,9 +55,9 @@ class Where:
         """
         if isinstance(value, str) and value in known:
             return value
-        hint = nearest(value[:SHORT], known) if isinstance(value, str) else ""
+        hint = nearest(value[:SHORT_LENGTH], known) if isinstance(value, str) else ""
         there = ", ".join(known) or "none"
-        raise self.error(field, f"no {kind} {short(value)}{hint}; cell.yaml has: {there}")
+        raise self.error(field, f"no {kind} {shorten(value)}{hint}; cell.yaml has: {there}")
 
 
 def number(where: Where, field: str, value: Any, largest: float) -> float:
@@ -65,7 +67,7 @@ def number(where: Where, field: str, value: Any, largest: float) -> float:
         DatasetError: if it is none.
     """
     if not isinstance(value, int | float) or not abs(value) <= largest:
-        raise where.error(field, f"expected a finite number within {largest:g}, got {short(value)}")
+        raise where.error(field, f"expected a finite number within {largest:g}, got {shorten(value)}")
     return float(value)
 
 
@@ -83,8 +85,8 @@ def numbers(where: Where, field: str, value: Any, columns: int | None = None) ->
     if array is None or array.dtype.kind not in "iuf" or array.ndim != 1 + len(row) or array.shape[1:] != row:
         raise where.error(field, f"expected {expected}, got {_odd_one(value, columns)}")
     # Also false where NaN.
-    if not (np.abs(array) <= LARGEST).all():
-        got = f"holds NaN, infinity or a number beyond {LARGEST:g}"
+    if not (np.abs(array) <= LARGEST_VALUE).all():
+        got = f"holds NaN, infinity or a number beyond {LARGEST_VALUE:g}"
         raise where.error(field, f"{got}: {_odd_one(value, columns)}; expected {expected}")
     checked: Array = array.astype(np.float64)
     checked.setflags(write=False)
@@ -98,16 +100,16 @@ def _odd_one(value: Any, columns: int | None) -> str:
         if not isinstance(row, list) or len(row) != (columns or 1) or not all(map(_is_number, row)):
             hint = ": leave that one out" if item is None or (isinstance(item, list) and None in item) else ""
             words = f"[{', '.join(map(_as_written, item))}]" if isinstance(item, list) else _as_written(item)
-            return f"{words if len(words) <= SHORT else short(item)} in row {index}, counted from 0{hint}"
-    return short(value)
+            return f"{words if len(words) <= SHORT_LENGTH else shorten(item)} in row {index}, counted from 0{hint}"
+    return shorten(value)
 
 
 def _as_written(value: Any) -> str:
-    return "null" if value is None else short(value)
+    return "null" if value is None else shorten(value)
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and abs(value) <= LARGEST
+    return isinstance(value, int | float) and abs(value) <= LARGEST_VALUE
 
 
 def _array(value: Any) -> np.ndarray[Any, Any] | None:
@@ -127,7 +129,7 @@ def whole_numbers(where: Where, field: str, value: Any) -> IntArray:
     """
     array = _array(value)
     if array is None or array.ndim != 1 or (array.size and array.dtype.kind != "i"):
-        raise where.error(field, f"expected a list of whole numbers, got {short(value)}")
+        raise where.error(field, f"expected a list of whole numbers, got {shorten(value)}")
     whole: IntArray = array.astype(np.int64)
     whole.setflags(write=False)
     return whole
@@ -142,7 +144,7 @@ def sigmas(where: Where, field: str, value: Any, count: int) -> Array | None:
     if value is None:
         return None
     if not isinstance(value, list):
-        value = [number(where, field, value, LARGEST)] * count
+        value = [number(where, field, value, LARGEST_VALUE)] * count
     array = numbers(where, field, value)
     if len(array) != count:
         raise where.error(field, f"expected one positive number or {count}, got {len(array)}")
@@ -158,10 +160,10 @@ def vector(where: Where, field: str, value: Any, count: int) -> list[float]:
         DatasetError: if they are none.
     """
     if not isinstance(value, list) or len(value) != count:
-        raise where.error(field, f"expected {count} numbers, got {short(value)}")
+        raise where.error(field, f"expected {count} numbers, got {shorten(value)}")
     for item in value:
-        if not isinstance(item, int | float) or not -LARGEST <= item <= LARGEST:
-            raise where.error(field, f"expected {count} finite numbers within {LARGEST:g}, got {short(item)}")
+        if not isinstance(item, int | float) or not -LARGEST_VALUE <= item <= LARGEST_VALUE:
+            raise where.error(field, f"expected {count} finite numbers within {LARGEST_VALUE:g}, got {shorten(item)}")
     return value
 
 

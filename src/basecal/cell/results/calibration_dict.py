@@ -15,7 +15,7 @@ from basecal.cell.schema.errors import problems_of
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError, listed, nearest
-from basecal.fields.problems import CAUSE, SHORT, Loc, Problem, field_name
+from basecal.fields.problems import CAUSE_LENGTH, SHORT_LENGTH, Loc, Problem, field_name
 from basecal.fields.written import LARGEST_NUMBER
 
 SCHEMA = "basecal/calibration/1"
@@ -62,7 +62,9 @@ def calibration_from_dict(data: Any) -> Calibration:
     """
     if not isinstance(data, dict) or data.get("schema") != SCHEMA:
         got = data.get("schema") if isinstance(data, dict) else type(data).__name__
-        raise InputError(f"expected the schema {SCHEMA}, the one version this program reads, got {str(got)[:SHORT]!r}")
+        raise InputError(
+            f"expected the schema {SCHEMA}, the one version this program reads, got {str(got)[:SHORT_LENGTH]!r}"
+        )
     try:
         calibration = _read(data)
     except ValidationError as error:
@@ -72,7 +74,7 @@ def calibration_from_dict(data: Any) -> Calibration:
     except KeyError as error:
         problem = Problem((), f"the field {error} is missing")
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
-        problem = Problem((), f"not a calibration as this program writes it ({str(error)[:CAUSE]})")
+        problem = Problem((), f"not a calibration as this program writes it ({str(error)[:CAUSE_LENGTH]})")
     else:
         problem = _other_field(data, calibration_to_dict(calibration), ())
     if problem is not None:

@@ -28,7 +28,7 @@ from basecal.cell.calibration import (
 from basecal.cell.results.noise_written import WrittenNoise
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import InputError
-from basecal.fields.problems import short
+from basecal.fields.problems import shorten
 from basecal.fields.values import Status
 from basecal.fields.written import Covariance, Length, Number, Real, Seconds, Whole, WrittenPose, as_written, pose_data
 from basecal.geometry import Array, Camera, PoseEstimate
@@ -36,7 +36,7 @@ from basecal.geometry import Array, Camera, PoseEstimate
 
 def _transform_name(name: str) -> str:
     if not re.fullmatch(r"[a-z][a-z0-9_]*_from_[a-z][a-z0-9_]*", name) or name.count("_from_") != 1:
-        raise ValueError(f"expected the name of a transform, a_from_b, got {short(name)}")
+        raise ValueError(f"expected the name of a transform, a_from_b, got {shorten(name)}")
     return name
 
 

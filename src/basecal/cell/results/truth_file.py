@@ -12,7 +12,7 @@ from basecal.cell.format.plain import pose_dict
 from basecal.cell.format.writing import write_whole
 from basecal.cell.format.yaml_text import Document, parse_yaml, read_text, yaml_text
 from basecal.cell.schema.errors import problems_of
-from basecal.fields.problems import Problem, dataset_error, short
+from basecal.fields.problems import Problem, dataset_error, shorten
 from basecal.fields.values import PoseEntry, full_pose, pose_se3
 from basecal.geometry import SE3
 
@@ -72,6 +72,6 @@ def _document(path: Path) -> Document:
     document = parse_yaml(read_text(path, "only simulated cells have a truth"), str(path))
     data = document.data if isinstance(document.data, dict) else {}
     if data.get("schema") != SCHEMA or not isinstance(data.get("transforms"), dict):
-        message = f"expected `schema: {SCHEMA}` and `transforms`, got {short(data.get('schema'))}"
+        message = f"expected `schema: {SCHEMA}` and `transforms`, got {shorten(data.get('schema'))}"
         raise dataset_error(str(path), [Problem(("schema",), message)], document.lines)
     return document

@@ -18,7 +18,7 @@ from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
 from basecal.cell.schema.errors import problems_of
 from basecal.cell.schema.names import name_problems
 from basecal.errors import BasecalError, InputError
-from basecal.fields.problems import Loc, Problem, dataset_error, short
+from basecal.fields.problems import Loc, Problem, dataset_error, shorten
 from basecal.kinematics import SerialChain, read_chain
 
 FILE = "cell.yaml"
@@ -75,10 +75,10 @@ def write_cell(cell: Cell, folder: str | Path) -> Path:
 
 def _checked(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]) -> Cell:
     if not isinstance(data, dict):
-        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}"
+        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}"
         raise dataset_error(path, [Problem((), message)], lines)
     if data.get("schema") != SCHEMA:
-        got = short(data["schema"]) if "schema" in data else "none"
+        got = shorten(data["schema"]) if "schema" in data else "none"
         message = f"expected {SCHEMA}, the one version this program reads, got {got}"
         raise dataset_error(path, [Problem(("schema",), message)], lines)
     problems = name_problems(data)

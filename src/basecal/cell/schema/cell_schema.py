@@ -17,7 +17,7 @@ from basecal.cell.schema.rolling_shutter import RollingShutterEntry
 from basecal.cell.targets.registry import AnyTargetEntry
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.fields.parameters import Parameters
-from basecal.fields.problems import short
+from basecal.fields.problems import shorten
 from basecal.fields.values import (
     Entry,
     ImageSize,
@@ -45,7 +45,7 @@ def _frame_name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", name) or len(name) > _LONGEST_FRAME:
         raise ValueError(
             f"expected a frame of ROS: a-z, A-Z, 0-9 and _ . / -, a letter or _ first, up to {_LONGEST_FRAME} of them; "
-            f"got {short(name)}"
+            f"got {shorten(name)}"
         )
     return name
 

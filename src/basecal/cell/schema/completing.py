@@ -12,7 +12,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from basecal.cell.format.yaml_text import parse_yaml, yaml_text
 from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.errors import DatasetError
-from basecal.fields.problems import SHORT, Loc, field_name, short
+from basecal.fields.problems import SHORT_LENGTH, Loc, field_name, shorten
 
 _WIDTH = 4096  # characters before a line is broken: none that a hand wrote is
 
@@ -39,7 +39,7 @@ def completed_cell_text(
     yaml.width, yaml.preserve_quotes = _WIDTH, True
     data = yaml.load(text)
     if not isinstance(data, dict):
-        raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {short(data)}")
+        raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}")
     changed: list[Loc] = []
     for loc, value in _conflicts(data, added, (), frozenset(replaced), changed):
         stated = f"states {_told(value[0])}, what is imported says {_told(value[1])}: correct the one that is wrong"
@@ -85,4 +85,4 @@ def _as_written(value: Any) -> Any:
 
 def _told(value: Any) -> str:
     text = str(list(value) if isinstance(value, list) else value)
-    return text if len(text) <= SHORT else short(value)
+    return text if len(text) <= SHORT_LENGTH else shorten(value)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from basecal.fields.problems import short
+from basecal.fields.problems import shorten
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
@@ -16,7 +16,7 @@ def _with_kind(value: dict[str, Any]) -> dict[str, Any]:
     kind = value.get("kind")
     if not (isinstance(kind, str) and _NAME.fullmatch(kind)):
         raise ValueError(
-            f"expected `kind`, the name of a driver (a-z, 0-9 and _), with its options beside it; got {short(kind)}"
+            f"expected `kind`, the name of a driver (a-z, 0-9 and _), with its options beside it; got {shorten(kind)}"
         )
     return value
 

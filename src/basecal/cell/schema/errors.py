@@ -10,7 +10,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from basecal.cell.targets.registry import TARGETS, entry_with_tag
 from basecal.errors import nearest
-from basecal.fields.problems import Loc, Problem, short
+from basecal.fields.problems import Loc, Problem, shorten
 
 _WORDS = {
     "missing": "missing; add it",
@@ -44,7 +44,7 @@ def _problem(details: Mapping[str, Any], schema: Any) -> Problem:
     if kind == "union_tag_invalid":
         written = value["kind"]
         hint = nearest(written, TARGETS) if isinstance(written, str) else ""
-        return Problem((*loc, "kind"), f"no kind {short(written)}{hint}; there are: {', '.join(TARGETS)}")
+        return Problem((*loc, "kind"), f"no kind {shorten(written)}{hint}; there are: {', '.join(TARGETS)}")
     if kind == "value_error":
         return Problem(loc, str(details["ctx"]["error"]))
     if kind == "missing":
@@ -52,7 +52,7 @@ def _problem(details: Mapping[str, Any], schema: Any) -> Problem:
     words = _WORDS.get(kind) or details["msg"].replace("Input should be", "expected")
     has_comma = kind == "float_type" and isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value)
     hint = f"; write a decimal point: {value.replace(',', '.')}" if has_comma else ""
-    return Problem(loc, f"{words}, got {short(value)}{hint}")
+    return Problem(loc, f"{words}, got {shorten(value)}{hint}")
 
 
 def _is_tag(part: str | int) -> bool:

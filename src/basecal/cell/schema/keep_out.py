@@ -9,7 +9,7 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.cell import KeepOut
 from basecal.cell.format.plain import numbers, pose_dict
-from basecal.fields.values import Number, PoseEntry, Vector, given, pose_se3
+from basecal.fields.values import Number, PoseEntry, Vector, given_fields, pose_se3
 from basecal.geometry import SE3, read_only
 
 _TABLE_M = 20.0  # of a side of the box that a table is: wider and deeper than any cell
@@ -24,9 +24,9 @@ class KeepOutEntry(PoseEntry):
     @checks_whole(mode="after")
     def _is_one_kind(self) -> KeepOutEntry:
         if self.table_z_m is not None:
-            if self.size_m is not None or given(self):
+            if self.size_m is not None or given_fields(self):
                 raise ValueError("expected table_z_m alone: a table has no size_m and no pose")
-        elif self.size_m is None or not {"t_m", "matrix"} & set(given(self)):
+        elif self.size_m is None or not {"t_m", "matrix"} & set(given_fields(self)):
             raise ValueError("expected size_m and t_m of a box, or table_z_m of a table")
         elif min(self.size_m) <= 0:
             raise ValueError(f"size_m are three lengths above 0, got {self.size_m}")

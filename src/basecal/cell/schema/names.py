@@ -8,7 +8,7 @@ from typing import Any
 
 from basecal.cell.cell import WORLD
 from basecal.errors import nearest
-from basecal.fields.problems import SHORT, Problem, short
+from basecal.fields.problems import SHORT_LENGTH, Problem, shorten
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _SECTIONS = ("robots", "cameras", "targets")
@@ -31,7 +31,7 @@ def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
         for name in _section(data, section):
             if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
                 what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
-                yield Problem((section, name), f"{what}; rename {short(name)}")
+                yield Problem((section, name), f"{what}; rename {shorten(name)}")
             elif name == WORLD:
                 yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
             if name in owners:
@@ -57,6 +57,5 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _no_robot(name: str, known: list[str]) -> str:
-    return (
-        f"no robot {short(name)}{nearest(str(name)[:SHORT], known)}; there are: {', '.join(map(str, known)) or 'none'}"
-    )
+    listed = ", ".join(map(str, known)) or "none"
+    return f"no robot {shorten(name)}{nearest(str(name)[:SHORT_LENGTH], known)}; there are: {listed}"

@@ -13,7 +13,7 @@ from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
 from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cells_across
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
-from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given, known_names, pose_se3
+from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given_fields, known_names, pose_se3
 from basecal.geometry import SE3
 
 # In cells; one is what a reader needs, two keep what is beside the paper out of a blurred corner.
@@ -55,7 +55,7 @@ class TagEntry(PoseEntry):
 
     @checks_whole(mode="after")
     def _posed(self) -> TagEntry:
-        if given(self):
+        if given_fields(self):
             full_pose(self)
         return self
 
@@ -65,7 +65,7 @@ def _distinct(tags: list[TagEntry]) -> list[TagEntry]:
     twice = [number for index, number in enumerate(numbers) if number in numbers[:index]]
     if twice:
         raise ValueError(f"tag {twice[0]} is given twice")
-    unposed = [tag.id for tag in tags if not given(tag)]
+    unposed = [tag.id for tag in tags if not given_fields(tag)]
     if unposed and len(tags) > 1:
         raise ValueError(f"tag {unposed[0]} has no pose; of several tags each needs t_m and a rotation")
     return tags
@@ -80,7 +80,7 @@ class ApriltagEntry(TargetEntry):
 
     def shape(self) -> Target:
         """The tags."""
-        posed = [(tag.id, tag.size_m, pose_se3(tag) if given(tag) else SE3.identity()) for tag in self.tags]
+        posed = [(tag.id, tag.size_m, pose_se3(tag) if given_fields(tag) else SE3.identity()) for tag in self.tags]
         return apriltag_target(self.family, posed)
 
 

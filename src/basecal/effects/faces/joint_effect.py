@@ -33,7 +33,7 @@ def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints)
             return None
         if end.joints is None:
             return np.zeros((len(group), 6, chain.n))
-        return views.by_flange(k, robot) @ (chain.jacobian(end.joints) * turn(chain, end.joints)[:, None, :])
+        return views.flange_jacobian(k, robot) @ (chain.jacobian(end.joints) * turn(chain, end.joints)[:, None, :])
 
     return tuple(moved(k) for k in range(len(views.groups)))
 

@@ -90,13 +90,13 @@ class Views(Protocol):
     def rank(self, group: Group) -> IntArray:
         """Indices of the samples of a group's views in `samples`, (n,)."""
 
-    def by_flange(self, k: int, robot: str) -> Array:
+    def flange_jacobian(self, k: int, robot: str) -> Array:
         """How views of a group move with a right tangent of a robot's flange, (n, 6, 6)."""
 
     def depends(self, k: int, name: str) -> bool:
         """Whether views of a group depend on a transform."""
 
-    def by_frame(self, k: int, name: str) -> Array:
+    def frame_jacobian(self, k: int, name: str) -> Array:
         """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
 
     def target_from_camera(self, k: int) -> SE3:

@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.errors import NotConverged, NotObservable
 from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import hat, nearest_rotation
+from basecal.geometry.rotation import cross_matrix, nearest_rotation
 from basecal.numerics.spectral import principal_axes, pseudo_inverse
 
 _FLAT_SHIFTS = 1e-3  # third singular value of the shifts over the first: below, they lie in a plane
@@ -70,10 +70,10 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
     raw = np.stack([k1, k2, np.cross(k1, k2)], axis=-2)  # eq. (8)
     depth = np.mean(focal_px / per_length, axis=-1)  # eq. (9), t_z
     t = np.concatenate([light_px * depth[..., None] / focal_px, depth[..., None]], axis=-1)
-    return ShiftEstimate(raw, SE3(_nearest_to(raw), t))
+    return ShiftEstimate(raw, SE3(_nearest_rotations(raw), t))
 
 
-def _nearest_to(raw: Array) -> Array:
+def _nearest_rotations(raw: Array) -> Array:
     """The rotations nearest to rows k1, k2 of length one and k1 x k2, (..., 3, 3).
 
     The third is across the others, so that these alone are turned in their plane, each by half of what their angle
@@ -93,7 +93,7 @@ def base_of_station(eye_base_from_camera: SE3, camera_from_light: SE3, hand_base
     return eye_base_from_camera @ camera_from_light @ hand_base_from_light.inverse()
 
 
-def orthonormalised(rows: Array, start: Array | None = None) -> Array:
+def orthonormalise(rows: Array, start: Array | None = None) -> Array:
     """The rotation nearest to three rows, by Newton's iteration on eqs. (14)-(16).
 
     The unknowns are r1, r2 and the three multipliers; r3 = r1 x r2. We differ: where the paper prints the derivative of
@@ -127,8 +127,8 @@ def _stationarity(x: Array, rows: Array) -> Array:
     """The nine equations (16) at x = (r1, r2, lambda1, lambda2, lambda3)."""
     r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
     off = np.cross(r1, r2) - rows[2]
-    first = r1 - rows[0] + hat(r2) @ off + 0.5 * m1 * r2 + m2 * r1
-    second = r2 - rows[1] - hat(r1) @ off + 0.5 * m1 * r1 + m3 * r2
+    first = r1 - rows[0] + cross_matrix(r2) @ off + 0.5 * m1 * r2 + m2 * r1
+    second = r2 - rows[1] - cross_matrix(r1) @ off + 0.5 * m1 * r1 + m3 * r2
     return np.concatenate([first, second, [r1 @ r2, r1 @ r1 - 1, r2 @ r2 - 1]])
 
 
@@ -136,11 +136,11 @@ def _newton_matrix(x: Array, rows: Array) -> Array:
     """Derivative of `_stationarity`, (9, 9)."""
     r1, r2, (m1, m2, m3) = x[:3], x[3:6], x[6:]
     off = np.cross(r1, r2) - rows[2]
-    h1, h2, eye = hat(r1), hat(r2), np.eye(3)
+    h1, h2, eye = cross_matrix(r1), cross_matrix(r2), np.eye(3)
     out = np.zeros((9, 9))
     out[:3, :3] = (1 + m2) * eye - h2 @ h2
-    out[:3, 3:6] = h2 @ h1 - hat(off) + 0.5 * m1 * eye
-    out[3:6, :3] = h1 @ h2 + hat(off) + 0.5 * m1 * eye
+    out[:3, 3:6] = h2 @ h1 - cross_matrix(off) + 0.5 * m1 * eye
+    out[3:6, :3] = h1 @ h2 + cross_matrix(off) + 0.5 * m1 * eye
     out[3:6, 3:6] = (1 + m3) * eye - h1 @ h1
     out[:3, 6:] = np.stack([0.5 * r2, r1, np.zeros(3)], -1)
     out[3:6, 6:] = np.stack([0.5 * r1, np.zeros(3), r2], -1)

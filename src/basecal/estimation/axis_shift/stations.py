@@ -23,7 +23,7 @@ from basecal.numerics.spectral import principal_axes
 _STILL_M = 2e-4  # travel of a camera that stands still: twice the repeatability of an arm [m]
 _STILL_RAD = 1e-3  # turn of a light that is shifted [rad]
 _FEWEST_VIEWS = 4  # of a station: the paper's three shifts and their origin
-_SPREAD = 0.1  # extent of the shifts over the largest: where the third is as long they span the space
+_LEAST_EXTENT_SHARE = 0.1  # extent of the shifts over the largest: where the third is as long they span the space
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
         if not isinstance(measurement, PixelMeasurement) or len(measurement.points_in_target) != 1:
             continue
         camera = cameras[group.camera]
-        eye_flange_from_camera = _known(problem, group.eye.mount)
-        hand_flange_from_light = _known(problem, group.hand.mount)
+        eye_flange_from_camera = _known_transform(problem, group.eye.mount)
+        hand_flange_from_light = _known_transform(problem, group.hand.mount)
         bearings, valid = camera.undistort(measurement.pixels[:, 0])
         px = camera.focal * bearings[:, :2] / bearings[:, 2:]
         for run in _runs(group):
@@ -108,24 +108,24 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     return stations
 
 
-def fused(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
+def fuse_bases(bases: Sequence[SE3], weights: Sequence[float]) -> SE3:
     """The mean of several transforms: least squares of the rotation matrices and of the translations."""
     share = np.array(weights) / np.sum(weights)
     rotation = nearest_rotation(np.einsum("n,nij->ij", share, np.stack([b.rotation for b in bases])))
     return SE3(rotation, np.einsum("n,ni->i", share, np.stack([b.translation for b in bases])))
 
 
-def for_task(stations: Sequence[Station], task_in_eye_base: Array, nearest: bool) -> SE3:
+def base_for_task(stations: Sequence[Station], task_in_eye_base: Array, is_nearest: bool) -> SE3:
     """The base for work at a point, (3,) [m]: of the nearest station, or the mean weighted by distance^-2."""
     bases = [s.base() for s in stations]
     lights = np.stack([(b @ s.hand_base_from_light).translation for b, s in zip(bases, stations, strict=True)])
     distance = np.linalg.norm(lights - task_in_eye_base, axis=-1)
-    if nearest:
+    if is_nearest:
         return bases[int(np.argmin(distance))]
-    return fused(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
+    return fuse_bases(bases, list(1 / np.maximum(distance, 1e-6) ** 2))
 
 
-def _known(problem: Problem, name: str) -> SE3:
+def _known_transform(problem: Problem, name: str) -> SE3:
     unknown = problem.unknowns[name]
     if unknown.status == "free" or unknown.mean is None:
         raise NotObservable(
@@ -140,13 +140,13 @@ def _runs(group: ViewGroup) -> Iterator[IntArray]:
     start = 0
     for i in range(1, len(group)):
         shift = float(np.linalg.norm(eye[start].translation - eye[i].translation))
-        if shift > _STILL_M or _turned(eye[start], eye[i]) or _turned(hand[start], hand[i]):
+        if shift > _STILL_M or _has_rotated(eye[start], eye[i]) or _has_rotated(hand[start], hand[i]):
             yield np.arange(start, i)
             start = i
     yield np.arange(start, len(group))
 
 
-def _turned(first: SE3, second: SE3) -> bool:
+def _has_rotated(first: SE3, second: SE3) -> bool:
     return float(np.linalg.norm((first.inverse() @ second).rotvec)) > _STILL_RAD
 
 
@@ -159,7 +159,7 @@ def _station(
     first = int(np.argmin(np.linalg.norm(at - at.mean(0), axis=-1)))
     order = np.concatenate([[first], np.delete(np.arange(len(views)), first)])
     shifts = (at[order] - at[first]) @ hand_base_from_light.rotation[first]
-    if principal_axes(shifts, _SPREAD).dimension < 3:
+    if principal_axes(shifts, _LEAST_EXTENT_SHARE).dimension < 3:
         return None
     samples = group.sample[views][order]
     camera_at = eye_base_from_camera[first]

@@ -17,8 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import Certificate
-from basecal.estimation.certificate.relaxation import Bound, Factors, bound, local_minimum
-from basecal.estimation.certificate.rotation_cost import LoopForm, factors_of, loop_form, present, rotations_of
+from basecal.estimation.certificate.relaxation import Bound, Factors, local_minimum, lower_bound
+from basecal.estimation.certificate.rotation_cost import (
+    LoopForm,
+    loop_form,
+    present,
+    rotation_factors,
+    rotations_from_factors,
+)
 from basecal.estimation.certificate.view_rotation import view_costs
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
@@ -29,15 +35,15 @@ from basecal.estimation.start.rotation_search import pose_starts
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
 
-_TIGHT = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
+_TIGHT_GAP = 1e-3  # relative gap up to which a bound counts as tight: what is left is far below the noise
 _SMALLEST_COST = 1e-10  # of exact data, whose gap is rounding over rounding
-_WIDEST = 0.5  # sin^2 of half the turn within which any better fit lies: beyond 90 deg nothing is proven
-_SEARCHED = 8  # second starts where the first bound is not tight
-_SHORT = 30  # alternations that rank starts
+_WIDEST_SINE2 = 0.5  # sin^2 of half the turn within which any better fit lies: beyond 90 deg nothing is proven
+_SEARCH_STARTS = 8  # second starts where the first bound is not tight
+_SHORT_SWEEPS = 30  # alternations that rank starts
 _FEWEST_VIEWS = 3  # views that determine the rotations of a loop
 _DESCENTS = 8  # random starts that look for what the proof leaves open
 _MOST_VIEWS = 30  # views of a group that such a search uses
-_ITERATIONS = 60  # steps of each descent, at most
+_DESCENT_STEPS = 60  # steps of each descent, at most
 _SAME_COST = 1e-6  # relative difference of costs that descents to one optimum may leave
 _SAME_M_RAD = 1e-6  # difference of transforms that descents to one optimum may leave [m, rad]
 _SEED = 20
@@ -71,28 +77,32 @@ def certify(solution: Solution) -> Certified:
     Args:
         solution: As it came out, with the noise in use.
     """
-    reason = _beyond(solution)
+    reason = _scope_reason(solution)
     if reason:
-        return _undecided(reason)
+        return _undecided_certificate(reason)
     loops, constant = proven_loops(solution)
     known = [loop for loop in loops if loop is not None]
     if len(known) < len(loops):
         of = solution.problem.groups[loops.index(None)]
         views = f"fewer than {_FEWEST_VIEWS} views of {of.target} by {of.camera}"
-        return _undecided(f"no pose from a single view: {views} have one that is beyond doubt")
+        return _undecided_certificate(f"no pose from a single view: {views} have one that is beyond doubt")
     gap = max(loop.gap for loop in known)
     better = _from_proven(solution, known)
     if better is not None:
         return Certified(Certificate(gap, None, "the proven rotations lead to a better fit"), better)
     if not solution.converged:
-        return _undecided("the solution is not an optimum", gap)
-    if gap > _TIGHT:
-        return _undecided("the relaxation is not tight: other rotations could cost less than those found", gap)
+        return _undecided_certificate("the solution is not an optimum", gap)
+    if gap > _TIGHT_GAP:
+        return _undecided_certificate(
+            "the relaxation is not tight: other rotations could cost less than those found", gap
+        )
     floor = constant + sum(loop.form.weight * loop.bound.lower for loop in known)
     share = max(_share(loop, solution.cost - floor) for loop in known)
-    if not share <= _WIDEST:
-        return _undecided("the noise is too large for how far the arms turn: a better fit could be far away", gap)
-    return _explored(solution, share, gap)
+    if not share <= _WIDEST_SINE2:
+        return _undecided_certificate(
+            "the noise is too large for how far the arms turn: a better fit could be far away", gap
+        )
+    return _explore_surroundings(solution, share, gap)
 
 
 def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
@@ -107,15 +117,15 @@ def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
             loops.append(None)
             continue
         form = loop_form(problem, state, group, certain)
-        loops.append(ProvenLoop(form, _least(form, present(problem, state, group, form.merged))))
+        loops.append(ProvenLoop(form, _least_bound(form, present(problem, state, group, form.merged))))
     return loops, constant
 
 
-def _undecided(reason: str, gap: float | None = None) -> Certified:
+def _undecided_certificate(reason: str, gap: float | None = None) -> Certified:
     return Certified(Certificate(gap, None, reason), None)
 
 
-def _beyond(solution: Solution) -> str:
+def _scope_reason(solution: Solution) -> str:
     """Why nothing can be said of a solution; empty where something can."""
     problem = solution.problem
     free_lens = next((name for name in problem.columns if name in problem.lenses), None)
@@ -132,23 +142,23 @@ def _beyond(solution: Solution) -> str:
     return ""
 
 
-def _least(form: LoopForm, now: tuple[Array, Array, Array]) -> Bound:
+def _least_bound(form: LoopForm, factors: tuple[Array, Array, Array]) -> Bound:
     """The bound at the least value found: from the solution, by closed form, and from a grid if that is not proven."""
     loop = form.loop
     if not loop.unknown:
         return Bound((), float(form.form[0, 0]), float(form.form[0, 0]), np.inf)
     closed = solve_rotations(loop)
-    first = _lowest(form, [now, (closed.x, closed.y, closed.z)])
-    found = bound(form.form, first[0])
-    if ProvenLoop(form, found).gap <= _TIGHT:
+    first = _lowest_minimum(form, [factors, (closed.x, closed.y, closed.z)])
+    found = lower_bound(form.form, first[0])
+    if ProvenLoop(form, found).gap <= _TIGHT_GAP:
         return found
-    second = _lowest(form, pose_starts([loop], _SEARCHED)[0])
-    return bound(form.form, second[0]) if second[1] < first[1] * (1 - _SAME_COST) else found
+    second = _lowest_minimum(form, pose_starts([loop], _SEARCH_STARTS)[0])
+    return lower_bound(form.form, second[0]) if second[1] < first[1] * (1 - _SAME_COST) else found
 
 
-def _lowest(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
+def _lowest_minimum(form: LoopForm, starts: list[tuple[Array, Array, Array]]) -> tuple[Factors, float]:
     """The lowest end of short descents from the starts, descended to the end."""
-    ends = [local_minimum(form.form, factors_of(form.loop, *start), _SHORT) for start in starts]
+    ends = [local_minimum(form.form, rotation_factors(form.loop, *start), _SHORT_SWEEPS) for start in starts]
     return local_minimum(form.form, min(ends, key=lambda end: end[1])[0])
 
 
@@ -163,40 +173,40 @@ def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
     """A state better than the solution, downhill of the proven rotations; None where there is none."""
     if len(loops) != 1 or loops[0].form.merged or not loops[0].form.loop.unknown:
         return None
-    loop, found = loops[0].form.loop, rotations_of(loops[0].form.loop, loops[0].bound.factors)
+    loop, found = loops[0].form.loop, rotations_from_factors(loops[0].form.loop, loops[0].bound.factors)
     x, y, z = solve_translations(loop, found)
     group, columns, transforms = solution.problem.groups[0], solution.problem.columns, dict(solution.state.transforms)
     placed = {group.eye.mount: x, group.hand.mount: z} | group.placed_base(y, transforms, columns)
     transforms |= {name: value for name, value in placed.items() if name in columns}
-    return _better(solution, replace(solution.state, transforms=transforms))
+    return _better_state(solution, replace(solution.state, transforms=transforms))
 
 
-def _better(solution: Solution, start: State) -> State | None:
+def _better_state(solution: Solution, start: State) -> State | None:
     """The end of a descent on everything, if it is lower than the solution."""
     dof = degrees_of_freedom(solution.problem)
-    end = bundle_adjust(solution.problem, _undisturbed(start), dof, 2 * _ITERATIONS)
+    end = bundle_adjust(solution.problem, _clear_errors(start), dof, 2 * _DESCENT_STEPS)
     lower = end.cost < solution.cost * (1 - _SAME_COST) - _SAME_COST
     return end.state if lower and not _same_place(end.state, solution.state) else None
 
 
-def _undisturbed(state: State) -> State:
+def _clear_errors(state: State) -> State:
     return replace(state, stop_errors=np.zeros_like(state.stop_errors))
 
 
-def _explored(solution: Solution, share: float, gap: float) -> Certified:
+def _explore_surroundings(solution: Solution, share: float, gap: float) -> Certified:
     """Descents from all about the solution, as far away as a better state may be."""
     few = solution.problem.with_groups(
         g if len(g) <= _MOST_VIEWS else g.take(np.linspace(0, len(g) - 1, _MOST_VIEWS).round().astype(np.int64))
         for g in solution.problem.groups
     )
     dof = degrees_of_freedom(few)
-    reference = bundle_adjust(few, _undisturbed(solution.state), dof, _ITERATIONS)
+    reference = bundle_adjust(few, _clear_errors(solution.state), dof, _DESCENT_STEPS)
     angle = 2 * float(np.arcsin(np.sqrt(share)))
-    for start in _about(solution, angle):
-        end = bundle_adjust(few, start, dof, _ITERATIONS)
+    for start in _turned_states(solution, angle):
+        end = bundle_adjust(few, start, dof, _DESCENT_STEPS)
         other_cost = abs(end.cost - reference.cost) > _SAME_COST * reference.cost
         if other_cost and not _same_place(end.state, reference.state):
-            better = _better(solution, end.state) if end.cost < reference.cost else None
+            better = _better_state(solution, end.state) if end.cost < reference.cost else None
             reason = f"within the {np.degrees(angle):.2g} deg in which a better fit could be there are several optima"
             return Certified(Certificate(gap, None, reason), better)
     return Certified(Certificate(gap, True), None)
@@ -208,7 +218,7 @@ def _same_place(first: State, second: State) -> bool:
     return all(float(np.abs((ours[n].inverse() @ theirs[n]).log()).max()) < _SAME_M_RAD for n in ours)
 
 
-def _about(solution: Solution, angle: float) -> list[State]:
+def _turned_states(solution: Solution, angle: float) -> list[State]:
     """States whose unknown rotations are turned, the root of the sum of their squared angles being `angle` [rad]."""
     problem, state = solution.problem, solution.state
     turning = [n for n in problem.columns if n in state.transforms and n not in problem.point_mounts]
@@ -221,5 +231,5 @@ def _about(solution: Solution, angle: float) -> list[State]:
             name: state.transforms[name] @ SE3.exp(np.concatenate([np.zeros(3), turn]))
             for name, turn in zip(turning, turns, strict=True)
         }
-        out.append(_undisturbed(replace(state, transforms={**state.transforms, **turned})))
+        out.append(_clear_errors(replace(state, transforms={**state.transforms, **turned})))
     return out

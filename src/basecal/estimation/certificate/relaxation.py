@@ -23,15 +23,15 @@ from basecal.geometry import Array, IntArray
 Factors = tuple[Array, ...]
 Operator = Callable[[Array], Array]
 
-_SWEEPS = 300  # alternations at most: each lowers the form, and most stand still after tens
+_MOST_SWEEPS = 300  # alternations at most: each lowers the form, and most stand still after tens
 _STANDSTILL = 1e-15  # change of a form of unit scale that is rounding
-_STEPS = 25  # Newton steps of the dual at most; where it is tight they converge quadratically
-_BARRIER = 4.0  # gaps wide the barrier pulls: the bound rises fast and stays inside
-_NEAR_BEST = 0.1  # of the least value: the gap at which the dual may stop
-_RESOLVED = 1e-9  # of a form of unit scale: smaller gaps are rounding
-_TO_THE_EDGE = 0.9  # of the way to where the matrix stops being positive: inside with room for rounding
+_DUAL_STEPS = 25  # Newton steps of the dual at most; where it is tight they converge quadratically
+_BARRIER_GAPS = 4.0  # gaps wide the barrier pulls: the bound rises fast and stays inside
+_STOP_GAP = 0.1  # of the least value: the gap at which the dual may stop
+_SMALLEST_GAP = 1e-9  # of a form of unit scale: smaller gaps are rounding
+_STEP_SHARE = 0.9  # of the way to where the matrix stops being positive: inside with room for rounding
 _MOST_GRADIENTS = 150  # conjugate gradients on at most 256 unknowns
-_GRADIENT_LEFT = 1e-2  # of the first gradient: an inexact Newton step is as good from here
+_GRADIENT_TOLERANCE = 1e-2  # of the first gradient: an inexact Newton step is as good from here
 
 
 class Bound(NamedTuple):
@@ -50,7 +50,7 @@ class Bound(NamedTuple):
     growth: float
 
 
-def product_of(factors: Sequence[Array]) -> Array:
+def kronecker_product(factors: Sequence[Array]) -> Array:
     """Kronecker product of vectors; of none, the number one."""
     whole = np.ones(1)
     for factor in factors:
@@ -58,7 +58,7 @@ def product_of(factors: Sequence[Array]) -> Array:
     return whole
 
 
-def local_minimum(form: Array, factors: Factors, sweeps: int = _SWEEPS) -> tuple[Factors, float]:
+def local_minimum(form: Array, factors: Factors, sweeps: int = _MOST_SWEEPS) -> tuple[Factors, float]:
     """A least value downhill of `factors`: one factor at a time becomes the best that the others leave.
 
     Args:
@@ -67,11 +67,11 @@ def local_minimum(form: Array, factors: Factors, sweeps: int = _SWEEPS) -> tuple
         sweeps: At most.
     """
     found, value = list(factors), np.inf
-    left = [_by_factor(form, j, len(found)) for j in range(len(found))]
+    left = [_unfold_factor(form, j, len(found)) for j in range(len(found))]
     for _ in range(sweeps):
         before = value
         for j in range(len(found)):
-            others = product_of([f for i, f in enumerate(found) if i != j])
+            others = kronecker_product([f for i, f in enumerate(found) if i != j])
             values, vectors = np.linalg.eigh((left[j] @ np.outer(others, others).ravel()).reshape(4, 4))
             found[j], value = vectors[:, 0], float(values[0])
         if before - value <= _STANDSTILL:
@@ -79,14 +79,14 @@ def local_minimum(form: Array, factors: Factors, sweeps: int = _SWEEPS) -> tuple
     return tuple(found), value
 
 
-def _by_factor(form: Array, chosen: int, count: int) -> Array:
+def _unfold_factor(form: Array, factor: int, count: int) -> Array:
     """The form's entries by the indices of one factor, (16, 16^(k - 1)), those of the others after them."""
-    others = [i for i in range(count) if i != chosen]
-    order = [chosen, count + chosen, *others, *(count + i for i in others)]
+    others = [i for i in range(count) if i != factor]
+    order = [factor, count + factor, *others, *(count + i for i in others)]
     return form.reshape((4,) * (2 * count)).transpose(order).reshape(16, -1)
 
 
-def bound(form: Array, factors: Factors) -> Bound:
+def lower_bound(form: Array, factors: Factors) -> Bound:
     """What can be proven of the value at `factors`, a minimum by `local_minimum`.
 
     Args:
@@ -98,11 +98,11 @@ def bound(form: Array, factors: Factors) -> Bound:
         axes = kron(axes, _with_first(factor))
     turned = axes.T @ form @ axes
     value = float(turned[0, 0])
-    lifted = _cleared(turned, len(factors))
+    lifted = _clear_first_row(turned, len(factors))
     rest = lifted[1:, 1:] - value * np.eye(len(turned) - 1)
-    lifted[1:, 1:] = _raised(rest, len(factors)) + value * np.eye(len(turned) - 1)
+    lifted[1:, 1:] = _maximise_dual(rest, len(factors)) + value * np.eye(len(turned) - 1)
     values = np.linalg.eigvalsh(lifted)
-    leak = float(np.linalg.norm(_on_products(lifted - turned, len(factors)), 2))
+    leak = float(np.linalg.norm(_exchange_mean(lifted - turned, len(factors)), 2))
     return Bound(factors, value, float(values[0]) - leak, float(values[1] - values[0]))
 
 
@@ -112,7 +112,7 @@ def _with_first(unit: Array) -> Array:
     return np.array([[a, -b, -c, -d], [b, a, -d, c], [c, d, a, -b], [d, -c, b, a]])
 
 
-def _on_products(matrix: Array, count: int) -> Array:
+def _exchange_mean(matrix: Array, count: int) -> Array:
     """What products can see of a matrix: its mean over all exchanges of a factor's indices between row and column."""
     of = matrix.reshape((4,) * (2 * count))
     for j in range(count):
@@ -129,7 +129,7 @@ def _classes(count: int) -> IntArray:
     return np.asarray(np.unique(pairs, return_inverse=True)[1].reshape(pairs.shape), dtype=np.int64)
 
 
-def _cleared(form: Array, count: int) -> Array:
+def _clear_first_row(form: Array, count: int) -> Array:
     """The form with its first row and column given to the other entries of their classes, where there are such."""
     classes = _classes(count)
     inner, first = classes[1:, 1:], classes[0, 1:]
@@ -149,15 +149,15 @@ def _vanishing(count: int) -> Operator:
     flat, shape = inner.ravel(), inner.shape
     members = np.maximum(np.bincount(flat), 1)
 
-    def projected(matrix: Array) -> Array:
+    def project_out(matrix: Array) -> Array:
         """A matrix less its mean over the exchanges."""
         mean: Array = matrix - (np.bincount(flat, matrix.ravel()) / members)[flat].reshape(shape)
         return mean
 
-    return projected
+    return project_out
 
 
-def _raised(form: Array, count: int) -> Array:
+def _maximise_dual(form: Array, count: int) -> Array:
     """The form plus what vanishes on products, its smallest eigenvalue raised about as far as it goes.
 
     Maximises level t + log det(form + E - level I) over E and the level, t growing with every step.
@@ -168,21 +168,21 @@ def _raised(form: Array, count: int) -> Array:
     values = np.linalg.eigvalsh(form)
     level, pull = float(values[0] - 0.1 * (values[-1] - values[0])), 0.0
     best, best_least = form, float(values[0])
-    for _ in range(_STEPS):
+    for _ in range(_DUAL_STEPS):
         try:
             root = np.linalg.inv(np.linalg.cholesky(form - level * np.eye(size)))
         except np.linalg.LinAlgError:
             break
         inverse = root.T @ root
-        pull = max(pull, _BARRIER * float(np.trace(inverse)))
+        pull = max(pull, _BARRIER_GAPS * float(np.trace(inverse)))
         step, rise = _newton(inverse, pull, project)
         moved = root @ (step - rise * np.eye(size)) @ root.T
-        length = min(1.0, _TO_THE_EDGE / max(-float(np.linalg.eigvalsh(0.5 * (moved + moved.T))[0]), 1e-12))
+        length = min(1.0, _STEP_SHARE / max(-float(np.linalg.eigvalsh(0.5 * (moved + moved.T))[0]), 1e-12))
         form, level = form + length * step, level + length * rise
         least = float(np.linalg.eigvalsh(form)[0])
         if least > best_least:
             best, best_least = form, least
-        if size / np.trace(inverse) < max(_NEAR_BEST * abs(least), _RESOLVED):
+        if size / np.trace(inverse) < max(_STOP_GAP * abs(least), _SMALLEST_GAP):
             break
     return best
 
@@ -197,15 +197,15 @@ def _newton(inverse: Array, pull: float, project: Operator) -> tuple[Array, floa
         """The barrier's second derivative along a step."""
         return project(inverse @ step @ inverse) - across * (float(np.vdot(across, step)) / curvature)
 
-    step = _solved(hessian, project(inverse) + across * (force / curvature))
+    step = _solve_conjugate_gradients(hessian, project(inverse) + across * (force / curvature))
     return step, (-force - float(np.vdot(across, step))) / curvature
 
 
-def _solved(operator: Operator, right: Array) -> Array:
+def _solve_conjugate_gradients(operator: Operator, right: Array) -> Array:
     """Conjugate gradients, to a hundredth. Source: Hestenes & Stiefel 1952."""
     found, left = np.zeros_like(right), right.copy()
     along, size = left.copy(), float(np.vdot(left, left))
-    enough = _GRADIENT_LEFT**2 * size
+    enough = _GRADIENT_TOLERANCE**2 * size
     for _ in range(_MOST_GRADIENTS):
         if size <= enough:
             break

@@ -21,7 +21,7 @@ from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.rotation import quaternion_from_rotation, rotation_from_quaternion
 
 _CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
-_CHUNK = 2048
+_CHUNK_VIEWS = 2048
 
 
 class LoopForm(NamedTuple):
@@ -74,20 +74,20 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     total = float(weight.sum())
     size = 4 ** len(loop.unknown)
     form = np.zeros((size, size))
-    for at in range(0, len(weight), _CHUNK):
-        rows = _rows(loop, slice(at, at + _CHUNK)) * np.sqrt(weight[at : at + _CHUNK, None, None])
+    for at in range(0, len(weight), _CHUNK_VIEWS):
+        rows = _rows(loop, slice(at, at + _CHUNK_VIEWS)) * np.sqrt(weight[at : at + _CHUNK_VIEWS, None, None])
         flat = rows.reshape(-1, size)
         form += flat.T @ flat
     return LoopForm(loop, form / max(total, 1e-300), total, merged)
 
 
-def factors_of(loop: Loop, x: Array, y: Array, z: Array) -> Factors:
+def rotation_factors(loop: Loop, x: Array, y: Array, z: Array) -> Factors:
     """The unit quaternions of the unknown rotations: of X, and of the inverses of Y and Z."""
     found = {"x": quaternion_from_rotation(x), "y": _inverse(y), "z": _inverse(z)}
     return tuple(found[name] for name in loop.unknown)
 
 
-def rotations_of(loop: Loop, factors: Factors) -> Rotations:
+def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
     """The rotations that factors stand for, with those that are known."""
     found = dict(zip(loop.unknown, factors, strict=True))
 
@@ -101,13 +101,13 @@ def rotations_of(loop: Loop, factors: Factors) -> Rotations:
     return Rotations(rotation("x"), rotation("y"), rotation("z"), True)
 
 
-def present(problem: Problem, state: State, group: ViewGroup, merged: str) -> tuple[Array, Array, Array]:
+def present(problem: Problem, state: State, group: ViewGroup, letters: str) -> tuple[Array, Array, Array]:
     """Rotations of X, Y and Z of a state, merged as in a `LoopForm`."""
     x, z = state.transforms[group.eye.mount].rotation, state.transforms[group.hand.mount].rotation
     y = group.eye_base_from_hand_base(state.transforms).rotation
-    if merged == "x":
+    if letters == "x":
         return y.T @ x, np.eye(3), z
-    return (x, np.eye(3), y @ z) if merged == "z" else (x, y, z)
+    return (x, np.eye(3), y @ z) if letters == "z" else (x, y, z)
 
 
 def _inverse(rotation: Array) -> Array:
@@ -151,8 +151,8 @@ def _rows(loop: Loop, views: slice) -> Array:
     return rows.reshape(*rows.shape[:2], -1)
 
 
-def _columns(known: SE3 | None, inverse: bool) -> Array:
+def _columns(rotation: SE3 | None, inverse: bool) -> Array:
     """What a factor is made of: itself, (4, 4), or its known value, (4, 1)."""
-    if known is None:
+    if rotation is None:
         return np.eye(4)
-    return (_inverse(known.rotation) if inverse else quaternion_from_rotation(known.rotation))[:, None]
+    return (_inverse(rotation.rotation) if inverse else quaternion_from_rotation(rotation.rotation))[:, None]

@@ -25,9 +25,9 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_log
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
-_ITERATIONS = 15  # steps of a view's pose: at most
+_POSE_STEPS = 15  # steps of a view's pose: at most
 _SAME_RAD = 1e-3  # poses of one optimum differ by rounding, two optima by far more [rad]
-_OF_CURVATURE = 0.5  # of the curvature at the optimum, taken as the growth of the cost further off
+_CURVATURE_SHARE = 0.5  # of the curvature at the optimum, taken as the growth of the cost further off
 
 
 class ViewCosts(NamedTuple):
@@ -61,19 +61,19 @@ def view_costs(problem: Problem, state: State, group: ViewGroup) -> ViewCosts:
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
         least = measurement.weight[:, 3:].min(1)
-        return _sure(measurement.measured_camera_from_target, np.zeros(len(least)), 4 * least**2)
+        return _constant_costs(measurement.measured_camera_from_target, np.zeros(len(least)), 4 * least**2)
     if isinstance(measurement, PointMeasurement):
-        return _of_points(measurement)
+        return _point_costs(measurement)
     if not isinstance(measurement, PixelMeasurement):
         raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
-    return _of_pixels(measurement, state.camera_from_target(group, problem.stops), state.cameras[group.camera])
+    return _pixel_costs(measurement, state.camera_from_target(group, problem.stops), state.cameras[group.camera])
 
 
-def _sure(camera_from_target: SE3, constant: Array, weight: Array) -> ViewCosts:
+def _constant_costs(camera_from_target: SE3, constant: Array, weight: Array) -> ViewCosts:
     return ViewCosts(camera_from_target, constant, weight, np.full(len(constant), np.inf))
 
 
-def _of_points(measurement: PointMeasurement) -> ViewCosts:
+def _point_costs(measurement: PointMeasurement) -> ViewCosts:
     """A view of 3-D points costs 2 tr(H (I - Q)) more when turned by Q.
 
     With h1, h2 the two smallest eigenvalues of H, at least 4 (h1 + h2) sin^2(angle / 2). Source: Umeyama 1991.
@@ -87,23 +87,23 @@ def _of_points(measurement: PointMeasurement) -> ViewCosts:
     u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
     spread = np.einsum("np,npi,npi->n", square, p, p) + np.einsum("np,npi,npi->n", square, q, q)
     pose = SE3(u @ vt, np.zeros((len(u), 3)))
-    return _sure(pose, np.maximum(spread - 2 * s.sum(-1), 0.0), 4 * np.maximum(s[:, 1] + s[:, 2], 0.0))
+    return _constant_costs(pose, np.maximum(spread - 2 * s.sum(-1), 0.0), 4 * np.maximum(s[:, 1] + s[:, 2], 0.0))
 
 
-def _of_pixels(measurement: PixelMeasurement, predicted: SE3, camera: Camera) -> ViewCosts:
-    n = len(predicted)
+def _pixel_costs(measurement: PixelMeasurement, camera_from_target: SE3, camera: Camera) -> ViewCosts:
+    n = len(camera_from_target)
     bearings, valid = camera.undistort(measurement.pixels)
     seen = measurement.seen & (measurement.weight > 0) & valid
     if seen.shape[1] < FEWEST_POINTS or not seen.any():
-        return _sure(predicted, np.zeros(n), np.zeros(n))
+        return _constant_costs(camera_from_target, np.zeros(n), np.zeros(n))
     bearings = np.where(seen[..., None], bearings, 0.0)
     chords = BearingMeasurement(
         measurement.points_in_target, bearings, np.where(seen, measurement.weight, 0.0) * float(camera.focal.mean())
     )
     poses = view_poses(measurement.points_in_target, bearings, seen, chords)
     own = replace(measurement, weight=np.where(seen, measurement.weight, 0.0), seen=seen)
-    starts = [poses.camera_from_target[:, 0], poses.camera_from_target[:, 1], predicted]
-    ends = [refined(own, start, camera, _ITERATIONS) for start in starts]
+    starts = [poses.camera_from_target[:, 0], poses.camera_from_target[:, 1], camera_from_target]
+    ends = [refined(own, start, camera, _POSE_STEPS) for start in starts]
     costs = np.nan_to_num(np.stack([end.cost for end in ends]), nan=np.inf)
     rows, best = np.arange(n), np.argmin(costs, axis=0)
     rotation = np.stack([end.camera_from_target.rotation for end in ends])
@@ -112,7 +112,7 @@ def _of_pixels(measurement: PixelMeasurement, predicted: SE3, camera: Camera) ->
     turned = np.linalg.norm(rotation_log(rotation[best, rows].mT @ rotation), axis=-1)
     second = np.where(turned > _SAME_RAD, costs, np.inf).min(0)
     found = poses.found & np.isfinite(costs[best, rows])
-    weight = np.where(found, 4 * _OF_CURVATURE * _rotation_curvature(information), 0.0)
+    weight = np.where(found, 4 * _CURVATURE_SHARE * _rotation_curvature(information), 0.0)
     pose = SE3(rotation[best, rows], translation[best, rows])
     return ViewCosts(pose, np.where(found, costs[best, rows], 0.0), weight, second)
 

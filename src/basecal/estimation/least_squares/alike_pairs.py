@@ -71,9 +71,9 @@ class AlikePairs:
         # Where every view is there once and counts, as without weights: this is the rule, and saves time.
         return linearise(self.problem, own, None if weight.all() and np.all(weight == 1) else [weight])
 
-    def stop_errors(self, own: State, about: NormalEquations, step: Array) -> Array:
+    def stop_errors(self, own: State, model: NormalEquations, step: Array) -> Array:
         """The errors of the pairs' stops, (b, 2 n, 6), after a step of all columns (p,)."""
-        return retract(self.problem, own, about, step[self.columns]).stop_errors
+        return retract(self.problem, own, model, step[self.columns]).stop_errors
 
 
 def alike_pairs(problem: Problem) -> tuple[AlikePairs, ...]:

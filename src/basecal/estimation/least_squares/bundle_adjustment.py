@@ -13,7 +13,7 @@ from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, 
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take
-from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS, Optima, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS, Optima, Stop, levenberg_marquardt
 from basecal.numerics.sparse_hessian import SparseHessian
 
 ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow
@@ -56,9 +56,9 @@ class _Bundle:
         """See `System`."""
         return linearise(self.problem, state, self.weights)
 
-    def retract(self, state: State, about: NormalEquations, step: Array) -> State:
+    def retract(self, state: State, model: NormalEquations, step: Array) -> State:
         """See `System`."""
-        return retract(self.problem, state, about, step)
+        return retract(self.problem, state, model, step)
 
     def take(self, rows: IntArray) -> _Bundle:
         """See `System`."""
@@ -83,7 +83,7 @@ def bundle_adjust(
     dof: float,
     iterations: int = 100,
     weights: Sequence[Array] | None = None,
-    sigmas: float = SETTLED_SIGMAS,
+    sigmas: float = CONVERGED_SIGMAS,
 ) -> Optimum:
     """The optimum downhill of `state`; see `numerics.levenberg_marquardt`.
 
@@ -116,7 +116,7 @@ def bundle_adjust_batch(
     dof: float | Array,
     iterations: int = 100,
     weights: Sequence[Array] | None = None,
-    sigmas: float = SETTLED_SIGMAS,
+    sigmas: float = CONVERGED_SIGMAS,
 ) -> OptimumBatch:
     """The optima downhill of a batch of states (b,), each by itself.
 

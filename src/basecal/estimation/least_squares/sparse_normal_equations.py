@@ -72,12 +72,12 @@ class SparseBundle:
         eliminated = np.array([sum(float(of.eliminated.sum()) for of in found)])
         return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), eliminated, found, own)
 
-    def retract(self, state: State, about: SparseNormalEquations, step: Array) -> State:
+    def retract(self, state: State, model: SparseNormalEquations, step: Array) -> State:
         """See `System`."""
-        without_stops = NormalEquations(about.cost, about.gradient, np.zeros(0), np.zeros(1), np.zeros(1), (), None)
+        without_stops = NormalEquations(model.cost, model.gradient, np.zeros(0), np.zeros(1), np.zeros(1), (), None)
         moved = retract(self.problem, state, without_stops, step)
         errors = state.stop_errors.copy()
-        for pairs, of, own in zip(self.pairs, about.pairs, about.states, strict=True):
+        for pairs, of, own in zip(self.pairs, model.pairs, model.states, strict=True):
             errors[0, pairs.stops] = pairs.stop_errors(own, of, step[0])
         return State(moved.transforms, moved.cameras, errors, moved.robots)
 

@@ -21,7 +21,7 @@ from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.spectral import VIEW_ROUNDING, above, spectrum
+from basecal.numerics.spectral import VIEW_ROUNDING, scaled_spectrum, spectrum
 
 _LEAST_LEARNT = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
 _ALONE = 1.0 - 1e-4
@@ -91,47 +91,47 @@ def _misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Pr
     )
 
 
-def studentized_views(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
+def studentized_views(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
     """By group, (n,): how far each view is from what the others predict."""
-    return tuple(_view_squares(about, k) for k in range(len(about.problem.groups)))
+    return tuple(_view_squares(model, k) for k in range(len(model.problem.groups)))
 
 
-def _view_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
-    of, weight = about.normal.views[k], about.weights[k]
+def _view_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
+    of, weight = model.normal.views[k], model.weights[k]
     information = spectrum(of.information, VIEW_ROUNDING)
     whitened = (information.inverse_root.mT @ of.gradient[..., None])[..., 0]
-    leverage = information.root.mT @ about.spread[k] @ information.root
+    leverage = information.root.mT @ model.spread[k] @ information.root
     sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
-    left = above(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE)
+    left = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE)
     # Directions in which the view has no information stand as zeros with a share of nothing.
     freedoms = np.maximum(information.rank - np.count_nonzero(~left.held, axis=-1), 0)
     return MahalanobisSquared(np.where(freedoms > 0, left.mahalanobis_squared(whitened), np.nan), freedoms)
 
 
-def studentized_stops(about: LeaveOneOut) -> MahalanobisSquared:
+def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
     """(k,): how far the errors of the problem's stops that several views share are from what was stated of them."""
-    count = len(about.problem.stops)
+    count = len(model.problem.stops)
     value, freedoms = np.full(count, np.nan), np.zeros(count, dtype=np.int64)
-    system = about.normal.system
+    system = model.normal.system
     if system is None:
         return MahalanobisSquared(value, freedoms)
-    which = np.flatnonzero(about.problem.shared_stops >= 0)
+    which = np.flatnonzero(model.problem.shared_stops >= 0)
     number = np.arange(len(which))
-    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, about.problem.width)
-    covariance = spectrum(about.normal.hessian).inverse
+    by_unknowns = system.solution[:, :-1].reshape(len(which), 6, model.problem.width)
+    covariance = spectrum(model.normal.hessian).inverse
     spread = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
-    learnt = above(np.eye(6) - spread, _LEAST_LEARNT)
-    value[which], freedoms[which] = learnt.mahalanobis_squared(about.state.stop_errors[which]), learnt.rank
+    learnt = scaled_spectrum(np.eye(6) - spread, _LEAST_LEARNT)
+    value[which], freedoms[which] = learnt.mahalanobis_squared(model.state.stop_errors[which]), learnt.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
 
 
-def studentized_points(about: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
+def studentized_points(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
     """By group, (n, p): how far each point is from where all else predicts it.
 
     Of a view with many points all else is the rest of the view; with few it is the state, too. Points that were not
     seen, views without points, and views of a single point, which are judged whole, have no freedoms.
     """
-    return tuple(_point_squares(about, k) for k in range(len(about.problem.groups)))
+    return tuple(_point_squares(model, k) for k in range(len(model.problem.groups)))
 
 
 def judged_by_view(measurement: Measurement) -> BoolArray:
@@ -141,11 +141,11 @@ def judged_by_view(measurement: Measurement) -> BoolArray:
     return np.asarray(measurement.seen.sum(-1) >= _OWN_POINTS)
 
 
-def _point_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
-    group = about.problem.groups[k]
-    predicted = about.state.camera_from_target(group, about.problem.stops)
-    has_columns = group.camera in about.problem.columns
-    rows = point_jacobians(group.measurement, predicted, about.state.cameras.get(group.camera), has_columns)
+def _point_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
+    group = model.problem.groups[k]
+    predicted = model.state.camera_from_target(group, model.problem.stops)
+    has_columns = group.camera in model.problem.columns
+    rows = point_jacobians(group.measurement, predicted, model.state.cameras.get(group.camera), has_columns)
     n = len(group)
     if rows is None or rows.residual.shape[1] < 2:
         p = 1 if rows is None else rows.residual.shape[1]
@@ -153,7 +153,7 @@ def _point_squares(about: LeaveOneOut, k: int) -> MahalanobisSquared:
     own = judged_by_view(group.measurement)
     if own.all():
         return _by_own_view(rows)
-    squares = _studentised(rows.residual, rows.jacobian, _posterior(about, k, rows), rows.seen)
+    squares = _studentised(rows.residual, rows.jacobian, _posterior(model, k, rows), rows.seen)
     if not own.any():
         return squares
     at, by_view = own[:, None], _by_own_view(rows)
@@ -182,7 +182,7 @@ def _studentised(residual: Array, jacobian: Array, spread: Array, seen: BoolArra
         value, certain = _by_two(residual, left)
         if certain[seen].all():
             return MahalanobisSquared(np.where(seen, value, np.nan), 2 * seen.astype(np.int64))
-    known = above(left, _LEAST_LEFT)
+    known = scaled_spectrum(left, _LEAST_LEFT)
     freedoms = np.where(seen, known.rank, 0)
     return MahalanobisSquared(np.where(freedoms > 0, known.mahalanobis_squared(residual), np.nan), freedoms)
 
@@ -196,10 +196,10 @@ def _by_two(residual: Array, left: Array) -> tuple[Array, BoolArray]:
     return (c * x * x - 2 * b * x * y + a * y * y) / np.where(certain, determinant, 1.0), certain
 
 
-def _posterior(about: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
+def _posterior(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     """Covariance of each view's tangent given everything, its private stops' errors too, (n, q, q)."""
-    spread = about.spread[k] * (about.weights[k] > 0)[:, None, None]
-    private = about.normal.views[k].private
+    spread = model.spread[k] * (model.weights[k] > 0)[:, None, None]
+    private = model.normal.views[k].private
     n, p, d, q = rows.jacobian.shape
     flat = rows.jacobian.reshape(n, p * d, q)
     information = flat.mT @ flat

@@ -35,7 +35,7 @@ from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
-from basecal.numerics.levenberg_marquardt import SETTLED_SIGMAS
+from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS
 
 _ROUNDS = 6  # of sigmas and optimum in turn: two or three do
 _SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
@@ -59,7 +59,7 @@ class _Sigmas:
     shapes: Mapping[str, tuple[Array, Array]]
     jitter_s: Mapping[str, float]
 
-    def applied(self, problem: Problem) -> Problem:
+    def apply(self, problem: Problem) -> Problem:
         """The problem with them."""
         problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
@@ -237,12 +237,12 @@ def _readjusted(
     found: SigmaPosterior,
     dof: int,
     iterations: int,
-    sigmas: float = SETTLED_SIGMAS,
+    sigmas: float = CONVERGED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
     """The problem with the most likely sigmas, and its optimum near the last."""
     # Errors of stops stay the same in metres and radians.
     physical = end.state.stop_errors * _units(used, found.model.robots)
-    used = _sigmas(found, used).applied(used)
+    used = _sigmas(found, used).apply(used)
     state = replace(end.state, stop_errors=physical / _units(used, found.model.robots))
     return used, bundle_adjust(used, state, dof, iterations, sigmas=sigmas)
 

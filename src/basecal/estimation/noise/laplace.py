@@ -20,7 +20,7 @@ from basecal.estimation.noise.mixed_model import MixedModel
 from basecal.estimation.noise.reml import Columns, Posterior, columns_given, open_parts, posterior
 from basecal.estimation.noise.secant import Secant, corrected
 from basecal.geometry import Array, IntArray
-from basecal.numerics.spectral import above, floored, spectrum
+from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
 _STEPS, _HALVINGS = 50, 12
@@ -87,7 +87,7 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
     """
     logs = prior.start if start is None else np.append(start, prior.start[len(start) :])
     logs, here = _most_likely(model, prior, logs)
-    curvature = floored(0.5 * here.curvature, _LEAST_CURVATURE)
+    curvature = floored_spectrum(0.5 * here.curvature, _LEAST_CURVATURE)
     surprise = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())
     return SigmaPosterior(model, prior, logs, curvature.inverse, surprise)
 
@@ -136,7 +136,7 @@ def _within(here: _Surface, logs: Array, least: Array, most: Array, secants: Seq
     held = ((logs <= least) & (here.slope > 0)) | ((logs >= most) & (here.slope < 0))
     # A variance's own second derivative adds twice the slope, which at the mode is none: walls are exponential.
     curvature = corrected(here.curvature + np.diag(2 * np.maximum(here.slope, 0.0)), secants)
-    inverse = floored(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
+    inverse = floored_spectrum(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
     return np.asarray(-inverse @ np.where(held, 0.0, here.slope))
 
 
@@ -147,8 +147,8 @@ def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
     return prior.start - down, prior.start + _MOST_OFF
 
 
-def integrated_covariance(models: Sequence[SigmaPosterior], about: Array, is_quick: bool = False) -> Array:
-    """Covariance of the unknowns about `about`, (p,) from the models' common state, their sigmas and models integrated.
+def integrated_covariance(models: Sequence[SigmaPosterior], model: Array, is_quick: bool = False) -> Array:
+    """Covariance of the unknowns about `model`, (p,) from the models' common state, their sigmas and models integrated.
 
     Models count by their evidence. The quick integral uses the nodes of the cubature alone, and the likely models.
     """
@@ -156,10 +156,10 @@ def integrated_covariance(models: Sequence[SigmaPosterior], about: Array, is_qui
     shares = np.exp(-0.5 * np.array([of.surprise - least for of in models]))
     shares /= shares.sum()
     shares = np.where(shares > (_LIKELY_SHARE if is_quick else _LEAST_SHARE), shares, 0.0)
-    total = np.zeros((len(about), len(about)))
+    total = np.zeros((len(model), len(model)))
     for share, of in zip(shares / shares.sum() if is_quick else shares, models, strict=True):
         if share:
-            nodes = [(weight, known.covariance, known.step - about) for weight, known in _weighed_nodes(of, is_quick)]
+            nodes = [(weight, known.covariance, known.step - model) for weight, known in _weighed_nodes(of, is_quick)]
             total += share * sum(weight * (covariance + np.outer(off, off)) for weight, covariance, off in nodes)
     return total
 
@@ -181,7 +181,7 @@ def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array,
         np.zeros(len(posterior.logs)),
     )
     for weight, known in _weighed_nodes(posterior):
-        here, spread = known.in_units(columns)
+        here, spread = known.rescale(columns)
         mean += weight * here
         products += weight * (spread + np.outer(here, here))
         squares += weight * np.exp(2 * known.logs)
@@ -210,7 +210,7 @@ def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array,
     """
     root = _root(posterior.covariance)
     if is_quick:
-        wide = above(posterior.covariance, _NEARLY_KNOWN**2)
+        wide = scaled_spectrum(posterior.covariance, _NEARLY_KNOWN**2)
         root = wide.root[:, wide.held].T
     steps = np.sqrt(len(root)) * root
     return posterior.logs + np.concatenate([steps, -steps]), np.zeros(2 * len(root))

@@ -25,7 +25,7 @@ from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import with_identity
 from basecal.numerics.inverse_factors import inverse_factors
-from basecal.numerics.spectral import floored
+from basecal.numerics.spectral import floored_spectrum
 
 _FLOOR = 1e-11  # of the scaled information where there is none: four digits above rounding
 _ROUNDS_ONE = 1e12  # an entry of this size leaves the identity beside it four digits
@@ -60,7 +60,7 @@ class Columns:
         """(p, p) of the unknowns."""
         return self.spread[: self.model.width, : self.model.width]
 
-    def in_units(self, columns: IntArray) -> tuple[Array, Array]:
+    def rescale(self, columns: IntArray) -> tuple[Array, Array]:
         """Mean, (c,), and covariance, (c, c), of some columns, those of errors in metres and radians, not sigmas."""
         scales = _scales(self.logs, _which(self.model, len(open_parts(self.model)))[0])[columns]
         return self.mean[columns] * scales, self.spread[np.ix_(columns, columns)] * scales[:, None] * scales
@@ -339,7 +339,7 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
         root = np.linalg.inv(factor)
         log_det = 2 * float(np.log(np.diag(factor)).sum())
     except np.linalg.LinAlgError:
-        held = floored(scaled, _FLOOR)
+        held = floored_spectrum(scaled, _FLOOR)
         root, log_det = held.inverse_root.T, float(held.log_det)
     root = root * size
     return root.T @ root, log_det - 2 * float(np.log(size).sum())

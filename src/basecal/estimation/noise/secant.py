@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import Array
-from basecal.numerics.spectral import floored
+from basecal.numerics.spectral import floored_spectrum
 
 _PARALLEL = 1e-8  # cosine of step and correction: below it the pair says nothing of the curvature along the step
 _LEAST_LEFT = 0.2  # of the curvature along a correction that lowers it: less makes steps too long
@@ -35,7 +35,7 @@ def corrected(curvature: Array, secants: Sequence[Secant]) -> Array:
         along = float(off @ step)
         if abs(along) <= _PARALLEL * float(np.linalg.norm(off) * np.linalg.norm(step)):
             continue
-        left = 1 + floored(curvature, _LEAST_CURVATURE).mahalanobis_squared(off) / along
+        left = 1 + floored_spectrum(curvature, _LEAST_CURVATURE).mahalanobis_squared(off) / along
         if left > _LEAST_LEFT:
             curvature = curvature + np.outer(off, off) / along
     return curvature

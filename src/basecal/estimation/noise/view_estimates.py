@@ -89,7 +89,7 @@ def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> Vie
         # Where every point may be off by itself, nothing of a view is noise of single points alone.
         return ViewEstimates(*view, total, 0.0, 0)
     of = spectrum(view.information)
-    counted = of.ridged(VIEW_ROUNDING)
+    counted = of.add_ridge(VIEW_ROUNDING)
     own, count = counted.mahalanobis_squared(view.gradient), float((of.values / counted.values).clip(0.0).sum())
     white = max(float(view.cost.sum() - own.sum()), 0.0)
     return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0.0))

@@ -16,12 +16,12 @@ from basecal.estimation.problem.gauges import LEAST_RMS, SCALE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
-from basecal.numerics.spectral import above, principal_axes
+from basecal.numerics.spectral import principal_axes, scaled_spectrum
 
-HARDLY_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
-_HARDLY_M = 1e-3  # travel below this is standing still [m]
+STILL_RAD = 0.01  # turns below this say nothing of a rotation: their noise is as large [rad]
+_STILL_M = 1e-3  # travel below this is standing still [m]
 _NOISE_SIGMAS = 5.0  # a motion is one beyond five sigmas of the pose's noise
-_FEW = 3  # orientations that determine a hand-eye rotation: two turns about different axes
+_FEWEST_ORIENTATIONS = 3  # orientations that determine a hand-eye rotation: two turns about different axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +49,17 @@ class Motion:
     @property
     def is_still(self) -> bool:
         """Whether it stands in one place."""
-        return self.travel_m < _HARDLY_M and self.only_shifts
+        return self.travel_m < _STILL_M and self.is_translation_only
 
     @property
-    def only_shifts(self) -> bool:
+    def is_translation_only(self) -> bool:
         """Whether its orientation hardly changes."""
-        return bool(self.turn_rad[0] < HARDLY_RAD)
+        return bool(self.turn_rad[0] < STILL_RAD)
 
 
 def motions(problem: Problem) -> dict[str, Motion]:
     """How each robot of the views moves, by name."""
-    found, least = {}, _least(problem)
+    found, least = {}, _least_motion(problem)
     for robot, base_from_flange in _poses(problem).items():
         first = base_from_flange[0]
         turns = SE3(base_from_flange.rotation @ first.rotation.T, np.zeros((len(base_from_flange), 3))).rotvec
@@ -83,16 +83,16 @@ def _orientations(turns: Array) -> int:
     """How many differ, at most three; turns since the first, (n, 3) [rad]."""
     rotations = SE3.from_rotvec(turns, np.zeros_like(turns))
     apart = np.ones(len(turns), dtype=bool)
-    for count in range(_FEW):
+    for count in range(_FEWEST_ORIENTATIONS):
         left = np.flatnonzero(apart)
         if not len(left):
             return count
         off = (rotations[int(left[0])].inverse() @ rotations).rotvec
-        apart &= np.linalg.norm(off, axis=-1) > HARDLY_RAD
-    return _FEW
+        apart &= np.linalg.norm(off, axis=-1) > STILL_RAD
+    return _FEWEST_ORIENTATIONS
 
 
-def _least(problem: Problem) -> dict[str, float]:
+def _least_motion(problem: Problem) -> dict[str, float]:
     """By robot with stated noise what motion counts, rms: more than a thousandth or so, and several of its sigmas."""
     first = {name: k for k, name in reversed(list(enumerate(problem.stops.robot)))}
     noise = {name: float((problem.stops.sigma[k] / SCALE).max()) for name, k in first.items()}
@@ -109,7 +109,7 @@ def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
     carried = base_from_flange.inverse().adjoint() * SCALE / SCALE[:, None]
     mean = carried.mean(0)
     off = (carried - mean).reshape(-1, 6)
-    differing = above(off.T @ off / len(carried), least**2)
+    differing = scaled_spectrum(off.T @ off / len(carried), least**2)
     alike = differing.vectors[:, ~differing.held]
     return alike.T * SCALE, (mean @ alike).T * SCALE
 
@@ -120,7 +120,7 @@ def null_directions(problem: Problem, state: State) -> Array:
     Each moves a robot's base and what it carries so that the flange's poses hide it. Where any of these is fixed it is
     none. The paths of a flange with a target of one point may leave open more than these.
     """
-    found, least = [], _least(problem)
+    found, least = [], _least_motion(problem)
     for robot, poses in _poses(problem).items():
         at_base, at_flange = _indistinct(poses, least.get(robot, LEAST_RMS))
         found += [_direction(problem, state, robot, *pair) for pair in zip(at_base, at_flange, strict=True)]
@@ -128,27 +128,29 @@ def null_directions(problem: Problem, state: State) -> Array:
     return np.stack(loose, axis=1) if loose else np.zeros((problem.width, 0))
 
 
-def _direction(problem: Problem, state: State, robot: str, at_base: Array, at_flange: Array) -> Array | None:
+def _direction(problem: Problem, state: State, robot: str, base_rotvec: Array, flange_rotvec: Array) -> Array | None:
     """How the unknowns move where a robot's base turns by one twist and all it carries by the other, backwards."""
     direction = np.zeros(problem.width)
-    parts = [(name, -at_flange) for name in attached(problem, robot)]
-    parts += [(name, -at_base if robot == problem.reference else at_base) for name in based(problem, robot)]
+    parts = [(name, -flange_rotvec) for name in mount_names(problem, robot)]
+    parts += [
+        (name, -base_rotvec if robot == problem.reference else base_rotvec) for name in base_names(problem, robot)
+    ]
     for name, twist in parts:
         where = problem.columns.get(name)
         if where is None:
             return None
-        inward = name in attached(problem, robot) or robot == problem.reference
+        inward = name in mount_names(problem, robot) or robot == problem.reference
         tangent = state.transforms[name].inverse().adjoint() @ twist if inward else twist
         direction[where] = tangent[: where.stop - where.start]
     return direction
 
 
-def attached(problem: Problem, robot: str) -> list[str]:
+def mount_names(problem: Problem, robot: str) -> list[str]:
     """Names of the mounts on a robot's flange, of those that see or are seen."""
     return list(dict.fromkeys(end.mount for end in problem.ends_of(robot)))
 
 
-def based(problem: Problem, robot: str) -> list[str]:
+def base_names(problem: Problem, robot: str) -> list[str]:
     """Names of the transforms that say where a robot's base stands: of the reference's, all that stand about it."""
     if robot != problem.reference:
         return [end.base for end in problem.ends_of(robot) if end.base is not None]
@@ -159,6 +161,6 @@ def based(problem: Problem, robot: str) -> list[str]:
 
 def gauge_partners(problem: Problem, motion: Motion) -> tuple[str, ...]:
     """What moves along with a robot's base unnoticed, by its poses alone: none where something of it is known."""
-    names = list(dict.fromkeys([*based(problem, motion.robot), *attached(problem, motion.robot)]))
+    names = list(dict.fromkeys([*base_names(problem, motion.robot), *mount_names(problem, motion.robot)]))
     free = all(problem.unknowns[name].status == "free" for name in names)
     return tuple(names) if free and len(motion.twists_in_base) else ()

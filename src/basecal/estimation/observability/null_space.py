@@ -15,13 +15,13 @@ import numpy as np
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
-from basecal.numerics.spectral import by_share, principal_axes
+from basecal.numerics.spectral import principal_axes, sort_by_share
 
 # Singular values and norms of an orthonormal basis, in shares of a whole direction.
-_LITTLE = 0.2  # what a basis moves less of an unknown than this does not move it
-_APART = 0.05  # unknowns whose parts are less correlated than this move apart
-_MAIN = 0.5  # of unknowns that move this share of the largest the first is named
-_ALONG = 0.3  # what moves this share of the named one moves along with it
+_LITTLE_SHARE = 0.2  # what a basis moves less of an unknown than this does not move it
+_LEAST_CORRELATION = 0.05  # unknowns whose parts are less correlated than this move apart
+_MAIN_SHARE = 0.5  # of unknowns that move this share of the largest the first is named
+_COUPLED_SHARE = 0.3  # what moves this share of the named one moves along with it
 
 Kind = Literal["translation", "rotation", "lens", "robot parameters"]
 
@@ -60,24 +60,24 @@ def separate_null_space(problem: Problem, state: State, vectors: Array, scale: A
         scale: (p,) what one unit of each column is [m, rad, px].
     """
     others = [n for n in problem.columns if n not in problem.unknowns]
-    rest, of_others = _apart(vectors, _rows(problem, others))
+    rest, of_others = _split_basis(vectors, _rows(problem, others))
     rotating = [row for n in problem.columns if n in problem.unknowns for row in _rows(problem, [n])[3:]]
-    translations, rotations = _apart(rest, np.array(rotating, dtype=np.int64))
-    found = [_of_other(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
+    translations, rotations = _split_basis(rest, np.array(rotating, dtype=np.int64))
+    found = [_other_direction(problem, of_others[:, [k]]) for k in range(of_others.shape[1])]
     for space, is_rotation in ((translations, False), (rotations, True)):
         for cluster in _clusters(problem, space):
             # A basis of the part of the space that moves the cluster.
             rows = _rows(problem, cluster)
-            turned = by_share(space, rows)
-            basis = np.zeros((len(space), int(np.sum(turned.share > _LITTLE))))
+            turned = sort_by_share(space, rows)
+            basis = np.zeros((len(space), int(np.sum(turned.share > _LITTLE_SHARE))))
             basis[rows] = turned.basis[rows, : basis.shape[1]] / turned.share[: basis.shape[1]]
-            found += _of_cluster(problem, state, basis, cluster, scale, is_rotation)
+            found += _cluster_directions(problem, state, basis, cluster, scale, is_rotation)
     return tuple(found)
 
 
 def orthonormal_rows(rows: Array) -> Array:
     """An orthonormal basis of what some rows span, (k, n), but for what is little."""
-    of = principal_axes(rows, _LITTLE)
+    of = principal_axes(rows, _LITTLE_SHARE)
     return of.axes.T[: of.dimension]
 
 
@@ -87,17 +87,17 @@ def _rows(problem: Problem, names: Sequence[str]) -> IntArray:
     )
 
 
-def _apart(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
+def _split_basis(vectors: Array, rows: IntArray) -> tuple[Array, Array]:
     """A basis of what hardly moves some rows, and of the rest."""
-    turned = by_share(vectors, rows)
-    return turned.basis[:, turned.share <= _LITTLE], turned.basis[:, turned.share > _LITTLE]
+    turned = sort_by_share(vectors, rows)
+    return turned.basis[:, turned.share <= _LITTLE_SHARE], turned.basis[:, turned.share > _LITTLE_SHARE]
 
 
-def _of_other(problem: Problem, direction: Array) -> NullDirection:
+def _other_direction(problem: Problem, direction: Array) -> NullDirection:
     """A direction of a lens or of whatever is no transform, (p, 1), and what moves along."""
     size = {name: float(np.linalg.norm(_block(problem, direction, name))) for name in problem.columns}
     main = max((name for name in size if name not in problem.unknowns), key=lambda name: size[name])
-    names = (main, *(name for name in size if name != main and size[name] > _ALONG * size[main]))
+    names = (main, *(name for name in size if name != main and size[name] > _COUPLED_SHARE * size[main]))
     if main in problem.lenses:
         return NullDirection("lens", names, np.zeros((0, 6)))
     model = next(model for model in problem.models.values() if main in model.names)
@@ -111,11 +111,15 @@ def _of_other(problem: Problem, direction: Array) -> NullDirection:
 
 def _clusters(problem: Problem, space: Array) -> list[list[str]]:
     """Names of transforms that move together, in the problem's order."""
-    names = [n for n in problem.columns if n in problem.unknowns and np.linalg.norm(_block(problem, space, n)) > _APART]
+    names = [
+        n
+        for n in problem.columns
+        if n in problem.unknowns and np.linalg.norm(_block(problem, space, n)) > _LEAST_CORRELATION
+    ]
     clusters: list[list[str]] = []
     for name in names:
         own = _block(problem, space, name)
-        alike = {other for other in names if np.linalg.norm(own @ _block(problem, space, other).T) > _APART}
+        alike = {other for other in names if np.linalg.norm(own @ _block(problem, space, other).T) > _LEAST_CORRELATION}
         touching = [c for c in clusters if not alike.isdisjoint(c)]
         clusters = [c for c in clusters if c not in touching] + [[n for c in touching for n in c] + [name]]
     return clusters
@@ -126,20 +130,20 @@ def _block(problem: Problem, space: Array, name: str) -> Array:
     return block
 
 
-def _of_cluster(
+def _cluster_directions(
     problem: Problem, state: State, space: Array, cluster: Sequence[str], scale: Array, is_rotation: bool
 ) -> list[NullDirection]:
     """A space of translations or of rotations of a cluster, by what moves most, that first."""
     found: list[NullDirection] = []
     while space.shape[1]:
         # What moves most; of several alike the first, a base before mounts.
-        size = {name: float(np.linalg.norm(space[_half(problem, name, is_rotation)])) for name in cluster}
-        main = next(name for name in cluster if size[name] >= _MAIN * max(size.values()))
-        turned = by_share(space, _half(problem, main, is_rotation))
-        moves = turned.share > _LITTLE * turned.share[0]
+        size = {name: float(np.linalg.norm(space[_rotation_rows(problem, name, is_rotation)])) for name in cluster}
+        main = next(name for name in cluster if size[name] >= _MAIN_SHARE * max(size.values()))
+        turned = sort_by_share(space, _rotation_rows(problem, main, is_rotation))
+        moves = turned.share > _LITTLE_SHARE * turned.share[0]
         own, space = turned.basis[:, moves], turned.basis[:, ~moves]
         along = {name: float(np.linalg.norm(_block(problem, own, name))) for name in cluster}
-        names = (main, *(name for name in cluster if name != main and along[name] > _ALONG * along[main]))
+        names = (main, *(name for name in cluster if name != main and along[name] > _COUPLED_SHARE * along[main]))
         at = state.transforms[main]
         tangents = (own * scale[:, None])[problem.columns[main]].T
         if is_rotation:
@@ -152,12 +156,12 @@ def _of_cluster(
     return found
 
 
-def _half(problem: Problem, name: str, is_rotation: bool) -> IntArray:
+def _rotation_rows(problem: Problem, name: str, is_rotation: bool) -> IntArray:
     """Rows of an unknown's rotation, or of its translation."""
     return _rows(problem, [name])[slice(3, 6) if is_rotation else slice(0, 3)]
 
 
 def separate_twists(twists: Array) -> tuple[Array, Array]:
     """Translations (i, 3) [m], orthonormal, and twists with rotations (j, 6) [m, rad] of a space of twists, (k, 6)."""
-    translations, rotations = _apart(np.linalg.qr(twists.T)[0], np.arange(3, 6))
+    translations, rotations = _split_basis(np.linalg.qr(twists.T)[0], np.arange(3, 6))
     return orthonormal_rows(translations[:3].T), rotations.T

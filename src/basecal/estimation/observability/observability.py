@@ -17,11 +17,11 @@ from basecal.estimation.observability.null_space import NullDirection, separate_
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 from basecal.numerics.sparse_hessian import SparseHessian
-from basecal.numerics.spectral import above, spectrum
+from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 _UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
 _NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
-_TOUCHES = 1e-3  # share of a null direction in an unknown above which it belongs to it
+_TOUCHED_SHARE = 1e-3  # share of a null direction in an unknown above which it belongs to it
 _SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least
 _DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian
 _ENOUGH_VIEWS = 40  # views by which the shape of null directions is found
@@ -48,14 +48,14 @@ class Observability:
     length_m: float = 1.0
 
 
-def observability_of(problem: Problem, state: State, hessian: Array, factor: float) -> Observability:
+def analyse_observability(problem: Problem, state: State, hessian: Array, factor: float) -> Observability:
     """What an information matrix (p, p), whose inverse times `factor` is the covariance, says of the unknowns."""
     if not len(hessian):
         return Observability(np.zeros((0, 0)), 1.0, (), frozenset(), np.zeros((0, 0)))
     length = _length(problem, state)
     scale = _scales(problem, state, length)
     noise = max(factor, _SMALLEST_FACTOR)
-    of = above(_without_null_directions(problem, state, hessian), noise / _NO_INFORMATION_SIGMA**2, 1 / scale)
+    of = scaled_spectrum(_without_null_directions(problem, state, hessian), noise / _NO_INFORMATION_SIGMA**2, 1 / scale)
     values, vectors, singular = of.values, of.vectors, ~of.held
     inverse = of.inverse
     onto_held = of.inverse_root @ of.root.T
@@ -67,8 +67,10 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
     names = frozenset(
         name
         for name, where in problem.columns.items()
-        if np.abs(vectors[where][:, singular]).max(initial=0.0) > _TOUCHES
-        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _gated(problem, name)].max(initial=0.0)
+        if np.abs(vectors[where][:, singular]).max(initial=0.0) > _TOUCHED_SHARE
+        or np.sqrt(noise * np.diag(inverse)[where] / scale[where] ** 2)[: _required_columns(problem, name)].max(
+            initial=0.0
+        )
         > _UNOBSERVABLE_SIGMA
     )
     condition = float(np.sqrt(values[-1] / values[0])) if not np.any(singular) else float("inf")
@@ -76,17 +78,17 @@ def observability_of(problem: Problem, state: State, hessian: Array, factor: flo
 
 
 def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
-    """As `observability_of` where every direction is seen; None where it is not, or motions leave one open."""
-    condition = condition_where_seen(problem, state, hessian, factor)
+    """As `analyse_observability` where every direction is seen; None where it is not, or motions leave one open."""
+    condition = condition_number(problem, state, hessian, factor)
     if condition is None:
         return None
-    inverse, length = hessian.inverse_at(np.arange(problem.width)), _length(problem, state)
+    inverse, length = hessian.inverse_block(np.arange(problem.width)), _length(problem, state)
     return Observability(inverse, condition, (), frozenset(), np.eye(problem.width), length)
 
 
-def condition_where_seen(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> float | None:
+def condition_number(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> float | None:
     """Largest over smallest scaled sigma where every direction is seen; else None, and where motions leave one open."""
-    scaled = hessian.in_units(_scales(problem, state, _length(problem, state)))
+    scaled = hessian.rescale(_scales(problem, state, _length(problem, state)))
     noise = max(factor, _SMALLEST_FACTOR)
     smallest, largest = scaled.extremes
     if smallest < noise / _UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
@@ -110,7 +112,7 @@ def without_priors(problem: Problem) -> Problem:
     return replace(problem, unknowns=free)
 
 
-def _gated(problem: Problem, name: str) -> int:
+def _required_columns(problem: Problem, name: str) -> int:
     """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens.
 
     Of a robot's kinematics none: each number is given or not by itself.

@@ -126,7 +126,7 @@ def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
 
 
 def _readmitted(
-    about: LeaveOneOut, problem: Problem, kept: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
+    model: LeaveOneOut, problem: Problem, kept: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
 ) -> InlierMask:
     """With the views of few points of which all but a few points are where all other views predict them."""
     views, points = list(kept.views), list(kept.points)
@@ -137,9 +137,9 @@ def _readmitted(
         some = np.flatnonzero(~kept.views[k] & ~judged_by_view(measurement) & ~_in_stops(group, bad_stop))
         if not len(some):
             continue
-        prior = _prior(about, k, some, scale.variance)
+        prior = _prior(model, k, some, scale.variance)
         few = measurement.take(some)
-        camera = about.state.cameras.get(group.camera)
+        camera = model.state.cameras.get(group.camera)
         limit = float(of_points.limit(np.array(2 if isinstance(measurement, PixelMeasurement) else 3)))
         found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
@@ -159,14 +159,14 @@ def _agrees_with_itself(few: Points, found: RansacViews, camera: Camera | None, 
     return np.asarray(alone.points.sum(1) == few.seen.sum(1))
 
 
-def _prior(about: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior:
+def _prior(model: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior:
     """Where views that are not part of the fit are predicted, their private stops' errors unknown."""
-    of, group = about.normal.views[k], about.problem.groups[k]
-    spread = about.spread[k].copy()
-    errors = about.state.stop_errors.copy()
+    of, group = model.normal.views[k], model.problem.groups[k]
+    spread = model.spread[k].copy()
+    errors = model.state.stop_errors.copy()
     for part in of.private:
         spread[part.view] += part.by_error @ part.by_error.mT
         errors[part.stop] = 0.0
-    predicted = replace(about.state, stop_errors=errors).camera_from_target(group, about.problem.stops)
+    predicted = replace(model.state, stop_errors=errors).camera_from_target(group, model.problem.stops)
     pose_spread = spread[some][:, :6, :6] * variance + _EXACT * np.eye(6)
     return Prior(predicted[some], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))

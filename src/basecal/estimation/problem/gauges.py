@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry import SE3, Array, IntArray
-from basecal.numerics.spectral import Spectrum, above
+from basecal.numerics.spectral import Spectrum, scaled_spectrum
 
 # Motion of the flange by a radian of something, root of the mean square [rad], below which it is what the noise of
 # recorded poses may make: real arms have some milliradians.
@@ -40,8 +40,8 @@ def beyond(moves: Array, others: Array) -> Spectrum:
         others: (m, 6, j) likewise.
     """
     flat, by_others = _flat(moves), _flat(others)
-    across = above(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
-    return above(flat.T @ flat - across.T @ across, LEAST_RMS**2)
+    across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
+    return scaled_spectrum(flat.T @ flat - across.T @ across, LEAST_RMS**2)
 
 
 def _flat(moves: Array) -> Array:

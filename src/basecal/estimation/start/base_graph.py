@@ -12,8 +12,8 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.sparse_hessian import SparseHessian
 
-_ROUNDS = 10  # of Gauss-Newton; relations that nearly agree need three
-_SETTLED = 1e-6  # [m, rad] of a step
+_GAUSS_NEWTON_ROUNDS = 10  # of Gauss-Newton; relations that nearly agree need three
+_CONVERGED_STEP = 1e-6  # [m, rad] of a step
 _DAMPING = np.array([1e-9])  # as the first of a descent
 
 
@@ -37,7 +37,7 @@ def placed_by_all(bases: Mapping[str, SE3], relations: Sequence[Relation]) -> di
     column = {name: 6 * k for k, name in enumerate(name for name in bases if name in named)}
     placed, world = dict(bases), SE3.identity()
     told = SE3.stack([of.eye_base_from_hand_base for of in relations])
-    for _ in range(_ROUNDS):
+    for _ in range(_GAUSS_NEWTON_ROUNDS):
         world_from_eye = SE3.stack([world if of.eye_base is None else placed[of.eye_base] for of in relations])
         world_from_hand = SE3.stack([world if of.hand_base is None else placed[of.hand_base] for of in relations])
         residual = (told.inverse() @ world_from_eye.inverse() @ world_from_hand).log()
@@ -49,17 +49,19 @@ def placed_by_all(bases: Mapping[str, SE3], relations: Sequence[Relation]) -> di
         step = hessian.damped_step((jacobian.T @ residual.ravel())[None], _DAMPING)[0]
         for name, at in column.items():
             placed[name] = placed[name] @ SE3.exp(step[at : at + 6])
-        if np.abs(step).max(initial=0.0) < _SETTLED:
+        if np.abs(step).max(initial=0.0) < _CONVERGED_STEP:
             break
     return placed
 
 
-def _jacobian(sides: Sequence[tuple[int | None, int | None]], to_eye: Array, to_hand: Array, width: int) -> csc_array:
+def _jacobian(
+    sides: Sequence[tuple[int | None, int | None]], eye_jacobian: Array, hand_jacobian: Array, width: int
+) -> csc_array:
     """Derivative of all residuals to the bases' steps."""
     blocks = [
         (k, at, to[k])
         for k, ats in enumerate(sides)
-        for at, to in zip(ats, (to_eye, to_hand), strict=True)
+        for at, to in zip(ats, (eye_jacobian, hand_jacobian), strict=True)
         if at is not None
     ]
     row = np.array([6 * k for k, _, _ in blocks])[:, None, None] + np.arange(6)[:, None]

@@ -15,8 +15,8 @@ from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, nearest_rotation
 from basecal.numerics.spectral import least_norm, null_vector
 
-_ROUNDS = 6  # of the power method
-_NOTHING = 1e-300  # keeps quotients of zeros finite
+_POWER_ROUNDS = 6  # of the power method
+_SMALLEST_DIVISOR = 1e-300  # keeps quotients of zeros finite
 
 
 class Loop(NamedTuple):
@@ -64,15 +64,15 @@ def _unvec(vector: Array) -> Array:
     return vector.reshape(3, 3).T
 
 
-def _two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
+def _solve_two(left: Array, right: Array, weight: Array) -> tuple[Array, Array, bool]:
     """Rotations with left vec(P) = right vec(Q), (n, 9, 9) each."""
     rows = (np.concatenate([left, -right], -1) * weight[:, None, None]).reshape(-1, 18)
     null = null_vector(rows.T @ rows, float(lengths(weight)))
-    vector = _upright(null.vector, _unvec(null.vector[:9]))
+    vector = _choose_sign(null.vector, _unvec(null.vector[:9]))
     return nearest_rotation(_unvec(vector[:9])), nearest_rotation(_unvec(vector[9:])), null.unique
 
 
-def _upright(values: Array, matrix: Array) -> Array:
+def _choose_sign(values: Array, matrix: Array) -> Array:
     """Values that hold for either sign, by the one that leaves a matrix among them a determinant not below zero."""
     return -values if np.linalg.det(matrix) < 0 else values
 
@@ -89,24 +89,24 @@ def solve_rotations(loop: Loop) -> Rotations:
     if y is not None and z is not None:
         return Rotations(mean_rotation(_t(a) @ y @ c @ z @ _t(b), w), y, z, True)
     if y is not None:
-        p, q, clear = _two(kron(_t(b), a), kron(eye, y @ c), w)
+        p, q, clear = _solve_two(kron(_t(b), a), kron(eye, y @ c), w)
         return Rotations(p, y, q, clear)
     if z is not None:
-        p, q, clear = _two(kron(_t(b), a), kron(_t(c @ z), eye), w)
+        p, q, clear = _solve_two(kron(_t(b), a), kron(_t(c @ z), eye), w)
         return Rotations(p, q, z, clear)
     if x is not None:
-        p, q, clear = _two(kron(_t(a @ x @ b), eye), kron(eye, c), w)
+        p, q, clear = _solve_two(kron(_t(a @ x @ b), eye), kron(eye, c), w)
         return Rotations(x, p.T, q, clear)
-    return _three(a, b, c, w)
+    return _solve_three(a, b, c, w)
 
 
-def _three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
+def _solve_three(a: Array, b: Array, c: Array, weight: Array) -> Rotations:
     """All three, from K = kron(X', Y') and Z: kron(vec(A)', kron(B', I)) vec(K) = kron(I, C) vec(Z)."""
     null = null_vector(_three_squares(a, b, c, weight), float(lengths(weight)))
-    product = _upright(null.vector, _unvec(null.vector[81:]))[:81].reshape(9, 9).T
+    product = _choose_sign(null.vector, _unvec(null.vector[81:]))[:81].reshape(9, 9).T
     by_factor = product.reshape(3, 3, 3, 3).transpose(0, 2, 1, 3).reshape(9, 9)
     x_t, y_t = (of.reshape(3, 3) for of in _factors(by_factor))
-    x, y = nearest_rotation(_upright(np.stack([x_t, y_t]), x_t)).mT
+    x, y = nearest_rotation(_choose_sign(np.stack([x_t, y_t]), x_t)).mT
     return Rotations(x, y, mean_rotation(_t(y @ c) @ a @ x @ b, weight), null.unique)
 
 
@@ -116,10 +116,10 @@ def _factors(product: Array) -> tuple[Array, Array]:
     Where all three rotations are clear the product is of rank one but for noise, of which each round leaves the square.
     """
     second = product[np.argmax(np.einsum("mk,mk->m", product, product))]
-    for _ in range(_ROUNDS):
+    for _ in range(_POWER_ROUNDS):
         first = product @ second
         second = first @ product
-        second /= np.maximum(lengths(second), _NOTHING)
+        second /= np.maximum(lengths(second), _SMALLEST_DIVISOR)
     return product @ second, second
 
 
@@ -144,15 +144,15 @@ def mean_rotation(matrices: Array, weight: Array) -> Array:
     return nearest_rotation(np.einsum("n,nij->ij", weight**2, matrices))
 
 
-def solve_translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
+def solve_translations(loop: Loop, rotations: Rotations) -> tuple[SE3, SE3, SE3]:
     """X, Y and Z with the translations that fit best once the rotations are known.
 
     RA tX - tY - RY RC tZ = RY tC - tA - RA RX tB, by least squares of least norm.
     """
     a, c = loop.a.rotation, loop.c.rotation
-    right = loop.c.translation @ found.y.T - loop.a.translation
-    right -= (a @ (loop.b.translation @ found.x.T)[..., None])[..., 0]
-    columns = {"x": a, "y": np.broadcast_to(-np.eye(3), a.shape), "z": -(found.y @ c)}
+    right = loop.c.translation @ rotations.y.T - loop.a.translation
+    right -= (a @ (loop.b.translation @ rotations.x.T)[..., None])[..., 0]
+    columns = {"x": a, "y": np.broadcast_to(-np.eye(3), a.shape), "z": -(rotations.y @ c)}
     known = {"x": loop.x, "y": loop.y, "z": loop.z}
     for name, value in known.items():
         if value is not None:
@@ -163,9 +163,9 @@ def solve_translations(loop: Loop, found: Rotations) -> tuple[SE3, SE3, SE3]:
     solution = least_norm(rows.reshape(-1, 3 * len(free)), (right * w[..., 0]).reshape(-1))
     at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
 
-    def whole(name: str, rotation: Array) -> SE3:
+    def complete_pose(name: str, rotation: Array) -> SE3:
         """What was known, or the rotation with its translation."""
         value = known[name]
         return SE3.adopt(rotation.copy(), at[name].copy()) if value is None else value
 
-    return whole("x", found.x), whole("y", found.y), whole("z", found.z)
+    return complete_pose("x", rotations.x), complete_pose("y", rotations.y), complete_pose("z", rotations.z)

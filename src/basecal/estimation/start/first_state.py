@@ -24,7 +24,7 @@ from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_tr
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
-from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refined_together
+from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refine_jointly
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Camera, IntArray
@@ -33,13 +33,13 @@ T = TypeVar("T")
 _Search = Generator[Refinement, Triple, T]
 Failure = BasecalError | np.linalg.LinAlgError
 
-_FEW = (20, 16)  # views and points of a start: 320 points determine 18 unknowns ten times over
-_MANY = (400, 1000)  # views and points of a thorough start
+_FEW_VIEWS_POINTS = (20, 16)  # views and points of a start: 320 points determine 18 unknowns ten times over
+_MANY_VIEWS_POINTS = (400, 1000)  # views and points of a thorough start
 _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by unknown rotations; judged by benchmarks.starts
-_LIGHTS_AT_ONCE = 5  # starts of a light side by side: more may be in vain where one of the first convinces
+_BATCH_STARTS = 5  # starts of a light side by side: more may be in vain where one of the first convinces
 _RIDGE = 1e-9  # of views of a point: where rays are parallel, depth stays that of the mount known so far
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
-_FEW_CHANGES = 0.1  # share of views whose pose changes that no longer moves the closed form
+_FEW_CHANGES_SHARE = 0.1  # share of views whose pose changes that no longer moves the closed form
 
 
 @dataclass
@@ -105,19 +105,19 @@ def first_states(problems: Sequence[Problem], cell: Cell, thorough: bool) -> lis
                 ended[number] = end.value
             except (BasecalError, np.linalg.LinAlgError) as error:
                 ended[number] = error
-        answers = dict(zip(wanted, refined_together(list(wanted.values())), strict=True))
+        answers = dict(zip(wanted, refine_jointly(list(wanted.values())), strict=True))
     return [ended[number] for number in range(len(searches))]
 
 
 def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     """Pair after pair; it asks for the starts of a pair to be refined and is told the best."""
     cameras = lenses(problem, cell)
-    most = _MANY if thorough else _FEW
+    most = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined, views' poses lead to a start from which a descent is no shorter.
     poses_of = view_poses if thorough else partial(view_poses, iterations=0)
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in problem.groups if len(g)]
     sights = tuple(waiting)
-    known = _Known(_given(problem))
+    known = _Known(_known_transforms(problem))
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
     unknown = {id(sight): _unknown(sight, known) for sight in waiting}
     by_name: dict[str, list[PairViews]] = defaultdict(list)
@@ -130,17 +130,17 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
         for sight in waiting:
             if in_vain.get(id(sight)) == unknown[id(sight)]:
                 continue
-            if (yield from _start(sight, known, problem, thorough, forced=False)):
+            if (yield from _start(sight, known, problem, thorough, is_forced=False)):
                 break
             in_vain[id(sight)] = unknown[id(sight)]
         else:
             sight = waiting[0]
-            yield from _start(sight, known, problem, thorough, forced=True)
+            yield from _start(sight, known, problem, thorough, is_forced=True)
         waiting.remove(sight)
         told = {*(known.transforms.keys() - before), *sight.group.frames}  # those of the pair have a relation, too
         unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
     transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
-    transforms |= placed_by_pairs(problem, sights, transforms, _given(problem))
+    transforms |= placed_by_pairs(problem, sights, transforms, _known_transforms(problem))
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
@@ -162,7 +162,7 @@ def lenses(problem: Problem, cell: Cell) -> dict[str, Camera]:
     return found
 
 
-def _given(problem: Problem) -> dict[str, SE3]:
+def _known_transforms(problem: Problem) -> dict[str, SE3]:
     """Transforms known well enough beforehand to start from."""
     return {
         name: u.mean
@@ -176,56 +176,56 @@ def _fallback(unknown: Unknown) -> SE3:
     return unknown.mean or SE3.identity()
 
 
-def _loop(sight: PairViews, known: _Known, chosen: IntArray | None = None) -> Loop:
+def _loop(sight: PairViews, knowns: _Known, choice: IntArray | None = None) -> Loop:
     g = sight.group
-    pick = np.zeros(len(g), dtype=np.int64) if chosen is None else chosen
-    x, z = (known.transforms.get(end.mount) for end in g.ends)
-    return sight.loop(x, known.relation(g.eye.base, g.hand.base), z, pick)
+    pick = np.zeros(len(g), dtype=np.int64) if choice is None else choice
+    x, z = (knowns.transforms.get(end.mount) for end in g.ends)
+    return sight.loop(x, knowns.relation(g.eye.base, g.hand.base), z, pick)
 
 
-def _unknown(sight: PairViews, known: _Known) -> str:
+def _unknown(sight: PairViews, knowns: _Known) -> str:
     """As `Loop.unknown`, of a pair."""
     g = sight.group
-    related = (g.eye.base, g.hand.base) in known.relations
-    has_y = related or all(end.base is None or end.base in known.transforms for end in g.ends)
-    has = {"x": g.eye.mount in known.transforms, "y": has_y, "z": g.hand.mount in known.transforms}
+    related = (g.eye.base, g.hand.base) in knowns.relations
+    has_y = related or all(end.base is None or end.base in knowns.transforms for end in g.ends)
+    has = {"x": g.eye.mount in knowns.transforms, "y": has_y, "z": g.hand.mount in knowns.transforms}
     return "".join(name for name, there in has.items() if not there)
 
 
-def _start(sight: PairViews, known: _Known, problem: Problem, thorough: bool, forced: bool) -> _Search[bool]:
-    """Start one pair if the data determine it, or in any case where `forced`; whether it was done."""
-    loop = _loop(sight, known)
+def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, is_forced: bool) -> _Search[bool]:
+    """Start one pair if the data determine it, or in any case where `is_forced`; whether it was done."""
+    loop = _loop(sight, knowns)
     found: Triple | None = None
     if not loop.unknown:
         return True
     is_point = sight.group.hand.mount in problem.point_mounts
     if sight.candidates is None:
-        found = (yield from _light(sight, loop, is_point)) if forced else None
+        found = (yield from _light(sight, loop, is_point)) if is_forced else None
     else:
-        found = _closed(sight, known)
-        if (found is None and forced) or (found is not None and thorough):
+        found = _solve_closed_form(sight, knowns)
+        if (found is None and is_forced) or (found is not None and thorough):
             # By a grid over rotations and the closed form if there is one, the best of them refined.
             found = yield Refinement(sight, loop, [] if found is None else [found], is_point, searched=True)
     if found is None:
         return False
     g = sight.group
-    known.transforms[g.eye.mount], known.transforms[g.hand.mount] = found[0], found[2]
+    knowns.transforms[g.eye.mount], knowns.transforms[g.hand.mount] = found[0], found[2]
     if loop.y is None:
-        known.add_relation(g.eye.base, g.hand.base, found[1])
+        knowns.add_relation(g.eye.base, g.hand.base, found[1])
     return True
 
 
-def _closed(sight: PairViews, known: _Known) -> Triple | None:
+def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
     """By closed form, each view's better pose chosen anew until the choice settles; None where it is not unique."""
     chosen = np.zeros(len(sight.group), dtype=np.int64)
     for _ in range(4):
-        loop = _loop(sight, known, chosen)
+        loop = _loop(sight, knowns, chosen)
         found = solve_rotations(loop)
         if not found.clear:
             return None
         triple = solve_translations(loop, found)
-        better = sight.nearer(triple)
-        if np.mean(better != chosen) <= _FEW_CHANGES:
+        better = sight.nearer_pose(triple)
+        if np.mean(better != chosen) <= _FEW_CHANGES_SHARE:
             break
         chosen = better
     return triple
@@ -241,16 +241,16 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
         cell: What exists and what is known.
         most: How many starts.
     """
-    cameras, known = lenses(problem, cell), _Known(_given(problem))
+    cameras, known = lenses(problem, cell), _Known(_known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
         return
-    sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY)
+    sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
     as_point, light, starts = light_search(sight, _loop(sight, known), most)
     g = sight.group
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
     pair = pair_problem(as_point, light, True)
-    for at in range(0, len(starts), _LIGHTS_AT_ONCE):
-        some = starts[at : at + _LIGHTS_AT_ONCE]
+    for at in range(0, len(starts), _BATCH_STARTS):
+        some = starts[at : at + _BATCH_STARTS]
         begun = {name: SE3.stack(list(of)) for name, of in zip("xyz", zip(*some, strict=True), strict=True)}
         ends = cauchy_irls(pair, State(begun, {}, np.zeros((len(some), 0, 6)))).transforms
         for k in range(len(some)):

@@ -12,16 +12,16 @@ import numpy as np
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import Array, BoolArray
 
-_ROUNDS = 20
+_DESCENT_ROUNDS = 20
 # What is further off than this [rad] is no better for being nearer: it is wrong in any case.
-_MOST_RAD = 0.5
-_GAIN_RAD = 1e-6
+_LARGEST_MISFIT_RAD = 0.5
+_LEAST_GAIN_RAD = 1e-6
 
 
-def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
+def turned_views(group: ViewGroup, read: Array, mask: Array) -> BoolArray:
     """Which views to read from the other end, (n,), given the target's rotations read both ways, (n, 3, 3) each."""
     alike = np.einsum("nij,ij->n", read, read[0])
-    turn = np.einsum("nij,ij->n", turned, read[0]) > alike
+    turn = np.einsum("nij,ij->n", mask, read[0]) > alike
     # Where one robot moved between views and the other stood still, by how much the target turned is known.
     eye_still, hand_still = (stand[:, None] == stand[None] for stand in (group.eye.stand, group.hand.stand))
     told = np.asarray((eye_still != hand_still) & ~np.eye(len(group), dtype=bool))
@@ -31,23 +31,23 @@ def turned_views(group: ViewGroup, read: Array, turned: Array) -> BoolArray:
     of_eye, of_hand = (_angle(r.mT[:, None] @ r[None]) for r in (eye, hand))
     angle = np.where(hand_still, of_eye, of_hand)
     # How far off is view i read the way s from view j read the way t, (i, s, j, t) [rad].
-    both = np.stack([read, turned], 1)
+    both = np.stack([read, mask], 1)
     between = np.einsum("isab,jtcb->isjtac", both, both)
-    misfit = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), _MOST_RAD) * told[:, None, :, None]
-    turn = _descended(misfit, turn.astype(np.int64))
-    first = _descended(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
+    misfit = np.minimum(np.abs(_angle(between) - angle[:, None, :, None]), _LARGEST_MISFIT_RAD) * told[:, None, :, None]
+    turn = _descend_readings(misfit, turn.astype(np.int64))
+    first = _descend_readings(misfit, np.argmin(misfit[:, :, 0, 0], axis=1))
     rows = np.arange(len(turn))
     return min((turn, first), key=lambda t: float(misfit[rows, t][:, rows, t].sum())).astype(bool)
 
 
-def _descended(misfit: Array, turn: Array) -> Array:
+def _descend_readings(misfit: Array, turn: Array) -> Array:
     """The readings, (n,), from which no single view gains by being read otherwise."""
     turn, rows = turn.copy(), np.arange(len(turn))
-    for _ in range(_ROUNDS * len(turn)):
+    for _ in range(_DESCENT_ROUNDS * len(turn)):
         both = misfit[:, :, rows, turn].sum(-1)
         gain = both[rows, turn] - both.min(-1)
         most = int(np.argmax(gain))
-        if gain[most] < _GAIN_RAD:
+        if gain[most] < _LEAST_GAIN_RAD:
             break
         turn[most] = 1 - turn[most]
     return turn

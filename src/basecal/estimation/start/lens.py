@@ -22,9 +22,9 @@ _FOCAL_GUESSES = (0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 _MOST_VIEWS = 30
 _MOST_POINTS = 100  # of a board: a start needs no more, and the lens is estimated of all of them afterwards
 _FEW_POINTS = 40  # of a board, to choose among focal lengths: far apart they hold its pose as hundreds do
-_HOPELESS = 100.0  # times the least cost: bending has lowered that of none by as much
-_ALIKE = 2e-3  # share of a focal length by which two differ that go on to the same end
-_SETTLED = 0.01  # of the residuals' norm: a step that gains less than 1e-4 of the cost is the last of a start
+_HOPELESS_RATIO = 100.0  # times the least cost: bending has lowered that of none by as much
+_EQUAL_FOCAL_SHARE = 2e-3  # share of a focal length by which two differ that go on to the same end
+_CONVERGED_SHARE = 0.01  # of the residuals' norm: a step that gains less than 1e-4 of the cost is the last of a start
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] for boards that hold no pose: nothing beside what a pixel tells of one that does
 
 
@@ -56,7 +56,7 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     Several focal lengths are tried; the poses and the lens are refined together, first without distortion. Without
     a view of four points it is the guess of one image width.
     """
-    usable = [_thinned(m) for m in measurements]
+    usable = [_thin_points(m) for m in measurements]
     usable = [m for m in usable if len(m.seen)]
     if not usable:
         return guessed_lens(camera)
@@ -64,30 +64,30 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     guesses = [guessed_lens(camera, focal) for focal in _FOCAL_GUESSES]
     start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in few)) for lens in guesses])
     terms = np.arange(start.camera.parameters.shape[-1])
-    rough = _refined(start, few, 8, terms[:2])
+    rough = _refine_lenses(start, few, 8, terms[:2])
     # Of a lens that bends much, what fits best without any bending is another focal length.
-    bent = _refined(take(rough.state, _worth_bending(rough)), few, 12, terms[:5])
+    bent = _refine_lenses(take(rough.state, _promising_lenses(rough)), few, 12, terms[:5])
     best = take(bent.state, np.array([np.nan_to_num(bent.cost, nan=np.inf).argmin()]))
     # All terms at once, a few views may send far along a valley in which they make up for one another.
     for count in (6, len(terms)):
-        best = _refined(best, usable, 12, terms[:count]).state
+        best = _refine_lenses(best, usable, 12, terms[:count]).state
     return take(best.camera, 0)
 
 
-def _worth_bending(rough: Optima[_Lenses, _About]) -> IntArray:
+def _promising_lenses(rough: Optima[_Lenses, _About]) -> IntArray:
     """Rows of the lenses that may end best: each focal length once, and none that hardly fits at all."""
     cost = np.nan_to_num(rough.cost, nan=np.inf)
     focal = rough.state.camera.focal[:, 0]
     kept: list[int] = []
     for row in np.argsort(cost, kind="stable").tolist():
-        if cost[row] > _HOPELESS * cost.min():
+        if cost[row] > _HOPELESS_RATIO * cost.min():
             break
-        if np.all(np.abs(focal[kept] / focal[row] - 1) > _ALIKE):
+        if np.all(np.abs(focal[kept] / focal[row] - 1) > _EQUAL_FOCAL_SHARE):
             kept.append(row)
     return np.array(kept or [int(cost.argmin())])
 
 
-def _thinned(measurement: PixelMeasurement) -> PixelMeasurement:
+def _thin_points(measurement: PixelMeasurement) -> PixelMeasurement:
     enough = np.flatnonzero(measurement.seen.sum(-1) >= FEWEST_POINTS)
     step = max(1, -(-len(enough) // _MOST_VIEWS))
     few = measurement.take(enough[::step]).thinned(_MOST_POINTS)
@@ -102,11 +102,11 @@ def _poses(lens: Camera, measurement: PixelMeasurement) -> SE3:
     return found.camera_from_target[:, 0]
 
 
-def _refined(
+def _refine_lenses(
     start: _Lenses, measurements: Sequence[PixelMeasurement], iterations: int, free: NDArray[np.intp]
 ) -> Optima[_Lenses, _About]:
     """The lenses, of which some terms are free, and every view's pose at their optima."""
-    return levenberg_marquardt(_Views(measurements, free), start, Stop(iterations, sigmas=_SETTLED))
+    return levenberg_marquardt(_Views(measurements, free), start, Stop(iterations, sigmas=_CONVERGED_SHARE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,11 +152,11 @@ class _Views:
         cost = np.sum([view.cost.sum(-1) for view in views], axis=0)
         return _About(cost, gradient, hessian, eliminated, tuple(back))
 
-    def retract(self, state: _Lenses, about: _About, step: Array) -> _Lenses:
+    def retract(self, state: _Lenses, model: _About, step: Array) -> _Lenses:
         """See `System`."""
         of_lens = np.zeros(state.camera.parameters.shape)
         of_lens[:, self.kept] = step
-        steps = [-(back[..., -1] + (back[..., :-1] @ step[:, None, :, None])[..., 0]) for back in about.back]
+        steps = [-(back[..., -1] + (back[..., :-1] @ step[:, None, :, None])[..., 0]) for back in model.back]
         poses = tuple(pose @ SE3.exp(each) for pose, each in zip(state.poses, steps, strict=True))
         return _Lenses(retract_lens(state.camera, of_lens), poses)
 

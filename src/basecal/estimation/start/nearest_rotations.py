@@ -12,15 +12,15 @@ import numpy as np
 from basecal.geometry import Array
 from basecal.geometry.rotation import nearest_rotation
 
-_ROUNDS = 10  # of Newton's method from above, which converges quadratically unless two roots nearly meet
-_CONVERGED = 1e-13  # relative, of the last step
-_MANY = 100  # fewer are done by their singular values before the first round is
-_CLEAR = 1e-3  # of l^3, of (s + t)(t + u)(u + s): below, rounding would show in the rotation
+_NEWTON_ROUNDS = 10  # of Newton's method from above, which converges quadratically unless two roots nearly meet
+_CONVERGED_STEP = 1e-13  # relative, of the last step
+_MANY_MATRICES = 100  # fewer are done by their singular values before the first round is
+_LEAST_SEPARATION = 1e-3  # of l^3, of (s + t)(t + u)(u + s): below, rounding would show in the rotation
 
 
 def nearest_rotations(matrix: Array) -> Array:
     """The rotations nearest in the Frobenius norm, (..., 3, 3), as `nearest_rotation` to 1e-12."""
-    if matrix.size < 9 * _MANY:
+    if matrix.size < 9 * _MANY_MATRICES:
         return nearest_rotation(matrix)
     rows = np.moveaxis(matrix, (-2, -1), (0, 1)).copy()
     cofactors = cross_rows(rows)
@@ -28,13 +28,13 @@ def nearest_rotations(matrix: Array) -> Array:
     squares, products = (sum(dot(r, r) for r in of) for of in (rows, cofactors))
     with np.errstate(all="ignore"):
         largest = np.sqrt(3 * squares)
-        for _ in range(_ROUNDS):
+        for _ in range(_NEWTON_ROUNDS):
             off = largest * largest - squares
             step = (off * off - 4 * products - 8 * determinant * largest) / (4 * largest * off - 8 * determinant)
             largest = largest - step
         half = 0.5 * (largest * largest - squares)
         scale = half * largest - determinant
-        clear = (np.abs(step) < _CONVERGED * largest) & (scale > _CLEAR * largest**3)
+        clear = (np.abs(step) < _CONVERGED_STEP * largest) & (scale > _LEAST_SEPARATION * largest**3)
         of_rows = [[dot(r, other) for other in rows] for r in rows]
         found: Array = np.empty_like(matrix)
         for i in range(3):

@@ -21,11 +21,11 @@ from basecal.geometry.rotation import nearest_rotation
 from basecal.numerics.batch import take, where
 from basecal.numerics.spectral import dimension, floored_inverse
 
-_LOOKS_ALIKE = 25.0  # five sigmas: below, a plane's second pose fits as well
-_EITHER_POSE = 0.2  # weight of such a view, whose pose may be the wrong one of two
+_AMBIGUOUS_CHI2 = 25.0  # five sigmas: below, a plane's second pose fits as well
+_AMBIGUOUS_WEIGHT = 0.2  # weight of such a view, whose pose may be the wrong one of two
 _UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] of views that hold no pose: next to no weight, not none
-_START_PIXEL = 0.5  # sigma of a pixel where none is stated [px]
+_START_SIGMA_PX = 0.5  # sigma of a pixel where none is stated [px]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +44,17 @@ class PairViews:
     weight: Array
     total: int
 
-    def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, chosen: IntArray) -> Loop:
-        """The loop's factors, with the `chosen` (n,) candidate of each view."""
+    def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, choice: IntArray) -> Loop:
+        """The loop's factors, with the `choice` (n,) candidate of each view."""
         rows = np.arange(len(self.group))
-        b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, chosen]
+        b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, choice]
         return Loop(self.group.eye.base_from_flange, b, self.group.hand.base_from_flange, x, y, z, self.weight)
 
-    def predicted(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
+    def predict_poses(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
         """Poses of the target in each view by X, Y and Z, (n,)."""
         return self.group.closed_by(*triple)
 
-    def nearer(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
+    def nearer_pose(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
         """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
         assert self.candidates is not None
         x, y, z = (of.rotation for of in triple)
@@ -69,7 +69,7 @@ ViewPosesOf = Callable[[Array, Array, BoolArray, BearingMeasurement], ViewPoses]
 
 
 def pair_views(
-    group: ViewGroup, camera: Camera | None, views: int, points: int, poses_of: ViewPosesOf = view_poses
+    group: ViewGroup, camera: Camera | None, views: int, points: int, estimate_poses: ViewPosesOf = view_poses
 ) -> PairViews:
     """At most so many views of a group, spread evenly, and of their points about so many as a view has left.
 
@@ -78,7 +78,7 @@ def pair_views(
         camera: The lens that took them; None where poses or points in space were measured.
         views: How many views.
         points: How many points.
-        poses_of: What gives views their poses, such as `KnownPoses`.
+        estimate_poses: What gives views their poses, such as `KnownPoses`.
     """
     total = len(group)
     count = min(total, views)
@@ -91,28 +91,28 @@ def pair_views(
         both = SE3(np.stack([pose.rotation] * 2, 1), np.stack([pose.translation] * 2, 1))
         return PairViews(few, both, np.ones(len(few)), total)
     if isinstance(measurement, PointMeasurement):
-        return _of_points(few, measurement, total)
+        return _point_views(few, measurement, total)
     assert isinstance(measurement, PixelMeasurement)
     assert camera is not None
     # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
     shown = 1.0 if measurement.seen.all() else max(float(np.median(measurement.seen.mean(-1))), 1e-3)
     measurement = measurement.thinned(int(np.ceil(points / shown)), paired=few.half_turn is not None)
-    return _of_pixels(few, measurement, camera, total, poses_of)
+    return _pixel_views(few, measurement, camera, total, estimate_poses)
 
 
-def _of_pixels(
-    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, poses_of: ViewPosesOf
+def _pixel_views(
+    group: ViewGroup, measurement: PixelMeasurement, camera: Camera, total: int, estimate_poses: ViewPosesOf
 ) -> PairViews:
     bearings, valid = camera.undistort(measurement.pixels)
     seen = measurement.seen & valid
-    weight = np.where(seen, np.where(measurement.stated > 0, measurement.stated, 1 / _START_PIXEL), 0.0)
+    weight = np.where(seen, np.where(measurement.stated > 0, measurement.stated, 1 / _START_SIGMA_PX), 0.0)
     chords = BearingMeasurement(
         measurement.points_in_target, np.where(seen[..., None], bearings, 0.0), weight * float(camera.focal.mean())
     )
     group = replace(group, measurement=chords)
     if len(measurement.points_in_target) < 4:
         return PairViews(group, None, np.ones(len(group)), total)
-    poses = poses_of(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
+    poses = estimate_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
     found = np.flatnonzero(poses.found)
     if len(found) < 3:
         return PairViews(group, None, np.ones(len(group)), total)
@@ -121,8 +121,8 @@ def _of_pixels(
         group, poses = group.take(found), take(poses, found)
     spread = floored_inverse(poses.information, _RIDGE)
     sigma = np.sqrt(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1))
-    alike = poses.cost[:, 1] - poses.cost[:, 0] < _LOOKS_ALIKE
-    weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _EITHER_POSE, 1.0)
+    alike = poses.cost[:, 1] - poses.cost[:, 0] < _AMBIGUOUS_CHI2
+    weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _AMBIGUOUS_WEIGHT, 1.0)
     sight = PairViews(group, poses.camera_from_target, weight, total)
     return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
 
@@ -145,7 +145,7 @@ def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
     return replace(sight, group=group, candidates=candidates)
 
 
-def _of_points(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:
+def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:
     enough = np.flatnonzero(measurement.seen.sum(-1) >= 3)
     if len(enough) < 3 or dimension(measurement.points_in_target) < 2:
         p = measurement.points_in_camera

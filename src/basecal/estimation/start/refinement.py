@@ -18,8 +18,8 @@ from basecal.numerics.batch import stack
 
 Triple = tuple[SE3, SE3, SE3]
 
-_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
-_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
+_GRID_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
+_REFINEMENT_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,19 +49,19 @@ class Refinement:
         return *kind, self.loop.unknown, self.is_point, self.searched
 
 
-def refined_together(wishes: Sequence[Refinement], iterations: int = _STEPS) -> list[Triple]:
+def refine_jointly(wishes: Sequence[Refinement], iterations: int = _REFINEMENT_STEPS) -> list[Triple]:
     """The best of each wish's starts, refined by so many steps at most."""
     best: dict[int, Triple] = {}
     for structure in dict.fromkeys(wish.structure for wish in wishes):
         numbers = [k for k, wish in enumerate(wishes) if wish.structure == structure]
-        best |= dict(zip(numbers, _refined([wishes[k] for k in numbers], iterations), strict=True))
+        best |= dict(zip(numbers, _refine([wishes[k] for k in numbers], iterations), strict=True))
     return [best[k] for k in range(len(wishes))]
 
 
-def _refined(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
+def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     """Of wishes of one structure; those of fewer views are filled up with views of no weight."""
     if wishes[0].searched:
-        found = pose_starts([wish.loop for wish in wishes], _CELLS)
+        found = pose_starts([wish.loop for wish in wishes], _GRID_CELLS)
         turns = [[Rotations(*turn, True) for turn in of] for of in found]
         more = [[solve_translations(w.loop, turn) for turn in of] for w, of in zip(wishes, turns, strict=True)]
         wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, more, strict=True)]
@@ -75,11 +75,11 @@ def _refined(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
     together = problems[0].with_groups([group.of_batch(owner)])
     ends = bundle_adjust_batch(together, states, dof=1, iterations=iterations, weights=[weight[owner]])
-    return [_best(ends.state, ends.cost, np.flatnonzero(owner == k)) for k in range(len(wishes))]
+    return [_best_triple(ends.state, ends.cost, np.flatnonzero(owner == k)) for k in range(len(wishes))]
 
 
-def _best(states: State, cost: Array, among: IntArray) -> Triple:
-    row = among[np.argmin(np.where(np.isnan(cost[among]), np.inf, cost[among]))]
+def _best_triple(states: State, cost: Array, rows: IntArray) -> Triple:
+    row = rows[np.argmin(np.where(np.isnan(cost[rows]), np.inf, cost[rows]))]
     x, y, z = (states.transforms[k][row] for k in "xyz")
     return x, y, z
 

@@ -87,11 +87,11 @@ def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> l
     return out
 
 
-def _least_squares(across: Array, rows: Array, constant: Array) -> Array:
+def _least_squares(cross_terms: Array, rows: Array, constant: Array) -> Array:
     """Translations that bring points nearest to their lines of sight, (m, k)."""
-    projected = across @ rows
+    projected = cross_terms @ rows
     flat = projected.reshape(len(rows), -1, rows.shape[-1])
-    right = (across @ constant[..., None]).reshape(len(rows), -1, 1)
-    ridge = _RIDGE * len(across) * np.eye(rows.shape[-1])
+    right = (cross_terms @ constant[..., None]).reshape(len(rows), -1, 1)
+    ridge = _RIDGE * len(cross_terms) * np.eye(rows.shape[-1])
     normal = flat.mT @ flat + ridge
     return -np.asarray(np.linalg.solve(normal, flat.mT @ right)[..., 0], dtype=np.float64)

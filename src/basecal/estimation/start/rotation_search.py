@@ -20,20 +20,20 @@ from basecal.estimation.start.rotation_grid import icosahedral_rotations
 from basecal.geometry import Array, IntArray
 
 # Cells of the grid that are refined; for how many rounds, and how many of the best go on then.
-_CELLS = 16
-_SCHEDULE = ((5, 6), (10, 2), (25, 1))
-_LOOPS_AT_A_TIME = 8
+_GRID_CELLS = 16
+_ALTERNATION_SCHEDULE = ((5, 6), (10, 2), (25, 1))
+_CHUNK_LOOPS = 8
 # Of starts that are refined as a whole later: enough to bring grid cells of one basin together.
 _START_ROUNDS = 12
 _SETTLING_ROUNDS = 25  # of one start: its error falls to a few hundredths
 # Starts nearer to each other than this end in the same optimum: half of what a descent's basin spans [rad].
-_ALIKE_RAD = 0.15
+_EQUAL_ANGLE_RAD = 0.15
 # Rotations whose entries change by less in a round have settled.
-_SETTLED = 1e-6
+_CONVERGED_ANGLE_RAD = 1e-6
 # Each round of the sum of singular values leaves at most a ninth of the error: enough to rank by.
 _SUM_ROUNDS = 8
 # A third of the samples may be wrong: the rest ranks the cells.
-_KEPT = 0.7
+_KEPT_SHARE = 0.7
 # Where the better part of the samples is still further off than this after the first rounds, more do not help [rad].
 _HOPELESS_RAD = 0.5
 
@@ -71,8 +71,8 @@ class _Loops:
         a, b, c, weight, moments = (m[rows] for m in (self.a, self.b, self.c, self.weight, self.moments))
         return _Loops(a, b, c, weight, self.count[rows], known, self.unknown, moments)
 
-    def means(self, letter: str, turns: Turns, each: bool = False) -> Array:
-        """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `each` first with each second one.
+    def means(self, letter: str, turns: Turns, count: bool = False) -> Array:
+        """Weighted sums whose nearest rotation is the one of `letter`, (h, m, 3, 3); `count` firsts by all seconds.
 
         Then they are (h, p, q, 3, 3) of p of the first and q of the second other letter.
         """
@@ -81,7 +81,7 @@ class _Loops:
         by = np.moveaxis(self.moments, 1 + "xyz".index(letter), -1).reshape(h, 9, 81)
         p, q = (turns[other].reshape(*turns[other].shape[:2], 9) for other in (first, second))
         half = (p @ by).reshape(h, p.shape[1], 9, 9)
-        if each:
+        if count:
             return np.asarray((q[:, None] @ half).reshape(h, p.shape[1], q.shape[1], 3, 3))
         return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
 
@@ -96,26 +96,29 @@ def pose_starts(loops: Sequence[Loop], most: int) -> list[list[tuple[Array, Arra
         most: How many cells of the grid.
     """
     every = _loops(loops)
-    at = _alternated(every, _grid_starts(every, most), _START_ROUNDS)
+    at = _alternate(every, _grid_starts(every, most), _START_ROUNDS)
     count = at[every.unknown[0]].shape[1]
     turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
-    off = np.max([angle_between(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
-    return [[(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _apart(off[h])] for h in range(len(loops))]
+    off = np.max([rotation_angle(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
+    return [
+        [(turns["x"][h, i], turns["y"][h, i], turns["z"][h, i]) for i in _distinct_rotations(off[h])]
+        for h in range(len(loops))
+    ]
 
 
 def settled_rotations(loops: Sequence[Loop], near: Sequence[Sequence[Array]]) -> list[Rotations]:
     """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y, Z."""
     every = _loops(loops)
     begun = {k: np.stack([turns["xyz".index(k)][None] for turns in near]) for k in every.unknown}
-    at = _alternated(every, {**every.known, **begun}, _SETTLING_ROUNDS)
+    at = _alternate(every, {**every.known, **begun}, _SETTLING_ROUNDS)
     return [Rotations(at["x"][h, 0], at["y"][h, 0], at["z"][h, 0], True) for h in range(len(loops))]
 
 
-def _apart(off: Array) -> list[int]:
+def _distinct_rotations(angles: Array) -> list[int]:
     """Those that are off from all before them, by angles (m, m)."""
     apart: list[int] = []
-    for i in range(len(off)):
-        if np.all(off[i, apart] > _ALIKE_RAD):
+    for i in range(len(angles)):
+        if np.all(angles[i, apart] > _EQUAL_ANGLE_RAD):
             apart.append(i)
     return apart
 
@@ -123,12 +126,12 @@ def _apart(off: Array) -> list[int]:
 def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
     """Rotations of loops with the same unknowns, two or three, that close most samples of each."""
     every = _loops(loops)
-    at = _grid_starts(every, _CELLS)
+    at = _grid_starts(every, _GRID_CELLS)
     found = {k: turn[:, 0].copy() for k, turn in at.items()}
     going = np.arange(len(loops))
-    for rounds, best in _SCHEDULE:
+    for rounds, best in _ALTERNATION_SCHEDULE:
         some = every.take(going)
-        at, angle = _ranked(some, _alternated(some, at, rounds), best)
+        at, angle = _rank_rotations(some, _alternate(some, at, rounds), best)
         for letter, turn in at.items():
             found[letter][going] = turn[:, 0]
         near = angle[:, 0] < _HOPELESS_RAD
@@ -138,7 +141,7 @@ def search_rotations(loops: Sequence[Loop]) -> list[Rotations]:
     return [Rotations(*triple, True) for triple in zip(found["x"], found["y"], found["z"], strict=True)]
 
 
-def angle_between(first: Array, second: Array) -> Array:
+def rotation_angle(first: Array, second: Array) -> Array:
     """Angles between rotations, (..., 3, 3) each to (...,) [rad]: exact near zero, to 1e-8 near half a turn."""
     off = first - second
     chord = np.sqrt(np.einsum("...ij,...ij->...", off, off) / 8)
@@ -148,7 +151,7 @@ def angle_between(first: Array, second: Array) -> Array:
 
 def _loops(loops: Sequence[Loop]) -> _Loops:
     n = max(len(loop.weight) for loop in loops)
-    a, b, c = (np.stack([_padded(getattr(loop, k).rotation, n) for loop in loops]) for k in "abc")
+    a, b, c = (np.stack([_pad_rotations(getattr(loop, k).rotation, n) for loop in loops]) for k in "abc")
     weight = np.stack([np.append(loop.weight, np.zeros(n - len(loop.weight))) for loop in loops])
     unknown = loops[0].unknown
     known = {k: np.stack([getattr(loop, k).rotation[None] for loop in loops]) for k in "xyz" if k not in unknown}
@@ -156,7 +159,7 @@ def _loops(loops: Sequence[Loop]) -> _Loops:
     return _Loops(a, b, c, weight, count, known, unknown, _moments(a, b, c, weight))
 
 
-def _padded(rotations: Array, n: int) -> Array:
+def _pad_rotations(rotations: Array, n: int) -> Array:
     return np.concatenate([rotations, np.broadcast_to(np.eye(3), (n - len(rotations), 3, 3))])
 
 
@@ -180,8 +183,8 @@ def _grid_starts(loops: _Loops, most: int) -> dict[str, Array]:
     """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
     count = len(loops.moments)
     parts = [
-        _best_of_grid(loops.take(np.arange(at, min(at + _LOOPS_AT_A_TIME, count))), most)
-        for at in range(0, count, _LOOPS_AT_A_TIME)
+        _best_of_grid(loops.take(np.arange(at, min(at + _CHUNK_LOOPS, count))), most)
+        for at in range(0, count, _CHUNK_LOOPS)
     ]
     return {letter: np.concatenate([part[letter] for part in parts]) for letter in parts[0]}
 
@@ -195,7 +198,7 @@ def _best_of_grid(loops: _Loops, most: int) -> dict[str, Array]:
         if k != averaged
     }
     first, second = tried
-    means = loops.means(averaged, tried, each=True)
+    means = loops.means(averaged, tried, count=True)
     score = _sum_of_singular_values(means).reshape(h, -1)
     most = min(most, score.shape[1])
     best = np.argpartition(-score, most - 1, axis=-1)[:, :most]
@@ -225,7 +228,7 @@ def _sum_of_singular_values(matrix: Array) -> Array:
     return total
 
 
-def _alternated(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
+def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
     """Each unknown rotation in turn as the mean that follows from the others, until those of a loop settle."""
     found = {k: turn.copy() for k, turn in turns.items()}
     moving = np.arange(len(loops.moments))
@@ -238,16 +241,16 @@ def _alternated(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
         change = [np.abs(now[k] - found[k][moving]).max((1, 2, 3)) for k in loops.unknown]
         for letter in loops.unknown:
             found[letter][moving] = now[letter]
-        moving = moving[np.max(change, axis=0) > _SETTLED]
+        moving = moving[np.max(change, axis=0) > _CONVERGED_ANGLE_RAD]
     return found
 
 
-def _ranked(loops: _Loops, turns: Turns, most: int) -> tuple[dict[str, Array], Array]:
+def _rank_rotations(loops: _Loops, turns: Turns, most: int) -> tuple[dict[str, Array], Array]:
     """The best rotations of each loop, (h, most, 3, 3) by letter, and the angles that they leave, (h, most) [rad]."""
     x, y, z = (turns[k][:, :, None] for k in "xyz")
     seen = loops.a[:, None] @ x @ loops.b[:, None]
     told = y @ loops.c[:, None] @ z
-    angle = _trimmed_rms(angle_between(told, seen), loops.count)
+    angle = _trimmed_rms(rotation_angle(told, seen), loops.count)
     best = np.argsort(angle, axis=-1, kind="stable")[:, :most]
     row = np.arange(len(best))[:, None]
     return {k: turn[row, best] for k, turn in turns.items()}, angle[row, best]
@@ -257,7 +260,7 @@ def _trimmed_rms(angle: Array, count: IntArray) -> Array:
     """Rms over the least of the first `count` values, (h, m, n) to (h, m)."""
     among = np.arange(angle.shape[-1]) < count[:, None]
     ordered = np.sort(np.where(among[:, None], angle, np.inf), axis=-1)
-    kept = np.maximum(1, np.ceil(_KEPT * count).astype(np.int64))
+    kept = np.maximum(1, np.ceil(_KEPT_SHARE * count).astype(np.int64))
     used = np.arange(angle.shape[-1]) < kept[:, None]
     total: Array = np.sqrt(np.sum(np.where(used[:, None], ordered, 0.0) ** 2, -1) / kept[:, None])
     return total

@@ -16,10 +16,10 @@ from basecal.cell import WORLD, CandidateObservation, Cell, Observation, PixelOb
 from basecal.effects.row_time import row_shift
 from basecal.geometry import SE3, Array, Camera
 
-_AT_REST = np.zeros(6)
+_NO_VELOCITY = np.zeros(6)
 
 
-def line_of(camera: str) -> str:
+def line_time_name(camera: str) -> str:
     """What the line time of a camera is called among the offsets of clocks: no device has such a name."""
     return f"{camera} line"
 
@@ -55,25 +55,25 @@ class Known:
 
     def camera_from_target(self, camera: str, target: str, robots: Mapping[str, Moving]) -> tuple[SE3, Array] | None:
         """The pose of a target in a camera, and its velocity, (6,), in the target's axes."""
-        eye, hand = self._placed(camera, robots), self._placed(target, robots)
+        eye, hand = self._moving_body(camera, robots), self._moving_body(target, robots)
         if eye is None or hand is None:
             return None
         pose = eye.base_from_flange.inverse() @ hand.base_from_flange
         return pose, hand.velocity - pose.inverse().adjoint() @ eye.velocity
 
-    def _placed(self, name: str, robots: Mapping[str, Moving]) -> Moving | None:
+    def _moving_body(self, name: str, robots: Mapping[str, Moving]) -> Moving | None:
         """A camera or target in the world, and its velocity in its own axes."""
         thing = self.cell.cameras[name] if name in self.cell.cameras else self.cell.targets[name]
         on, mount = thing.on, self.transforms.get(self.cell.mount_name(name))
         if mount is None or on == WORLD:
-            return None if mount is None else Moving(mount, _AT_REST)
+            return None if mount is None else Moving(mount, _NO_VELOCITY)
         base = SE3.identity() if on == self.cell.reference else self.transforms.get(self.cell.base_name(on))
         if base is None:
             return None
         return Moving(base @ robots[on].base_from_flange @ mount, mount.inverse().adjoint() @ robots[on].velocity)
 
 
-def as_at_once(
+def correct_rolling_shutter(
     recording: Recording, known: Known, line_s: Mapping[str, float], robots: Mapping[str, Mapping[int, Moving]]
 ) -> Recording:
     """The recording with pixels where they had been, had all rows been seen at the instant of the mean one.
@@ -90,13 +90,14 @@ def as_at_once(
         here = {name: of[sample.sample] for name, of in robots.items() if sample.sample in of}
         middle = mean_row(sample)
         seen = tuple(
-            _mended(o, known, line_s[o.camera], middle, here) if o.camera in rolling else o for o in sample.observations
+            _correct_rows(o, known, line_s[o.camera], middle, here) if o.camera in rolling else o
+            for o in sample.observations
         )
         samples.append(replace(sample, observations=seen))
     return replace(recording, samples=tuple(samples))
 
 
-def _mended(
+def _correct_rows(
     observation: Observation, known: Known, line_s: float, middle: float, robots: Mapping[str, Moving]
 ) -> Observation:
     target = known.cell.targets[observation.target].target

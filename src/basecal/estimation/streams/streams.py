@@ -10,13 +10,13 @@ import numpy as np
 
 from basecal.cell import WORLD, Calibration, Cell, Clock, Finding, Recording, RobotState, Sample
 from basecal.errors import InputError
-from basecal.estimation.streams.path import MOST_APART_S, Path
-from basecal.estimation.streams.rolling_shutter import Known, Moving, as_at_once, line_of, mean_row
+from basecal.estimation.streams.path import LARGEST_GAP_S, Path
+from basecal.estimation.streams.rolling_shutter import Known, Moving, correct_rolling_shutter, line_time_name, mean_row
 from basecal.geometry import SE3
 
-_FREE = Clock("free")
-_KNOWN = Clock()
-_MOSTLY = 0.5  # of the views, beyond which a recording without robots beside them is one of streams
+_FREE_CLOCK = Clock("free")
+_EXACT_CLOCK = Clock()
+_STREAM_SHARE = 0.5  # of the views, beyond which a recording without robots beside them is one of streams
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Streams:
         recording: As it was read.
         paths: Of the robots, by name, each by its own clock.
         instants: What was seen, a sample for each camera's clock, without robots.
-        clocks: What is known of the clock of each robot and camera, by name, and by `line_of` of cameras' line times.
+        clocks: Clock of each robot and camera by name; line times by `line_time_name`.
     """
 
     cell: Cell
@@ -65,13 +65,21 @@ class Synchronised:
     recording: Recording
     robots: Mapping[str, Mapping[int, Moving]]
 
-    def at_once(self, known: Known, offsets_s: Mapping[str, float]) -> Synchronised:
-        """The same as if the rows of pictures were all seen at once; `offsets_s` as of `synchronised`."""
-        lines = {camera: offsets_s[line_of(camera)] for camera in known.cell.cameras if line_of(camera) in offsets_s}
-        return replace(self, recording=as_at_once(self.recording, known, lines, self.robots)) if lines else self
+    def correct_rows(self, known: Known, offsets_s: Mapping[str, float]) -> Synchronised:
+        """The same as if the rows of pictures were all seen at once; `offsets_s` as of `synchronise`."""
+        lines = {
+            camera: offsets_s[line_time_name(camera)]
+            for camera in known.cell.cameras
+            if line_time_name(camera) in offsets_s
+        }
+        return (
+            replace(self, recording=correct_rolling_shutter(self.recording, known, lines, self.robots))
+            if lines
+            else self
+        )
 
 
-def streams_of(cell: Cell, recording: Recording) -> Streams | None:
+def recording_streams(cell: Cell, recording: Recording) -> Streams | None:
     """The streams of a recording; None of one whose robots and cameras are all taken to share one clock.
 
     Clocks of cameras are free where views have no robots beside them and nothing else is stated.
@@ -82,36 +90,37 @@ def streams_of(cell: Cell, recording: Recording) -> Streams | None:
     asynchronous = _asynchronous(cell, recording)
     stated = {name: robot.clock for name, robot in cell.robots.items()}
     stated |= {name: camera.clock for name, camera in cell.cameras.items()}
-    if not asynchronous and not any(stated.values()) and not _moves_before_lines(cell, recording):
+    if not asynchronous and not any(stated.values()) and not _has_rolling_shutter(cell, recording):
         return None
     unstamped = next((s.sample for s in recording.samples if s.stamp_s is None), None)
     if unstamped is not None:
         why = "clocks are stated" if any(stated.values()) else "robots and views stand in lines of their own"
         raise InputError(f"sample {unstamped} has no stamp_s: {why}, which takes the time of every line")
     clocks = {
-        name: clock or (_FREE if asynchronous and name in cell.cameras else _KNOWN) for name, clock in stated.items()
+        name: clock or (_FREE_CLOCK if asynchronous and name in cell.cameras else _EXACT_CLOCK)
+        for name, clock in stated.items()
     }
     if all(clock.status == "free" for clock in clocks.values()):
         clocks[cell.reference] = Clock("fixed", clocks[cell.reference].offset_s)
     shutters = {name: c.rolling_shutter for name, c in cell.cameras.items() if c.rolling_shutter is not None}
-    clocks |= {line_of(name): Clock(s.status, s.line_time_s, s.sigma_s) for name, s in shutters.items()}
+    clocks |= {line_time_name(name): Clock(s.status, s.line_time_s, s.sigma_s) for name, s in shutters.items()}
     paths = {name: _path(cell, name, recording.samples) for name in cell.robots}
     streams = Streams(cell, recording, paths, tuple(_instants(recording.samples)), clocks)
     _check_overlap(streams)
     return streams
 
 
-def synchronised(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronised:
+def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronised:
     """The views, with robots where they were by clocks that are so far off [s]; those in gaps of a path left out.
 
-    Of a rolling shutter each view stands at the instant of its mean row; see `Synchronised.at_once` for the others.
+    A view of a rolling shutter is at the instant of its mean row; see `Synchronised.correct_rows`.
     """
-    needed = [_robots_of(streams.cell, sample) for sample in streams.instants]
-    times = np.array([s.stamp_s + _after_stamp(s, offsets_s) for s in streams.instants if s.stamp_s is not None])
+    needed = [_carrying_robots(streams.cell, sample) for sample in streams.instants]
+    times = np.array([s.stamp_s + _stamp_delay(s, offsets_s) for s in streams.instants if s.stamp_s is not None])
     seen = np.ones(len(times), dtype=bool)
     for robot, path in streams.paths.items():
         wanted = np.array([robot in names for names in needed], dtype=bool)
-        seen &= ~wanted | path.followed(times - offsets_s[robot])
+        seen &= ~wanted | path.known_mask(times - offsets_s[robot])
     rows = np.flatnonzero(seen)
     states: list[dict[str, RobotState]] = [{} for _ in rows]
     robots: dict[str, dict[int, Moving]] = {}
@@ -129,7 +138,7 @@ def synchronised(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronis
         for row, state in zip(rows, states, strict=True)
     )
     left = [streams.instants[row].sample for row in np.flatnonzero(~seen)]
-    findings = (*streams.recording.findings, *_not_followed(left))
+    findings = (*streams.recording.findings, *_gap_findings(left))
     return Synchronised(replace(streams.recording, samples=samples, findings=findings), robots)
 
 
@@ -141,43 +150,43 @@ def synchronous(cell: Cell, recording: Recording, calibration: Calibration | Non
         recording: As it was read; one by a single clock is given back as it is.
         calibration: Which clocks and line times are by; where it has none they are as stated, or guessed.
     """
-    streams = streams_of(cell, recording)
+    streams = recording_streams(cell, recording)
     if streams is None:
         return recording
     if calibration is None:
-        return synchronised(streams, streams.stated).recording
+        return synchronise(streams, streams.stated).recording
     offsets = streams.stated | {name: clock.offset_s for name, clock in calibration.clocks.items()}
-    offsets |= {line_of(name): line.line_time_s for name, line in calibration.line_times.items()}
+    offsets |= {line_time_name(name): line.line_time_s for name, line in calibration.line_times.items()}
     stated = {n: c.intrinsics.camera for n, c in cell.cameras.items() if c.intrinsics and c.intrinsics.camera}
     lenses = stated | {name: lens for name, (lens, _) in calibration.cameras.items()}
     known = Known(cell, calibration.known_transforms(cell), lenses)
-    return synchronised(streams, offsets).at_once(known, offsets).recording
+    return synchronise(streams, offsets).correct_rows(known, offsets).recording
 
 
 def _asynchronous(cell: Cell, recording: Recording) -> bool:
     """Whether most views stand without a robot that they need, and that other lines have."""
     recorded = {robot for s in recording.samples for robot in s.robots}
     views = [s for s in recording.samples if s.observations]
-    alone = sum(bool(_robots_of(cell, s) & recorded - s.robots.keys()) for s in views)
-    return alone > _MOSTLY * len(views)
+    alone = sum(bool(_carrying_robots(cell, s) & recorded - s.robots.keys()) for s in views)
+    return alone > _STREAM_SHARE * len(views)
 
 
-def _moves_before_lines(cell: Cell, recording: Recording) -> bool:
+def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
     """Whether rows are seen one after another while robots go along paths: theirs are recorded often, with stamps."""
     stamps = [s.stamp_s for s in recording.samples if s.robots and s.stamp_s is not None]
     rolls = any(camera.rolling_shutter is not None for camera in cell.cameras.values())
     all_stamped = all(s.stamp_s is not None for s in recording.samples)
-    return rolls and all_stamped and bool(np.any(np.diff(np.unique(stamps)) <= MOST_APART_S))
+    return rolls and all_stamped and bool(np.any(np.diff(np.unique(stamps)) <= LARGEST_GAP_S))
 
 
-def _after_stamp(sample: Sample, offsets_s: Mapping[str, float]) -> float:
+def _stamp_delay(sample: Sample, offsets_s: Mapping[str, float]) -> float:
     """By how much the instant of a view is later than its stamp [s]."""
     camera = _camera(sample)
-    line = offsets_s.get(line_of(camera), 0.0)
+    line = offsets_s.get(line_time_name(camera), 0.0)
     return offsets_s[camera] + (line * mean_row(sample) if line else 0.0)
 
 
-def _robots_of(cell: Cell, sample: Sample) -> set[str]:
+def _carrying_robots(cell: Cell, sample: Sample) -> set[str]:
     """Robots that carry what saw or was seen in a sample."""
     carriers = {c for o in sample.observations for c in (cell.cameras[o.camera].on, cell.targets[o.target].on)}
     return carriers - {WORLD}
@@ -224,7 +233,7 @@ def _check_overlap(streams: Streams) -> None:
     """Raise where a robot was recorded at other times than what needs it, as by clocks that count from other days."""
     for robot, path in streams.paths.items():
         for camera in streams.cell.cameras:
-            seen = [s for s in streams.instants if _camera(s) == camera and robot in _robots_of(streams.cell, s)]
+            seen = [s for s in streams.instants if _camera(s) == camera and robot in _carrying_robots(streams.cell, s)]
             shift = streams.clocks[camera].offset_s - streams.clocks[robot].offset_s
             stamps = [s.stamp_s + shift for s in seen if s.stamp_s is not None]
             if stamps and len(path.times) and (max(stamps) < path.times[0] or min(stamps) > path.times[-1]):
@@ -235,10 +244,10 @@ def _check_overlap(streams: Streams) -> None:
                 )
 
 
-def _not_followed(numbers: Sequence[int]) -> list[Finding]:
+def _gap_findings(numbers: Sequence[int]) -> list[Finding]:
     if not numbers:
         return []
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-    why = f"no robot was recorded within {MOST_APART_S} s before and after"
+    why = f"no robot was recorded within {LARGEST_GAP_S} s before and after"
     what = f"{len(numbers)} view(s) are not used, of sample {shown}: {why}."
     return [Finding("dropped-sample", "info", tuple(map(str, numbers)), what)]

@@ -74,7 +74,7 @@ class PixelMeasurement(TargetPoints):
 
     def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
         turned = self.turned(camera_from_target)
-        pixels, image = camera.image(self.moved(camera_from_target, turned), lens)
+        pixels, image = camera.image(self.translate(camera_from_target, turned), lens)
         if lens or self.common_px:
             return self._with_jacobian(camera_from_target.rotation, turned, pixels, image)
         by_point = image.by_points
@@ -99,7 +99,7 @@ class PixelMeasurement(TargetPoints):
             by_shape: (p, 3, k) how points move by each of them [m].
         """
         turned = self.turned(camera_from_target)
-        pixels, image = needed(camera).image(self.moved(camera_from_target, turned), lens)
+        pixels, image = needed(camera).image(self.translate(camera_from_target, turned), lens)
         by_more = image.by_points @ (camera_from_target.rotation[..., None, :, :] @ by_shape)
         return self._with_jacobian(camera_from_target.rotation, turned, pixels, image, by_more)
 

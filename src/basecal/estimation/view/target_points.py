@@ -30,13 +30,13 @@ class TargetPoints:
 
     def in_camera(self, camera_from_target: SE3) -> Array:
         """Points in the camera, (..., n, p, 3), those of one coordinate side by side in memory."""
-        return self.moved(camera_from_target, self.turned(camera_from_target))
+        return self.translate(camera_from_target, self.turned(camera_from_target))
 
     def turned(self, camera_from_target: SE3) -> Array:
         """Points from the target's origin in the camera's axes, (3, ..., n, p)."""
         return to_front(camera_from_target.rotation, -2) @ self.points_in_target.T
 
-    def moved(self, camera_from_target: SE3, turned: Array) -> Array:
+    def translate(self, camera_from_target: SE3, turned: Array) -> Array:
         """Points in the camera, (..., n, p, 3), of what `turned` gave."""
         return to_back(turned + to_front(camera_from_target.translation, -1)[..., None])
 

@@ -168,7 +168,7 @@ class _Poses:
         """See `System`."""
         return self.views.linearise(camera_from_target, self.camera, False)
 
-    def retract(self, camera_from_target: SE3, about: ViewInformation, step: Array) -> SE3:
+    def retract(self, camera_from_target: SE3, model: ViewInformation, step: Array) -> SE3:
         """See `System`."""
         return camera_from_target @ SE3.exp(step)
 

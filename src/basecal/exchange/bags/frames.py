@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basecal.errors import FrameNotFound, InputError, listed
-from basecal.fields.values import LARGEST
+from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
 
@@ -93,8 +93,8 @@ def pose_of(values: Array, about: str) -> SE3:
     Raises:
         InputError: if one is none.
     """
-    if not np.all(np.abs(values) <= LARGEST):
-        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST:g}")
+    if not np.all(np.abs(values) <= LARGEST_VALUE):
+        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST_VALUE:g}")
     return SE3.from_quaternion(values[..., 3:], values[..., :3], about)
 
 

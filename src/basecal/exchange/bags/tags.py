@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from basecal.cell.target import Tags
-from basecal.fields.values import LARGEST
+from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import Array, IntArray
 
 TAGS = "apriltag_msgs/msg/AprilTagDetectionArray"
@@ -53,4 +53,4 @@ def corners_of(message: Any, tags: Tags) -> SeenTags | None:
     pixels = [[(each.corners[k].x, each.corners[k].y) for k in _PLACES] for each in found]
     corners = np.array(pixels, dtype=np.float64).reshape(-1, 2) - _HALF_PX
     ids = np.concatenate([rows[each.id] for each in found])
-    return SeenTags(ids, corners) if np.all(np.abs(corners) <= LARGEST) else None
+    return SeenTags(ids, corners) if np.all(np.abs(corners) <= LARGEST_VALUE) else None

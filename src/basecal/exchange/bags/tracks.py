@@ -15,7 +15,7 @@ from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
 from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, Taken
 from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.bags.tags import SeenTags, corners_of
-from basecal.fields.values import LARGEST
+from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
 LEAST_APART_S = 0.0075
@@ -224,8 +224,8 @@ def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, f
         raise InputError(f"{path}: {name}: {source}: {why}")
     times, values = found.sorted()
     about = f"{path}: {name}: {source}"
-    if not np.all(np.abs(values) <= LARGEST):
-        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST:g}")
+    if not np.all(np.abs(values) <= LARGEST_VALUE):
+        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST_VALUE:g}")
     if isinstance(source, ByJoints):
         return Track(times, joints=values)
     if isinstance(source, ByPoses):

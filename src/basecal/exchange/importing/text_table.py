@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from io import StringIO
 
 from basecal.errors import DatasetError
-from basecal.fields.problems import short
+from basecal.fields.problems import shorten
 
 _SEPARATORS = (";", "\t", ",", None)  # None: white space
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -91,9 +91,9 @@ def number_of(cell: str, path: str, line: int, name: str) -> float:
     try:
         value = float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
-        raise DatasetError(path, f"{short(text)} is not a number", line, name) from None
+        raise DatasetError(path, f"{shorten(text)} is not a number", line, name) from None
     if not abs(value) <= _LARGEST:
-        raise DatasetError(path, f"{short(text)} is not finite, or beyond {_LARGEST:g}", line, name)
+        raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}", line, name)
     return value
 
 

@@ -19,7 +19,7 @@ from basecal.errors import DatasetError, listed, nearest
 from basecal.exchange.columns import text_of
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
-from basecal.fields.problems import short
+from basecal.fields.problems import shorten
 
 _TO_PIXEL_CENTRES = -0.5
 _LARGEST = 2**24  # bytes: a hundred thousand cameras
@@ -109,7 +109,7 @@ def _text(path: Path) -> Iterator[_Entry]:
             sides = (int(words[2]), int(words[3]))
             yield _Entry(int(words[0]), words[1], sides, [float(word) for word in words[4:]], where)
         except ValueError:
-            raise where.error(f"{short(line)} has a word that is not a number, behind the model's name") from None
+            raise where.error(f"{shorten(line)} has a word that is not a number, behind the model's name") from None
 
 
 def _binary(path: Path) -> Iterator[_Entry]:
@@ -137,7 +137,7 @@ def _lens(entry: _Entry) -> StatedLens:
     if model is None:
         known = [name for name, each in _MODELS.items() if each.lens]
         raise entry.where.error(
-            f"no model {short(entry.model)}{nearest(entry.model, known)}; there are: {listed(known)}"
+            f"no model {shorten(entry.model)}{nearest(entry.model, known)}; there are: {listed(known)}"
         )
     if model.lens is None:
         raise entry.where.error(f"{entry.model} has no equal here: calibrate with OPENCV or OPENCV_FISHEYE")

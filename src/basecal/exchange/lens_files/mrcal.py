@@ -16,7 +16,7 @@ from basecal.errors import DatasetError, listed
 from basecal.exchange.columns import text_of
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
-from basecal.fields.problems import Loc, short
+from basecal.fields.problems import Loc, shorten
 
 _TERMS = {
     "LENSMODEL_PINHOLE": 0,
@@ -39,7 +39,7 @@ def read_cameramodel(path: str | Path) -> StatedLens:
     name = kind.text().replace("DISTORTION", "LENSMODEL")
     if name not in _TERMS:
         advice = "mrcal-convert-lensmodel fits one that has"
-        raise kind.error(f"{short(name)} has no equal here ({listed(list(_TERMS))}): {advice}")
+        raise kind.error(f"{shorten(name)} has no equal here ({listed(list(_TERMS))}): {advice}")
     values = root.at("intrinsics")
     size = root.at("imagersize").items("width and height")
     if len(size) != 2:

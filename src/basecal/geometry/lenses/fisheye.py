@@ -96,7 +96,7 @@ def fold(distortion: list[float]) -> float:
     return min(math.sqrt(first_root(np.array([1.0, *distortion]) * [1, 3, 5, 7, 9])), math.pi)
 
 
-def within(points: Array, distortion: list[float]) -> BoolArray:
+def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
     """Whether points lie inside the fold, (...,)."""
     inside: BoolArray = _polar(points).angle < fold(distortion)
     return inside

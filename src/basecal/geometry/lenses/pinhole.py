@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry.array import Array, to_back
-from basecal.geometry.lens import BoolArray, Image, Number, Projection, any_nonzero, first_root, inverted
+from basecal.geometry.lens import BoolArray, Image, Number, Projection, any_nonzero, first_root, invert_map
 
 MODEL = "pinhole"
 TERM_NAMES: tuple[str, ...] = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -67,7 +67,7 @@ def _polynomial(s: Array, coefficients: tuple[Number, ...]) -> Array:
     return total
 
 
-def ahead(points: Array) -> tuple[Array, Array, Array]:
+def normalise(points: Array) -> tuple[Array, Array, Array]:
     """a, b and 1 / z; NaN where z <= 0."""
     z = points[..., 2]
     ahead = z > 0
@@ -75,7 +75,7 @@ def ahead(points: Array) -> tuple[Array, Array, Array]:
     return points[..., 0] * inverse, points[..., 1] * inverse, inverse
 
 
-def _padded(distortion: Sequence[Number]) -> list[Number]:
+def _pad_distortion(distortion: Sequence[Number]) -> list[Number]:
     return [*distortion, *[0.0] * (8 - len(distortion))]
 
 
@@ -98,12 +98,16 @@ def _derivative(rays: _Rays, k: Sequence[Number]) -> tuple[Array, Array, Array]:
     mixed = slope_a + 2 * p2
     mixed *= rays.b
     mixed += (2 * p1) * rays.a
-    return _own(slope_a, p2, rays.a, rays.stretch), mixed, _own(slope * rays.b, p1, rays.b, rays.stretch)
+    return (
+        _own_derivative(slope_a, p2, rays.a, rays.stretch),
+        mixed,
+        _own_derivative(slope * rays.b, p1, rays.b, rays.stretch),
+    )
 
 
-def _own(slope_at: Array, p: Number, coordinate: Array, stretch: Array) -> Array:
+def _own_derivative(slopes: Array, p: Number, coordinate: Array, stretch: Array) -> Array:
     """Derivative of a coordinate's image to the coordinate itself."""
-    total = slope_at + 4 * p
+    total = slopes + 4 * p
     total *= coordinate
     total += stretch
     return total
@@ -111,10 +115,10 @@ def _own(slope_at: Array, p: Number, coordinate: Array, stretch: Array) -> Array
 
 def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
     """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
-    a, b, _ = ahead(points)
+    a, b, _ = normalise(points)
     if not any_nonzero(distortion):
         return a, b
-    k = _padded(distortion)
+    k = _pad_distortion(distortion)
     return _image(_rays(a, b, k), k)
 
 
@@ -122,12 +126,12 @@ def project_with_derivatives(
     points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
 ) -> Projection:
     """See `Lens`."""
-    a, b, inverse = ahead(points)
+    a, b, inverse = normalise(points)
     d_points = room(2, 3, points.shape[:-1])
     if not (any_nonzero(distortion) or (terms and distortion)):
         _undistorted_rows(d_points, a, b, inverse, focal)
         return Projection(a, b, d_points, np.empty((*points.shape[:-1], 2, 0)) if terms else None)
-    k = _padded(distortion)
+    k = _pad_distortion(distortion)
     rays = _rays(a, b, k)
     uu, uv, vv = _derivative(rays, k)
     for row, (f, da, db) in enumerate(((focal[0], uu, uv), (focal[1], uv, vv))):
@@ -135,7 +139,7 @@ def project_with_derivatives(
         dx = np.multiply(scale, da, out=d_points[..., row, 0])
         dy = np.multiply(scale, db, out=d_points[..., row, 1])
         np.negative(dx * a + dy * b, out=d_points[..., row, 2])
-    return Projection(*_image(rays, k), d_points, _by_terms(rays, focal, len(distortion)) if terms else None)
+    return Projection(*_image(rays, k), d_points, _term_derivative(rays, focal, len(distortion)) if terms else None)
 
 
 def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
@@ -143,15 +147,15 @@ def room(rows: int, columns: int, shape: tuple[int, ...]) -> Array:
     return to_back(np.empty((rows, columns, *shape)), 2)
 
 
-def _undistorted_rows(out: Array, a: Array, b: Array, inverse: Array, focal: tuple[Number, Number]) -> None:
+def _undistorted_rows(output: Array, a: Array, b: Array, inverse: Array, focal: tuple[Number, Number]) -> None:
     for row, (f, at) in enumerate(zip(focal, (a, b), strict=True)):
         scale = f * inverse
-        out[..., row, row] = scale
-        out[..., row, 1 - row] = 0.0 * scale  # NaN stays NaN
-        np.multiply(scale, -at, out=out[..., row, 2])
+        output[..., row, row] = scale
+        output[..., row, 1 - row] = 0.0 * scale  # NaN stays NaN
+        np.multiply(scale, -at, out=output[..., row, 2])
 
 
-def _by_terms(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
+def _term_derivative(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
     """Derivative of the pixels to the first `count` distortion terms, (..., 2, count)."""
     out = room(2, count, rays.s.shape)
     power = rays.s * rays.inverse_denominator
@@ -172,7 +176,7 @@ def _by_terms(rays: _Rays, focal: tuple[Number, Number], count: int) -> Array:
 
 def fold(distortion: list[float]) -> float:
     """The s = a^2 + b^2 up to which the radial image grows with the radius; infinite where it always does."""
-    k1, k2, _, _, k3, k4, k5, k6 = _padded(distortion)
+    k1, k2, _, _, k3, k4, k5, k6 = _pad_distortion(distortion)
     if not any((k4, k5, k6)):
         return first_root(np.array([1.0, 3 * k1, 5 * k2, 7 * k3]))
     top, bottom = np.array([1.0, k1, k2, k3]), np.array([1.0, k4, k5, k6])
@@ -181,17 +185,17 @@ def fold(distortion: list[float]) -> float:
     return min(first_root(growth), first_root(bottom))
 
 
-def within(points: Array, distortion: list[float]) -> BoolArray:
+def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
     """Whether points lie ahead and inside the fold, (...,)."""
-    a, b, _ = ahead(points)
+    a, b, _ = normalise(points)
     inside: BoolArray = a * a + b * b < fold(distortion)
     return inside
 
 
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
     """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
-    k = _padded(distortion)
-    return inverted(lambda a, b: image_of(a, b, k), u, v, fold(distortion))
+    k = _pad_distortion(distortion)
+    return invert_map(lambda a, b: image_of(a, b, k), u, v, fold(distortion))
 
 
 def image_of(a: Array, b: Array, k: Sequence[Number]) -> Image:

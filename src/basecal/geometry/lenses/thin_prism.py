@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.geometry.array import Array
-from basecal.geometry.lens import BoolArray, Image, Number, Projection, inverted
+from basecal.geometry.lens import BoolArray, Image, Number, Projection, invert_map
 from basecal.geometry.lenses import pinhole
 
 MODEL = "pinhole"
@@ -20,14 +20,14 @@ TERMS: tuple[int, ...] = (12,)
 TERM_SIGMAS: tuple[float, ...] = ()
 USUAL_TERMS = 12
 USUAL_FOCAL_PX = pinhole.USUAL_FOCAL_PX
-_RADIAL = 8
+_RADIAL_TERMS = 8
 
 
 def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
     """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
-    a, b, _ = pinhole.ahead(points)
-    u, v = pinhole.project(points, distortion[:_RADIAL])
-    s1, s2, s3, s4 = distortion[_RADIAL:]
+    a, b, _ = pinhole.normalise(points)
+    u, v = pinhole.project(points, distortion[:_RADIAL_TERMS])
+    s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]
     s = a * a + b * b
     return u + s * (s1 + s2 * s), v + s * (s3 + s4 * s)
 
@@ -36,9 +36,9 @@ def project_with_derivatives(
     points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool
 ) -> Projection:
     """See `Lens`."""
-    a, b, inverse = pinhole.ahead(points)
-    u, v, d_points, d_terms = pinhole.project_with_derivatives(points, focal, distortion[:_RADIAL], terms)
-    s1, s2, s3, s4 = distortion[_RADIAL:]
+    a, b, inverse = pinhole.normalise(points)
+    u, v, d_points, d_terms = pinhole.project_with_derivatives(points, focal, distortion[:_RADIAL_TERMS], terms)
+    s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]
     s = a * a + b * b
     for row, (f, first, second) in enumerate(((focal[0], s1, s2), (focal[1], s3, s4))):
         slope = 2 * f * (first + 2 * second * s) * inverse
@@ -46,11 +46,11 @@ def project_with_derivatives(
         d_points[..., row, 1] += slope * b
         d_points[..., row, 2] -= slope * s
     u, v = u + s * (s1 + s2 * s), v + s * (s3 + s4 * s)
-    d_terms = None if d_terms is None else np.concatenate([d_terms, _by_terms(s, focal)], axis=-1)
+    d_terms = None if d_terms is None else np.concatenate([d_terms, _term_derivative(s, focal)], axis=-1)
     return Projection(u, v, d_points, d_terms)
 
 
-def _by_terms(s: Array, focal: tuple[Number, Number]) -> Array:
+def _term_derivative(s: Array, focal: tuple[Number, Number]) -> Array:
     """Derivative of the pixels to the last four terms, (..., 2, 4)."""
     out = pinhole.room(2, 4, s.shape)
     out[...] = 0.0
@@ -60,25 +60,25 @@ def _by_terms(s: Array, focal: tuple[Number, Number]) -> Array:
     return out
 
 
-def within(points: Array, distortion: list[float]) -> BoolArray:
+def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
     """Whether points lie ahead and inside the fold of the radial terms, (...,)."""
-    return pinhole.within(points, distortion[:_RADIAL])
+    return pinhole.domain_mask(points, distortion[:_RADIAL_TERMS])
 
 
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
     """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
-    s1, s2, s3, s4 = distortion[_RADIAL:]
+    s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]
 
     def image_of(a: Array, b: Array) -> Image:
         """The pinhole's image and its derivative, with what the prism adds."""
-        at, s = pinhole.image_of(a, b, distortion[:_RADIAL]), a * a + b * b
+        at, s = pinhole.image_of(a, b, distortion[:_RADIAL_TERMS]), a * a + b * b
         for_u, for_v = 2 * (s1 + 2 * s2 * s), 2 * (s3 + 2 * s4 * s)
         moved_u, moved_v = at.u + s * (s1 + s2 * s), at.v + s * (s3 + s4 * s)
         return Image(
             moved_u, moved_v, at.du_da + for_u * a, at.du_db + for_u * b, at.dv_da + for_v * a, at.dv_db + for_v * b
         )
 
-    return inverted(image_of, u, v, pinhole.fold(distortion[:_RADIAL]))
+    return invert_map(image_of, u, v, pinhole.fold(distortion[:_RADIAL_TERMS]))
 
 
 def usual_distortion(rng: np.random.Generator) -> Array:

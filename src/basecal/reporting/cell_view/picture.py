@@ -19,20 +19,20 @@ _COLOURS = 4
 Project = Callable[[Array], Array]
 
 
-def picture(drawn: Scene) -> str:
+def picture(scene: Scene) -> str:
     """A drawing of the scene at the sample that it opens at, seen so that the bases stand beside one another."""
-    opening = drawn.opening
-    project = _projection(drawn, opening)
-    feet = [project(arm.world_from_base.translation) for arm in drawn.arms]
+    opening = scene.opening
+    project = _projection(scene, opening)
+    feet = [project(arm.world_from_base.translation) for arm in scene.arms]
     parts = [element("path", class_="floor", d=segments(np.stack([feet[0], foot]) for foot in feet[1:]))]
-    for number, arm in enumerate(drawn.arms):
-        parts += _arm(arm, number, opening, drawn, project)
-    for body in drawn.bodies:
-        world_from_body = _world_from_body(drawn, body, opening)
+    for number, arm in enumerate(scene.arms):
+        parts += _arm(arm, number, opening, scene, project)
+    for body in scene.bodies:
+        world_from_body = _world_from_body(scene, body, opening)
         if world_from_body is None:
             continue
         if body.ellipsoid is not None:
-            parts.append(_ellipsoid(body.ellipsoid, world_from_body, drawn.ellipsoid_scale, project))
+            parts.append(_ellipsoid(body.ellipsoid, world_from_body, scene.ellipsoid_scale, project))
         lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
         parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
         ends = np.concatenate([lines.reshape(-1, 2), points])
@@ -40,28 +40,28 @@ def picture(drawn: Scene) -> str:
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts)
 
 
-def _world_from_body(drawn: Scene, body: Body, sample: int) -> SE3 | None:
+def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
     """Where a body is at a sample; None where its robot's pose was not recorded then."""
     if body.on is None:
         return body.mount
-    arm = next(arm for arm in drawn.arms if arm.name == body.on)
+    arm = next(arm for arm in scene.arms if arm.name == body.on)
     if not (len(arm.known) and arm.known[sample]):
         return None
     return arm.world_from_base @ arm.base_from_flange[sample] @ body.mount
 
 
-def _projection(drawn: Scene, sample: int) -> Project:
+def _projection(scene: Scene, sample: int) -> Project:
     """From points, (..., 3) [m], to the drawing, (..., 2)."""
-    right, up = drawn.across, np.array([0.0, 0.0, 1.0])
+    right, up = scene.across, np.array([0.0, 0.0, 1.0])
     away = np.cross(up, right)
     axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
     # Everything that must be in the picture.
-    reach = _AXIS_SHARE * drawn.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
-    places = [arm.world_from_base @ reach for arm in drawn.arms]
-    places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in drawn.arms]
-    places += [arm.world_from_base @ arm.joints.reshape(-1, 3) for arm in drawn.arms if arm.joints is not None]
-    for body in drawn.bodies:
-        placed = _world_from_body(drawn, body, sample)
+    reach = _AXIS_SHARE * scene.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
+    places = [arm.world_from_base @ reach for arm in scene.arms]
+    places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in scene.arms]
+    places += [arm.world_from_base @ arm.joints.reshape(-1, 3) for arm in scene.arms if arm.joints is not None]
+    for body in scene.bodies:
+        placed = _world_from_body(scene, body, sample)
         if placed is not None:
             places.append(placed @ np.concatenate([body.lines.reshape(-1, 3), body.points]))
     flat = np.concatenate(places) @ axes.T
@@ -82,8 +82,8 @@ def _label(name: str, place: Array, class_: str = "label") -> str:
     return element("text", text(name), class_=class_, x=f"{place[0]:.1f}", y=f"{place[1]:.1f}")
 
 
-def _arm(arm: Arm, number: int, sample: int, drawn: Scene, project: Project) -> Iterator[str]:
-    colour, size = number % _COLOURS, drawn.size_m
+def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[str]:
+    colour, size = number % _COLOURS, scene.size_m
     base = project(arm.world_from_base.translation)
     flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
     yield element("path", class_=f"trail robot-{colour}", d=dots(project(flanges)))
@@ -97,7 +97,7 @@ def _arm(arm: Arm, number: int, sample: int, drawn: Scene, project: Project) -> 
         yield from _frame(world_from_flange, 0.4 * _AXIS_SHARE * size, project)
     yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
     if arm.ellipsoid is not None:
-        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, drawn.ellipsoid_scale, project)
+        yield _ellipsoid(arm.ellipsoid, arm.world_from_base, scene.ellipsoid_scale, project)
     yield _label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
 
 

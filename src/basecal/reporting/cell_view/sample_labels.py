@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from basecal.accuracy.sample_use import views_left_out
+from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration
 
 
 def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]:
     """How each sample fits in words, views one after another; a sample without any view has none."""
     said: dict[int, list[str]] = {sample: [] for sample in samples}
-    left_out = views_left_out(calibration)
+    left_out = outlier_views(calibration)
     for view in calibration.residuals.per_sample:
         if view.sample not in said:
             continue
@@ -30,7 +30,7 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
 
 def worst_sample(calibration: Calibration) -> int | None:
     """The sample with the view that fits worst, of those that were used; None where no view has a residual."""
-    left_out = views_left_out(calibration)
+    left_out = outlier_views(calibration)
     used = [view for view in calibration.residuals.per_sample if view not in left_out]
     measured = [view for view in used if view.rms_px is not None or view.loop_m is not None]
     if not measured:

@@ -11,7 +11,7 @@ import numpy as np
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Robot, Sample, Target
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
-from basecal.reporting.svg import round_up
+from basecal.reporting.svg import nice_ceiling
 
 _MOST_SAMPLES = 400
 _MOST_POINTS = 200
@@ -125,15 +125,15 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         opening=numbers.index(worst) if worst in numbers else len(numbers) // 2,
         total=len(samples),
         size_m=size,
-        across=_across(arms),
-        ellipsoid_scale=1.0 if longest <= 0 else max(1.0, round_up(_ELLIPSOID_SHARE * size / longest) / 2),
+        across=_view_direction(arms),
+        ellipsoid_scale=1.0 if longest <= 0 else max(1.0, nice_ceiling(_ELLIPSOID_SHARE * size / longest) / 2),
         missing=tuple(missing),
     )
 
 
-def _arm(robot: Robot, base: str, means: Mapping[str, SE3], shown: Sequence[Sample], sure: Ellipsoids) -> Arm:
+def _arm(robot: Robot, base: str, means: Mapping[str, SE3], samples: Sequence[Sample], ellipsoids: Ellipsoids) -> Arm:
     poses: list[SE3 | None] = []
-    for sample in shown:
+    for sample in samples:
         state = sample.robots.get(robot.name)
         if state is not None and state.joints_rad is not None and robot.chain is not None:
             poses.append(robot.chain.forward(state.joints_rad))
@@ -141,12 +141,12 @@ def _arm(robot: Robot, base: str, means: Mapping[str, SE3], shown: Sequence[Samp
             poses.append(None if state is None else state.base_from_flange)
     known = np.array([pose is not None for pose in poses], dtype=bool)
     flanges = SE3.stack([pose or SE3.identity() for pose in poses])
-    return Arm(robot.name, means[base], flanges, known, _joints(robot, shown), sure.get(base))
+    return Arm(robot.name, means[base], flanges, known, _joints(robot, samples), ellipsoids.get(base))
 
 
-def _joints(robot: Robot, shown: Sequence[Sample]) -> Array | None:
+def _joints(robot: Robot, samples: Sequence[Sample]) -> Array | None:
     """Places of an arm's joints in its base by its URDF, (n, k, 3) [m]; at zero where a sample has no joints of it."""
-    states = [sample.robots.get(robot.name) for sample in shown]
+    states = [sample.robots.get(robot.name) for sample in samples]
     if robot.chain is None or not any(state and state.joints_rad is not None for state in states):
         return None
     at_zero = np.zeros(robot.chain.n)
@@ -174,7 +174,7 @@ def _size(arms: Sequence[Arm]) -> float:
     return max(float(np.linalg.norm(every.max(0) - every.min(0))), _SMALLEST_M)
 
 
-def _across(arms: Sequence[Arm]) -> Array:
+def _view_direction(arms: Sequence[Arm]) -> Array:
     """The horizontal direction towards the base farthest from world, turned so that no axis is seen end on."""
     x, y = max((arm.world_from_base.translation[:2] for arm in arms), key=lambda t: float(np.linalg.norm(t)))
     angle = np.arctan2(y, x) + _TURN_RAD
@@ -182,24 +182,30 @@ def _across(arms: Sequence[Arm]) -> Array:
 
 
 def _body(
-    thing: CellCamera | CellTarget,
+    body: CellCamera | CellTarget,
     mount: str,
     means: Mapping[str, SE3],
     calibration: Calibration,
-    sure: Ellipsoids,
+    ellipsoids: Ellipsoids,
     size: float,
 ) -> Body:
-    on, mean = None if thing.on == WORLD else thing.on, means[mount]
-    if isinstance(thing, CellCamera):
-        lens = thing.intrinsics.camera if thing.intrinsics is not None else None
-        camera = calibration.cameras[thing.name][0] if thing.name in calibration.cameras else lens
+    on, mean = None if body.on == WORLD else body.on, means[mount]
+    if isinstance(body, CellCamera):
+        lens = body.intrinsics.camera if body.intrinsics is not None else None
+        camera = calibration.cameras[body.name][0] if body.name in calibration.cameras else lens
         return Body(
-            thing.name, "camera", on, mean, frustum(camera, _FRUSTUM_SHARE * size), np.zeros((0, 3)), sure.get(mount)
+            body.name,
+            "camera",
+            on,
+            mean,
+            frustum(camera, _FRUSTUM_SHARE * size),
+            np.zeros((0, 3)),
+            ellipsoids.get(mount),
         )
-    shape = thing.target
+    shape = body.target
     points = np.zeros((1, 3)) if shape is None else shape.points
     some = points[:: -(-len(points) // _MOST_POINTS)]
-    return Body(thing.name, "target", on, mean, outline(shape), some, sure.get(mount))
+    return Body(body.name, "target", on, mean, outline(shape), some, ellipsoids.get(mount))
 
 
 def frustum(camera: Camera | None, length: float) -> Array:
@@ -227,44 +233,44 @@ def outline(shape: Target | None) -> Array:
     return np.stack([loops, np.roll(loops, -1, axis=1)], 2).reshape(-1, 2, 3)
 
 
-def scene_data(drawn: Scene) -> dict[str, Any]:
+def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as plain data for the script of the page; lengths to 0.01 mm."""
     return {
         "arms": [
             {
                 "name": arm.name,
-                "base": _rounded(_pose(arm.world_from_base)),
+                "base": _round_values(_pose(arm.world_from_base)),
                 "flanges": [
                     pose if known else None
-                    for pose, known in zip(_rounded(_pose(arm.base_from_flange)), arm.known, strict=True)
+                    for pose, known in zip(_round_values(_pose(arm.base_from_flange)), arm.known, strict=True)
                 ],
-                "joints": None if arm.joints is None else _rounded(arm.joints),
+                "joints": None if arm.joints is None else _round_values(arm.joints),
                 "ellipsoid": _ellipsoid_data(arm.ellipsoid),
             }
-            for arm in drawn.arms
+            for arm in scene.arms
         ],
         "bodies": [
             {
                 "name": body.name,
                 "kind": body.kind,
                 "on": body.on,
-                "mount": _rounded(_pose(body.mount)),
-                "lines": _rounded(body.lines),
-                "points": _rounded(body.points),
+                "mount": _round_values(_pose(body.mount)),
+                "lines": _round_values(body.lines),
+                "points": _round_values(body.points),
                 "ellipsoid": _ellipsoid_data(body.ellipsoid),
             }
-            for body in drawn.bodies
+            for body in scene.bodies
         ],
-        "samples": list(drawn.samples),
-        "labels": list(drawn.labels),
-        "opening": drawn.opening,
-        "size": _rounded(drawn.size_m),
-        "across": _rounded(drawn.across),
-        "ellipsoidScale": drawn.ellipsoid_scale,
+        "samples": list(scene.samples),
+        "labels": list(scene.labels),
+        "opening": scene.opening,
+        "size": _round_values(scene.size_m),
+        "across": _round_values(scene.across),
+        "ellipsoidScale": scene.ellipsoid_scale,
     }
 
 
-def _rounded(values: Any) -> Any:
+def _round_values(values: Any) -> Any:
     return np.round(values, 5).tolist()
 
 

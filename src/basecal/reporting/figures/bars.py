@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.cell import SampleResidual
 from basecal.reporting.figures.figure import BAR, HEIGHT, Figure, bar
-from basecal.reporting.svg import drawing, element, round_up
+from basecal.reporting.svg import drawing, element, nice_ceiling
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def bar_figure(
     value = {id(view): getattr(view, quantity.field) * quantity.factor for view in given}
     used = [value[id(view)] for view in given if view not in left_out] or list(value.values())
     rms = float(np.sqrt(np.mean(np.square(used))))
-    top = round_up(max(used))
+    top = nice_ceiling(max(used))
     bars = []
     for place, view in enumerate(shown):
         state, kind = (", left out", "view stranger") if view in left_out else ("", "view")

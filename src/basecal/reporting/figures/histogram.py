@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.geometry import Array
 from basecal.reporting.figures.figure import BAR, HEIGHT, Figure, bar
-from basecal.reporting.svg import drawing, element, round_up
+from basecal.reporting.svg import drawing, element, nice_ceiling
 
 _BINS = 41
 _BIN_RANGE_RMS = 4.0
@@ -19,7 +19,7 @@ def histogram(seen: Sequence[PointResiduals]) -> Figure:
     """Both coordinates' residuals of points that were used, beside the normal distribution of the same rms."""
     off = np.concatenate([each.off_px[each.used].ravel() for each in seen])
     rms = float(np.sqrt(np.mean(off**2)))
-    limit = round_up(_BIN_RANGE_RMS * rms)
+    limit = nice_ceiling(_BIN_RANGE_RMS * rms)
     edges = np.linspace(-limit, limit, _BINS + 1)
     counts = np.histogram(np.clip(off, -limit, limit), edges)[0]
     normal = len(off) * _normal(edges, rms)

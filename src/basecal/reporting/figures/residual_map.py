@@ -10,7 +10,7 @@ from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.geometry import Array
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, image_grid
-from basecal.reporting.svg import drawing, element, round_up, segments, text, three_digits
+from basecal.reporting.svg import drawing, element, nice_ceiling, segments, text, three_digits
 
 _ARROW_SHARE = 0.8  # of a square, for an arrow as long as the ruler
 _FEWEST_POINTS = 3  # whose mean is drawn: of fewer it is the noise of single points
@@ -31,7 +31,7 @@ def residual_map(camera: str, size_px: tuple[int, int] | None, seen: Sequence[Po
     some = np.flatnonzero(count)
     rms = np.sqrt(grid.sums(np.sum(off**2, axis=-1) / 2)[some] / count[some])
     mean = np.stack([grid.sums(off[:, axis])[some] / count[some] for axis in (0, 1)], axis=-1)
-    top = round_up(float(rms.max()))
+    top = nice_ceiling(float(rms.max()))
     tiles = [
         grid.tile(
             int(square),
@@ -42,7 +42,7 @@ def residual_map(camera: str, size_px: tuple[int, int] | None, seen: Sequence[Po
     ]
     held = count[some] >= _FEWEST_POINTS
     foot = np.stack([some % grid.shape[0] + 0.5, some // grid.shape[0] + 0.5], axis=-1)[held] * grid.pitch * grid.scale
-    bar_px = round_up(float(np.max(np.linalg.norm(mean[held], axis=-1), initial=0.0)))
+    bar_px = nice_ceiling(float(np.max(np.linalg.norm(mean[held], axis=-1), initial=0.0)))
     longer = _ARROW_SHARE * grid.pitch * grid.scale / bar_px
     ruler = np.array([[12.0, grid.height - 12], [12 + bar_px * longer, grid.height - 12]])
     svg = drawing(

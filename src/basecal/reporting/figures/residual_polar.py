@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.rings import on_rings, polar_drawing
-from basecal.reporting.svg import dots, element, round_up
+from basecal.reporting.svg import dots, element, nice_ceiling
 
 _MOST = 1500  # dots: more only cover one another
 _RANGE_RMS = 2.5  # of the length: of normal residuals one in five hundred is longer
@@ -27,7 +27,7 @@ def residual_polar(camera: str, seen: Sequence[PointResiduals]) -> Figure:
     every = np.concatenate([each.off_px for each in seen])
     off, left_out = every[used], every[~used]
     length = np.linalg.norm(off, axis=-1)
-    top = round_up(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
+    top = nice_ceiling(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
     shown = off[:: -(-len(off) // _MOST)]
     cloud = element("path", class_="cloud", d=dots(on_rings(shown, top)))
     strangers = element("path", class_="left-out", d=dots(on_rings(left_out[:_MOST], top)))

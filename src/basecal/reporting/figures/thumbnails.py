@@ -12,7 +12,7 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.geometry import Array, BoolArray
-from basecal.reporting.svg import dots, drawing, element, round_up, segments
+from basecal.reporting.svg import dots, drawing, element, nice_ceiling, segments
 from basecal.vision.image_file import read_bytes
 from basecal.vision.thumbnail import thumbnail
 
@@ -88,7 +88,7 @@ def thumbnails(
     chosen = [view for view in views if not view.left_out][:_MOST]
     chosen += [view for view in views if view.left_out][:_MOST_LEFT_OUT]
     rms = calibration.residuals.rms_px or max((view.rms_px for view in chosen), default=0.0)
-    longest_px = round_up(2 * rms)
+    longest_px = nice_ceiling(2 * rms)
     pictures = list(_pictures(cell, Path(recording.folder), images, chosen, longest_px))
     if not pictures:
         return None

@@ -7,11 +7,11 @@ from typing import Any
 
 from markupsafe import Markup
 
-from basecal.reporting.fleet.text import HEAD, cells_of, worst_first
+from basecal.reporting.fleet.text import COLUMN_TITLES, row_texts, sort_by_verdict
 from basecal.reporting.templates.environment import environment, own_file, policy
 
 _MOST_ROWS = 2000
-_NAMES = {
+_COLUMN_NAMES = {
     "sigma_mm": "sigma of the translation [mm]",
     "sigma_deg": "sigma of the rotation [deg]",
     "held_out_mm": "held-out error [mm]",
@@ -28,8 +28,8 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         rows: Of all cells, as the table has them.
     """
     style = own_file("templates/page.css") + own_file("templates/study.css")
-    shown = worst_first(rows)[:_MOST_ROWS]
-    spreads = {label: summary[name] for name, label in _NAMES.items() if summary[name] is not None}
+    shown = sort_by_verdict(rows)[:_MOST_ROWS]
+    spreads = {label: summary[name] for name, label in _COLUMN_NAMES.items() if summary[name] is not None}
     return (
         environment()
         .get_template("fleet.html")
@@ -38,7 +38,7 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
             style=Markup(style),
             policy=policy(style),
             spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
-            head=HEAD,
-            rows=[cells_of(row) for row in shown],
+            head=COLUMN_TITLES,
+            rows=[row_texts(row) for row in shown],
         )
     )

@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-HEAD = (
+COLUMN_TITLES = (
     *("cell", "verdict", "transform", "sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "s"),
     *("findings", "said"),
 )
 """Of the columns of a cell's row."""
 
-ORDER = ("failed", "unreadable", "refused", "doubtful", "good")
+VERDICT_ORDER = ("failed", "unreadable", "refused", "doubtful", "good")
 """Of verdicts, those that need somebody first."""
 
-_NUMBERS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
-_MOST = 20  # cells that are told: the table and the page have all
-_LONGEST = 100  # characters of what is said of a cell on a line
+_NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
+_MOST_CELLS = 20  # cells that are told: the table and the page have all
+_LONGEST_LINE = 100  # characters of what is said of a cell on a line
 
 Row = Mapping[str, Any]
 
 
-def worst_first(rows: Sequence[Row]) -> list[Row]:
+def sort_by_verdict(rows: Sequence[Row]) -> list[Row]:
     """Cells by verdict, of one verdict by how well the answer is known."""
-    return sorted(rows, key=lambda row: (ORDER.index(row["verdict"]), -(row["sigma_mm"] or 0.0), row["cell"]))
+    return sorted(rows, key=lambda row: (VERDICT_ORDER.index(row["verdict"]), -(row["sigma_mm"] or 0.0), row["cell"]))
 
 
-def cells_of(row: Row) -> list[str]:
-    """What a cell's row says under `HEAD`; nothing where it was not computed."""
-    numbers = ["" if row[name] is None else f"{row[name]:.3g}" for name in _NUMBERS]
+def row_texts(row: Row) -> list[str]:
+    """What a cell's row says under `COLUMN_TITLES`; nothing where it was not computed."""
+    numbers = ["" if row[name] is None else f"{row[name]:.3g}" for name in _NUMBER_COLUMNS]
     return [row["cell"], row["verdict"], row["transform"] or "", *numbers, row["findings"], row["said"]]
 
 
@@ -38,10 +38,10 @@ def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
     lines = [f"{summary['cells']} cells: {verdicts}"]
     if summary["sigma_mm"] is not None:
         lines.append(f"sigma: median {summary['sigma_mm']['median']:.3g} mm, 95 % {summary['sigma_mm']['p95']:.3g} mm")
-    waiting = [row for row in worst_first(rows) if row["verdict"] != "good"]
-    for row in waiting[:_MOST]:
-        said = row["said"] if len(row["said"]) <= _LONGEST else f"{row['said'][:_LONGEST]}..."
+    waiting = [row for row in sort_by_verdict(rows) if row["verdict"] != "good"]
+    for row in waiting[:_MOST_CELLS]:
+        said = row["said"] if len(row["said"]) <= _LONGEST_LINE else f"{row['said'][:_LONGEST_LINE]}..."
         lines.append(f"{row['cell']}: {row['verdict']}{f', {said}' if said else ''}")
-    if len(waiting) > _MOST:
-        lines.append(f"and {len(waiting) - _MOST} more")
+    if len(waiting) > _MOST_CELLS:
+        lines.append(f"and {len(waiting) - _MOST_CELLS} more")
     return "\n".join(lines)

@@ -12,15 +12,15 @@ import numpy as np
 from basecal.cell import WORLD, Cell, RobotState
 from basecal.errors import BasecalError
 from basecal.geometry import SE3, Array
-from basecal.planning.sketch import Sketch, sketch_of
+from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import frustum, outline
 
 _SIZE_PX = 420
 _ROD_M, _JOINT_M = 0.035, 0.05  # radii of links and of joints
-_SEES_M = 0.15  # length of the lines that show what a camera sees
-_SEEN_FROM_M = (1.7, 1.0, 0.35)  # away from the middle of the bases, above it, and where it is looked at above it
+_FRUSTUM_M = 0.15  # length of the lines that show what a camera sees
+_VIEWPOINT_M = (1.7, 1.0, 0.35)  # away from the middle of the bases, above it, and where it is looked at above it
 _COLOURS = ("#2563eb", "#c2410c", "#15803d", "#7e22ce")
-_THINGS = "#111827"
+_BODY_COLOUR = "#111827"
 
 
 class ArmsView:
@@ -33,7 +33,7 @@ class ArmsView:
     def __init__(self, ui: Any, cell: Cell) -> None:
         self.sketch: Sketch | None = None
         with suppress(BasecalError):
-            self.sketch = sketch_of(cell)
+            self.sketch = sketch_cell(cell)
         self._shown: dict[str, RobotState] = {}
         self._rods: dict[str, list[Any]] = {}
         self._things: dict[str, Any] = {}
@@ -44,15 +44,15 @@ class ArmsView:
                 self._rods[robot] = _arm(scene, self.sketch, robot, _COLOURS[number % len(_COLOURS)])
             # Lines, (k, 2, 3) [m], each in the frame of its camera or target.
             lenses = {name: camera.intrinsics for name, camera in cell.cameras.items()}
-            drawn = {name: frustum(None if lens is None else lens.camera, _SEES_M) for name, lens in lenses.items()}
+            drawn = {name: frustum(None if lens is None else lens.camera, _FRUSTUM_M) for name, lens in lenses.items()}
             drawn |= {name: outline(target.target) for name, target in cell.targets.items()}
             for name, lines in drawn.items():
                 with scene.group() as self._things[name]:
                     for start, end in lines:
-                        scene.line(start.tolist(), end.tolist()).material(_THINGS)
+                        scene.line(start.tolist(), end.tolist()).material(_BODY_COLOUR)
                 self._things[name].visible(False)
         x, y, z = np.mean([self.sketch.world_from_base(robot).translation for robot in cell.robots], axis=0).tolist()
-        away, above, look = _SEEN_FROM_M
+        away, above, look = _VIEWPOINT_M
         scene.move_camera(x, y - away, z + above, x, y, z + look, duration=0)
 
     def renew(self, states: Mapping[str, RobotState]) -> None:
@@ -63,11 +63,11 @@ class ArmsView:
         self._shown = dict(states)
         for robot in moved & set(self._rods):
             for rod, world_from_rod in zip(self._rods[robot], links(self.sketch, robot, states[robot]), strict=False):
-                _put(rod, world_from_rod)
+                _set_pose(rod, world_from_rod)
         for name, thing in self._things.items():
             on = (self.sketch.cell.cameras.get(name) or self.sketch.cell.targets[name]).on
             if on == WORLD or on in moved:
-                _put(thing, self.sketch.world_from(name, states))
+                _set_pose(thing, self.sketch.body_pose(name, states))
                 thing.visible(True)
 
 
@@ -115,7 +115,7 @@ def _arm(scene: Any, sketch: Sketch, robot: str, colour: str) -> list[Any]:
     return rods
 
 
-def _put(thing: Any, world_from_thing: SE3) -> None:
+def _set_pose(body: Any, world_from_thing: SE3) -> None:
     x, y, z = world_from_thing.translation.tolist()
-    thing.move(x, y, z).rotate_R(world_from_thing.rotation.tolist())
-    thing.visible(True)
+    body.move(x, y, z).rotate_R(world_from_thing.rotation.tolist())
+    body.visible(True)

@@ -8,8 +8,8 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
-_COOKIE = "basecal"
-_POLICY = (
+_COOKIE_NAME = "basecal"
+_CONTENT_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
     "form-action 'none'"
@@ -25,15 +25,15 @@ Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 class Guard:
     """An application that others reach only with its token, asked for by its own name."""
 
-    def __init__(self, inside: Application, token: str, hosts: Iterable[str]) -> None:
-        self._inside, self._token, self._hosts = inside, token, frozenset(hosts)
+    def __init__(self, application: Application, token: str, hosts: Iterable[str]) -> None:
+        self._inside, self._token, self._hosts = application, token, frozenset(hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or refuse."""
         if scope["type"] == "lifespan":
             await self._inside(scope, receive, send)
             return
-        why = self._why_not(scope)
+        why = self._refusal_reason(scope)
         if why and scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
         elif why:
@@ -41,9 +41,9 @@ class Guard:
             await send({"type": "http.response.start", "status": 403, "headers": headers})
             await send({"type": "http.response.body", "body": f"refused: {why}\n".encode()})
         else:
-            await self._inside(scope, receive, self._with_headers(send))
+            await self._inside(scope, receive, self._add_headers(send))
 
-    def _why_not(self, scope: Scope) -> str:
+    def _refusal_reason(self, scope: Scope) -> str:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         if headers.get("host") not in self._hosts:
             return "the page is asked for by another name than its own"
@@ -55,27 +55,27 @@ class Guard:
             return "the token is missing or wrong: open the address that was printed"
         return ""
 
-    def _with_headers(self, send: Send) -> Send:
-        cookie = f"{_COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+    def _add_headers(self, send: Send) -> Send:
+        cookie = f"{_COOKIE_NAME}={self._token}; HttpOnly; SameSite=Strict; Path=/"
         more = [
             (b"set-cookie", cookie.encode()),
-            (b"content-security-policy", _POLICY.encode()),
+            (b"content-security-policy", _CONTENT_POLICY.encode()),
             (b"referrer-policy", b"no-referrer"),
             (b"x-content-type-options", b"nosniff"),
         ]
 
-        async def sent(message: MutableMapping[str, Any]) -> None:
+        async def send_message(message: MutableMapping[str, Any]) -> None:
             """Send on, a response's start with these headers."""
             if message["type"] == "http.response.start":
                 message["headers"] = [*message.get("headers", []), *more]
             await send(message)
 
-        return sent
+        return send_message
 
 
 def _cookies(headers: MutableMapping[str, str]) -> list[str]:
     try:
-        found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE)
+        found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE_NAME)
     except CookieError:
         return []
     return [] if found is None else [found.value]

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from basecal.acquisition.driver import Grey
-from basecal.acquisition.taking import targets_before
+from basecal.acquisition.taking import visible_targets
 from basecal.acquisition.watching import Watch
 from basecal.cell import Cell, Target
 from basecal.reporting.live.arms import ArmsView
@@ -18,12 +18,12 @@ from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
 
-_EVERY_S = 0.5  # between looks at the capture
+_REFRESH_S = 0.5  # between looks at the capture
 _WIDTH_PX = 960
 
 
 @contextmanager
-def served(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
+def serve_page(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
     """The address of a page that shows a capture while this lasts, with the token it asks for.
 
     Raises:
@@ -31,16 +31,16 @@ def served(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
         InputError: if the port is taken.
     """
 
-    def build(ui: Any, beside: Any) -> None:
+    def build(ui: Any, extra: Any) -> None:
         """See `Build`."""
-        _build(ui, beside, watch, cell)
+        _build(ui, extra, watch, cell)
 
     with serving(build, "capture", "the page of a capture", port) as address:
         yield address
 
 
-def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
-    """The page, and what renews it; `beside` runs what takes long in a thread of its own."""
+def _build(ui: Any, extra: Any, watch: Watch, cell: Cell) -> None:
+    """The page, and what renews it; `extra` runs what takes long in a thread of its own."""
     with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
         doing = ui.label().style("font-size: 1.4rem; font-weight: 600")
         advice = ui.label().style("color: #b35c00; font-size: 1.1rem")
@@ -57,7 +57,7 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
 
     async def renew() -> None:
         """Show what the capture says now."""
-        glance = watch.glance
+        glance = watch.snapshot
         step = glance.step
         doing.text, advice.text, said.text = glance.doing, glance.advice, "\n".join(reversed(glance.said))
         doubts.text = "\n".join(glance.doubts)
@@ -71,10 +71,10 @@ def _build(ui: Any, beside: Any, watch: Watch, cell: Cell) -> None:
         for name, grey in glance.pictures:
             if shown.get(name) is not grey:
                 shown[name] = grey
-                pictures[name].set_source(await beside(_source, grey))
-                pictures[name].content = await beside(_found, grey, targets_before(cell, name))
+                pictures[name].set_source(await extra(_source, grey))
+                pictures[name].content = await extra(_draw_crosses, grey, visible_targets(cell, name))
 
-    ui.timer(_EVERY_S, renew)
+    ui.timer(_REFRESH_S, renew)
 
 
 def _source(grey: Grey) -> str:
@@ -82,7 +82,7 @@ def _source(grey: Grey) -> str:
     return "" if small is None else f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
 
 
-def _found(grey: Grey, targets: Sequence[Target]) -> str:
+def _draw_crosses(grey: Grey, targets: Sequence[Target]) -> str:
     """Crosses where targets are found, in the pixels of the small picture."""
     scale = min(1.0, _WIDTH_PX / grey.shape[1])
     seen = [found.pixels for target in targets if (found := find(grey, target)) is not None]

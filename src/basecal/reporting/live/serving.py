@@ -17,7 +17,7 @@ HOST = "127.0.0.1"
 """The only address a page is served on."""
 
 _TOKEN_BYTES = 24
-_PATIENCE_S = 30.0  # until it is served
+_START_TIMEOUT_S = 30.0  # until it is served
 
 Build = Callable[[Any, Any], None]
 """Makes the page, of NiceGUI's `ui` and of what runs work beside it in a thread."""
@@ -52,14 +52,14 @@ def serving(build: Build, title: str, subject: str, port: int = 0) -> Iterator[s
     server = uvicorn.Server(uvicorn.Config(guard, log_level="error", ws_max_size=2**20))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [line]}, daemon=True)
     thread.start()
-    until = time.monotonic() + _PATIENCE_S
+    until = time.monotonic() + _START_TIMEOUT_S
     while not server.started and thread.is_alive() and time.monotonic() < until:
         time.sleep(0.02)
     try:
         yield f"http://{at}/?token={token}"
     finally:
         server.should_exit = True
-        thread.join(_PATIENCE_S)
+        thread.join(_START_TIMEOUT_S)
 
 
 def _listening(port: int) -> socket.socket:

@@ -11,44 +11,44 @@ from rich.table import Table
 from rich.text import Text
 
 from basecal.acquisition.coverage import Coverage
-from basecal.acquisition.watching import Glance, Sigma
+from basecal.acquisition.watching import Sigma, Snapshot
 
 _BARS = "▁▂▃▄▅▆▇█"
-_WIDEST = 40  # of a row of bars
-_SEEN, _OPEN = "██", "··"
+_WIDEST_ROW = 40  # of a row of bars
+_SEEN_MARK, _OPEN_MARK = "██", "··"
 
 
-def terminal_view(glance: Glance) -> RenderableType:
+def terminal_view(snapshot: Snapshot) -> RenderableType:
     """What rich prints of a capture."""
-    now = Text(glance.doing, style="bold")
-    said = Text("\n".join(glance.said), style="dim")
-    if glance.step is None:
+    now = Text(snapshot.doing, style="bold")
+    said = Text("\n".join(snapshot.said), style="dim")
+    if snapshot.step is None:
         return Group(now, said)
     turned = "\n".join(
         f"{robot}  " + "  ".join(f"{axis} {angle:.0f}" for axis, angle in zip("xyz", np.degrees(angles), strict=True))
-        for robot, angles in glance.step.coverage.turned_rad.items()
+        for robot, angles in snapshot.step.coverage.turned_rad.items()
     )
     table = Table.grid(padding=(0, 3))
-    table.add_row(Text("covered"), Text(f"{'base, mm' if glance.sigmas else ''}"), Text("turned, deg"))
-    table.add_row(Text(coverage_rows(glance.step.coverage)), Text(sigma_row(glance.sigmas)), Text(turned))
-    title = f"{glance.step.taken} taken, {glance.step.planned} planned"
+    table.add_row(Text("covered"), Text(f"{'base, mm' if snapshot.sigmas else ''}"), Text("turned, deg"))
+    table.add_row(Text(coverage_rows(snapshot.step.coverage)), Text(sigma_row(snapshot.sigmas)), Text(turned))
+    title = f"{snapshot.step.taken} taken, {snapshot.step.planned} planned"
     parts: list[RenderableType] = [Panel(table, title=title, expand=False), said]
-    parts += [Text(doubt, style="bold red") for doubt in glance.doubts]
-    if glance.advice:
-        parts.append(Text(f"next: {glance.advice}", style="yellow"))
+    parts += [Text(doubt, style="bold red") for doubt in snapshot.doubts]
+    if snapshot.advice:
+        parts.append(Text(f"next: {snapshot.advice}", style="yellow"))
     return Group(*parts, now)
 
 
 def coverage_rows(coverage: Coverage) -> str:
     """The picture, a line a row: what was seen is full."""
-    return "\n".join("".join(_SEEN if seen else _OPEN for seen in row) for row in coverage.cells)
+    return "\n".join("".join(_SEEN_MARK if seen else _OPEN_MARK for seen in row) for row in coverage.cells)
 
 
 def sigma_row(sigmas: Sequence[Sigma]) -> str:
     """Bars whose height is the logarithm of the sigma along the axes, and the last one in numbers."""
     if not sigmas:
         return "not all directions\nare seen yet"
-    shown = sigmas[-_WIDEST:]
+    shown = sigmas[-_WIDEST_ROW:]
     levels = np.log([sigma.t_m for sigma in shown])
     extent = max(float(np.ptp(levels)), 1e-6)
     heights = np.rint((levels - levels.min()) / extent * (len(_BARS) - 1)).astype(int)

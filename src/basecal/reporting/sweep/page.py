@@ -11,7 +11,7 @@ from markupsafe import Markup
 from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.heat_map import heat_map
-from basecal.reporting.sweep.text import HEAD, cells_of
+from basecal.reporting.sweep.text import COLUMN_TITLES, row_texts
 from basecal.reporting.templates.environment import environment, own_file, policy
 
 _QUANTITIES = (("error_mm", "error of the translation", "mm"), ("error_deg", "error of the rotation", "deg"))
@@ -29,7 +29,7 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
     """
     style = own_file("templates/page.css") + own_file("templates/study.css")
     reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])
-    rows = [[*map(str, point["at"].values()), *cells_of(point)] for point in summary["points"]]
+    rows = [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
     return (
         environment()
         .get_template("study.html")
@@ -37,9 +37,9 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
             summary=summary,
             style=Markup(style),
             policy=policy(style),
-            groups=[(axis, _curves(summary, axis)) for axis in _varied(summary)],
+            groups=[(axis, _curves(summary, axis)) for axis in _varied_axes(summary)],
             maps=_maps(summary),
-            head=[*summary["axes"], *HEAD],
+            head=[*summary["axes"], *COLUMN_TITLES],
             rows=rows[:_MOST_ROWS],
             row_count=len(rows),
             reasons=list(reasons),
@@ -48,11 +48,11 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
     )
 
 
-def _varied(summary: Mapping[str, Any]) -> list[str]:
+def _varied_axes(summary: Mapping[str, Any]) -> list[str]:
     return [axis for axis, values in summary["axes"].items() if len(values) > 1]
 
 
-def _others(summary: Mapping[str, Any], axes: Sequence[str]) -> list[dict[str, Any]]:
+def _other_combinations(summary: Mapping[str, Any], axes: Sequence[str]) -> list[dict[str, Any]]:
     """Every combination of values of the other axes."""
     left = {axis: values for axis, values in summary["axes"].items() if axis not in axes}
     return [dict(zip(left, values, strict=True)) for values in product(*left.values())]
@@ -63,35 +63,35 @@ def _points(summary: Mapping[str, Any], values: Mapping[str, Any]) -> list[Mappi
     return [p for p in summary["points"] if all(p["at"][axis] == value for axis, value in values.items())]
 
 
-def _said(values: Mapping[str, Any]) -> str:
+def _value_text(values: Mapping[str, Any]) -> str:
     return ", ".join(f"{axis} {value}" for axis, value in values.items())
 
 
 def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[str]]:
     """Errors over an axis, and the lines' names: a line for each combination of the others, as many as can be told."""
-    others = _others(summary, [axis])[:COLOURS]
+    others = _other_combinations(summary, [axis])[:COLOURS]
     figures = []
     for key, title, unit in _QUANTITIES:
         lines = []
         for at in others:
             spreads = [(point["at"][axis], point[key] or {}) for point in _points(summary, at)]
             bands = [Band(value, s.get("p05"), s.get("median"), s.get("p95")) for value, s in spreads]
-            lines.append(Line(_said(at), tuple(bands)))
+            lines.append(Line(_value_text(at), tuple(bands)))
         figures.append(curves(title, axis, unit, lines))
-    return figures, [_said(at) for at in others if at]
+    return figures, [_value_text(at) for at in others if at]
 
 
 def _maps(summary: Mapping[str, Any]) -> list[Figure]:
     """Median errors over every two axes, a map for each combination of the others."""
     maps = []
-    axes = [axis for axis in _varied(summary) if len(summary["axes"][axis]) <= _MOST_TILES]
+    axes = [axis for axis in _varied_axes(summary) if len(summary["axes"][axis]) <= _MOST_TILES]
     for down, across in combinations(axes, 2):
-        for at in _others(summary, [down, across]):
+        for at in _other_combinations(summary, [down, across]):
             by_place = {(p["at"][down], p["at"][across]): p["error_mm"] for p in _points(summary, at)}
             values = [
                 [(spread := by_place[d, a]) and spread["median"] for a in summary["axes"][across]]
                 for d in summary["axes"][down]
             ]
-            title = f"error of the translation{f', {_said(at)}' if at else ''}"
+            title = f"error of the translation{f', {_value_text(at)}' if at else ''}"
             maps.append(heat_map(title, (across, summary["axes"][across]), (down, summary["axes"][down]), values, "mm"))
     return maps[:_MOST_MAPS]

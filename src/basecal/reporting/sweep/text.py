@@ -5,12 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-HEAD = ("solved", "median mm", "95% mm", "sigma mm", "median deg", "95% deg", "sigma deg", "NEES", "coverage", "ms")
+COLUMN_TITLES = (
+    "solved",
+    "median mm",
+    "95% mm",
+    "sigma mm",
+    "median deg",
+    "95% deg",
+    "sigma deg",
+    "NEES",
+    "coverage",
+    "ms",
+)
 """Of the columns after the axes."""
 
 
-def cells_of(point: Mapping[str, Any]) -> list[str]:
-    """What a point's row says under `HEAD`; nothing where it was not computed."""
+def row_texts(point: Mapping[str, Any]) -> list[str]:
+    """What a point's row says under `COLUMN_TITLES`; nothing where it was not computed."""
     mm, deg, nees, coverage = point["error_mm"], point["error_deg"], point["nees"], point["coverage"]
     return [
         f"{point['solved']}/{point['trials']}",
@@ -31,8 +42,8 @@ def number(value: float | None) -> str:
 
 def sweep_text(summary: Mapping[str, Any]) -> str:
     """The study's name, a row for each point, and why trials have no answer."""
-    rows = [[*summary["axes"], *HEAD]]
-    rows += [[*map(str, point["at"].values()), *cells_of(point)] for point in summary["points"]]
+    rows = [[*summary["axes"], *COLUMN_TITLES]]
+    rows += [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     lines = ["  ".join(word.rjust(width) for word, width in zip(row, widths, strict=True)) for row in rows]
     reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])

@@ -23,15 +23,15 @@ def environment() -> Environment:
     loader = FunctionLoader(lambda name: own_file(f"templates/{name}"))
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["svg"] = Markup
-    made.filters["words"] = _words
+    made.filters["words"] = _mark_code
     return made
 
 
-def _words(said: str) -> Markup:
+def _mark_code(text: str) -> Markup:
     """Words whose parts between backticks are what to type."""
-    parts = said.split("`")
+    parts = text.split("`")
     if len(parts) % 2 == 0:
-        return escape(said)
+        return escape(text)
     return Markup().join(
         escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
     )

@@ -51,7 +51,7 @@ class _Choice:
 
 
 @contextmanager
-def served(viewed: Viewed, port: int = 0) -> Iterator[str]:
+def serve_view(view: Viewed, port: int = 0) -> Iterator[str]:
     """The address of the page while this lasts, with the token it asks for.
 
     Raises:
@@ -59,32 +59,32 @@ def served(viewed: Viewed, port: int = 0) -> Iterator[str]:
         InputError: if the port is taken.
     """
 
-    def build(ui: Any, beside: Any) -> None:
+    def build(ui: Any, extra: Any) -> None:
         """See `Build`."""
-        _build(ui, beside, viewed)
+        _build(ui, extra, view)
 
     with serving(build, "runs", "the page of a cell's runs", port) as address:
         yield address
 
 
-def _build(ui: Any, beside: Any, viewed: Viewed) -> None:
-    """The page; `beside` runs what takes long in a thread of its own."""
-    choice = _Choice(viewed.runs[0], viewed.read(viewed.runs[0]))
-    numbers = [sample.sample for sample in viewed.recording.samples]
+def _build(ui: Any, extra: Any, view: Viewed) -> None:
+    """The page; `extra` runs what takes long in a thread of its own."""
+    choice = _Choice(view.runs[0], view.read(view.runs[0]))
+    numbers = [sample.sample for sample in view.recording.samples]
 
     async def renew() -> None:
         """Say what comes out now."""
-        answer.text = await beside(_answer, viewed, choice.calibration, frozenset(choice.left_out))
+        answer.text = await extra(_answer, view, choice.calibration, frozenset(choice.left_out))
 
     async def look(place: float) -> None:
         """Show a sample."""
         number = numbers[int(place)]
         said.text = sample_words(number, choice.calibration.residuals.per_sample, choice.left_out)
-        _show(pictures, await beside(_pictures, viewed, number))
+        _show(pictures, await extra(_pictures, view, number))
 
     async def choose(name: str) -> None:
         """Take another run."""
-        choice.run, choice.calibration = name, await beside(viewed.read, name)
+        choice.run, choice.calibration = name, await extra(view.read, name)
         await renew()
         await look(slider.value)
 
@@ -94,14 +94,14 @@ def _build(ui: Any, beside: Any, viewed: Viewed) -> None:
         await renew()
 
     with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
-        label = f"run of {viewed.folder.resolve().name}"
-        ui.select(list(viewed.runs), value=choice.run, label=label, on_change=lambda e: choose(e.value))
+        label = f"run of {view.folder.resolve().name}"
+        ui.select(list(view.runs), value=choice.run, label=label, on_change=lambda e: choose(e.value))
         answer = ui.label().style("white-space: pre-line; font-size: 1.1rem; overflow-wrap: anywhere")
         ui.label("sample").style("color: #555")
         slider = ui.slider(min=0, max=max(len(numbers) - 1, 1), value=0, on_change=lambda e: look(e.value))
         said = ui.label().style("white-space: pre-line; overflow-wrap: anywhere")
         with ui.row().style("width: 100%"):
-            pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in viewed.cell.cameras}
+            pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in view.cell.cameras}
         ui.label("samples that count").style("color: #555")
         with ui.row().style("gap: 0 0.6rem"):
             for number in numbers[:_MOST_BOXES]:
@@ -118,21 +118,21 @@ def _show(pictures: Mapping[str, Any], sources: Mapping[str, str]) -> None:
             picture.set_source(sources[camera])
 
 
-def _answer(viewed: Viewed, calibration: Calibration, left_out: frozenset[int]) -> str:
+def _answer(view: Viewed, calibration: Calibration, excluded: frozenset[int]) -> str:
     try:
-        found = without_samples(viewed.cell, viewed.recording, calibration, left_out)
+        found = without_samples(view.cell, view.recording, calibration, excluded)
     except BasecalError as error:
         return str(error)
-    return answer_words(viewed.cell, calibration, found, left_out)
+    return answer_words(view.cell, calibration, found, excluded)
 
 
-def _pictures(viewed: Viewed, number: int) -> Mapping[str, str]:
+def _pictures(view: Viewed, number: int) -> Mapping[str, str]:
     """Pictures of a sample as the page takes them, by camera; those that cannot be read are left out."""
-    (sample,) = (each for each in viewed.recording.samples if each.sample == number)
+    (sample,) = (each for each in view.recording.samples if each.sample == number)
     found = {}
     for camera, path in sample.images.items():
         try:
-            small = thumbnail(read_bounded(viewed.folder / path, _LARGEST_BYTES), None, _WIDTH_PX)
+            small = thumbnail(read_bounded(view.folder / path, _LARGEST_BYTES), None, _WIDTH_PX)
         except BasecalError:
             continue
         if small is not None:

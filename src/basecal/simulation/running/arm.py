@@ -82,22 +82,22 @@ class RunningArm:
             )
         if not speed_rad_s > 0:
             raise InputError(f"speed_rad_s is {speed_rad_s}, expected a number above 0")
-        way = float(np.abs(joints - self.commanded(now_s)).max())
+        way = float(np.abs(joints - self.commanded_joints(now_s)).max())
         speed = min(speed_rad_s, _FASTEST_RAD_S)
         lasts = max(_PEAK_SPEED * way / speed, float(np.sqrt(_PEAK_ACCELERATION * way / _ACCELERATION_RAD_S2)))
-        self._set_off(joints, lasts, now_s)
+        self._start_motion(joints, lasts, now_s)
         self.moves += 1
 
     def stop(self, now_s: float) -> None:
         """Come to rest a little further along the way."""
         if now_s < self._leg.begin_s + self._leg.lasts_s:
-            self._set_off(self.commanded(now_s + 0.5 * _STOPPING_S), _STOPPING_S, now_s)
+            self._start_motion(self.commanded_joints(now_s + 0.5 * _STOPPING_S), _STOPPING_S, now_s)
 
-    def _set_off(self, joints: Array, lasts_s: float, now_s: float) -> None:
+    def _start_motion(self, joints: Array, lasts_s: float, now_s: float) -> None:
         leg, share = self._leg, self._leg.share(now_s)
         side = leg.side_before + share * (leg.side - leg.side_before)
         error = leg.error_before + share * (leg.error - leg.error_before)
-        self._leg = Leg(now_s, lasts_s, self.commanded(now_s), joints, side, error, self._error(joints))
+        self._leg = Leg(now_s, lasts_s, self.commanded_joints(now_s), joints, side, error, self._error(joints))
         self._readings = 0
 
     @property
@@ -110,17 +110,17 @@ class RunningArm:
         """When it is where it was sent."""
         return self._leg.begin_s + self._leg.lasts_s
 
-    def commanded(self, now_s: float) -> Array:
+    def commanded_joints(self, now_s: float) -> Array:
         """Where its controller wants the joints, (n,) [rad]."""
         leg = self._leg
         return leg.start + leg.share(now_s) * (leg.goal - leg.start)
 
-    def reported(self, now_s: float) -> Array:
+    def reported_joints(self, now_s: float) -> Array:
         """What its encoders say, (n,) [rad]; their noise goes by how often they were asked since it set off."""
         self._readings += 1
         noise = self._faults.size("encoder-noise")
-        goal = self.commanded(now_s)
-        return goal + noise * self._drawn(self._leg.goal, self._readings) if noise else goal
+        goal = self.commanded_joints(now_s)
+        return goal + noise * self._render(self._leg.goal, self._readings) if noise else goal
 
     @property
     def chain(self) -> SerialChain:
@@ -140,7 +140,7 @@ class RunningArm:
         share = leg.share(now_s)
         play = 0.5 * self._faults.size("backlash") * (leg.side_before + share * (leg.side - leg.side_before))
         error = leg.error_before + share * (leg.error - leg.error_before)
-        return self.commanded(now_s) + play + error + self._ring(now_s)
+        return self.commanded_joints(now_s) + play + error + self._ring(now_s)
 
     def _ring(self, now_s: float) -> Array:
         """By how much the joints swing after they arrive: less and less, and not at all after half a second."""
@@ -152,9 +152,9 @@ class RunningArm:
         return np.full_like(self._leg.goal, swing)
 
     def _error(self, joints: Array) -> Array:
-        return _REPEATABILITY_RAD * self._drawn(joints, 0)
+        return _REPEATABILITY_RAD * self._render(joints, 0)
 
-    def _drawn(self, joints: Array, number: int) -> Array:
+    def _render(self, joints: Array, number: int) -> Array:
         """Normal numbers, one a joint, that are the same whenever the arm is sent to the same place."""
         where = np.round(joints, 9) + 0.0
         words = hashlib.sha256(repr((self._seed, self._name, number, where.tolist())).encode()).digest()

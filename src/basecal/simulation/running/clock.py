@@ -19,7 +19,7 @@ class Clock:
         self.speed = speed
         self._began, self._spent = time.monotonic(), 0.0
 
-    def now(self) -> float:
+    def time_s(self) -> float:
         """The time [s]."""
         return self._spent if self.speed == 0 else (time.monotonic() - self._began) * self.speed
 
@@ -29,4 +29,4 @@ class Clock:
             self._spent += seconds
         else:
             time.sleep(seconds / self.speed)
-        return self.now()
+        return self.time_s()

@@ -10,23 +10,25 @@ from basecal.effects.faces.simulated_fault import DEGREE, MILLI, ONE, SECOND, Si
 from basecal.effects.registry import EFFECTS
 from basecal.errors import InputError, nearest
 
-_PUSHED = "turned by 1 mrad a mm"
-_OF_SIMULATOR = (
+_PUSHED_EFFECT = "turned by 1 mrad a mm"
+_SIMULATOR_FAULTS = (
     SimulatedFault("backlash", "deg", DEGREE, 0.1, "play of each joint: it stops on the side it comes from"),
     SimulatedFault("encoder-noise", "deg", DEGREE, 0.02, "noise of each state of each joint, one sigma"),
     SimulatedFault("ringing", "mrad", MILLI, 2.0, "joints swing by so much for half a second after they arrive"),
     SimulatedFault("late-trigger", "s", SECOND, 0.1, "pictures are taken so much later than their stamps say"),
     SimulatedFault("dropped-frames", "share", ONE, 0.2, "pictures that never come; the next one does"),
-    SimulatedFault("base-bumped", "mm", MILLI, 5.0, f"the second base is pushed, and {_PUSHED}", True),
-    SimulatedFault("board-remounted", "mm", MILLI, 5.0, f"the target is taken off and put back, {_PUSHED}", True),
+    SimulatedFault("base-bumped", "mm", MILLI, 5.0, f"the second base is pushed, and {_PUSHED_EFFECT}", True),
+    SimulatedFault(
+        "board-remounted", "mm", MILLI, 5.0, f"the target is taken off and put back, {_PUSHED_EFFECT}", True
+    ),
     SimulatedFault(
         "reflection", "share", ONE, 0.4, "a glossy tray shows the light again, with this share of its brightness"
     ),
 )
-_OF_EFFECTS = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
-FAULTS = {fault.name: fault for fault in (*_OF_EFFECTS, *_OF_SIMULATOR)}
+_EFFECT_FAULTS = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
+FAULTS = {fault.name: fault for fault in (*_EFFECT_FAULTS, *_SIMULATOR_FAULTS)}
 """What can be switched on: the effects' faults, and those of the simulator alone."""
-_SUDDENLY_AFTER = 12  # moves of the arm: about half of a usual recording
+_SUDDEN_DELAY_MOVES = 12  # moves of the arm: about half of a usual recording
 
 
 @dataclass(frozen=True)
@@ -48,18 +50,18 @@ class Faults:
         """Size of a fault in SI, 0 where it is off."""
         return sum(fault.size for fault in self.faults if fault.name == name)
 
-    def after(self, name: str) -> int:
+    def delay_moves(self, name: str) -> int:
         """After how many moves a fault comes."""
         return next((fault.after_moves for fault in self.faults if fault.name == name), 0)
 
 
-def read_faults(written: Sequence[str]) -> Faults:
+def read_faults(texts: Sequence[str]) -> Faults:
     """Faults as they are switched on: `NAME`, `NAME=SIZE` or `NAME=SIZE@MOVES`, the size in the unit of its kind.
 
     Raises:
         InputError: if a name is not known, a size no positive number, or one is given twice.
     """
-    faults = tuple(_fault(each) for each in written)
+    faults = tuple(_fault(each) for each in texts)
     names = [fault.name for fault in faults]
     if len(set(names)) < len(names):
         twice = next(name for place, name in enumerate(names) if name in names[:place])
@@ -67,19 +69,19 @@ def read_faults(written: Sequence[str]) -> Faults:
     return Faults(faults)
 
 
-def _fault(written: str) -> Fault:
-    name, _, rest = written.partition("=")
+def _fault(texts: str) -> Fault:
+    name, _, rest = texts.partition("=")
     if name not in FAULTS:
         raise InputError(f"no fault {name!r}{nearest(name, FAULTS)}; there are: {', '.join(FAULTS)}")
     kind = FAULTS[name]
     size_text, _, moves_text = rest.partition("@")
     try:
         size = float(size_text) if size_text else kind.usual
-        moves = int(moves_text) if moves_text else _SUDDENLY_AFTER if kind.is_sudden else 0
+        moves = int(moves_text) if moves_text else _SUDDEN_DELAY_MOVES if kind.is_sudden else 0
     except ValueError:
-        raise InputError(f"{written!r}: expected {name}, {name}=SIZE [{kind.unit}] or {name}=SIZE@MOVES") from None
+        raise InputError(f"{texts!r}: expected {name}, {name}=SIZE [{kind.unit}] or {name}=SIZE@MOVES") from None
     if not (0 < size < math.inf) or moves < 0:
-        raise InputError(f"{written!r}: expected a size above 0 [{kind.unit}], and moves of 0 or more")
+        raise InputError(f"{texts!r}: expected a size above 0 [{kind.unit}], and moves of 0 or more")
     if moves and not kind.is_sudden:
-        raise InputError(f"{written!r}: {name} is there from the start; leave @{moves} away")
+        raise InputError(f"{texts!r}: {name} is there from the start; leave @{moves} away")
     return Fault(name, size * kind.scale, moves)

@@ -18,10 +18,10 @@ from basecal.simulation.surroundings.drawn import Scene, Surroundings
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detection import Image
 
-_STATE_S = 1 / 125  # between the states an arm gives
-_FRAME_S = 1 / 30  # between the pictures a camera gives
+_STATE_PERIOD_S = 1 / 125  # between the states an arm gives
+_FRAME_PERIOD_S = 1 / 30  # between the pictures a camera gives
 _EXPOSURE_S = 0.008
-_TRAY_M = 0.12  # from where a light begins down to what shows it again
+_TRAY_DEPTH_M = 0.12  # from where a light begins down to what shows it again
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +55,17 @@ class Plant:
 
     def state(self, robot: str) -> tuple[float, Array]:
         """The next state of an arm: its stamp [s] and what its encoders say [rad]."""
-        arm, now = self._arm(robot), self._clock.wait(_STATE_S)
-        return now, arm.reported(now)
+        arm, now = self._arm(robot), self._clock.wait(_STATE_PERIOD_S)
+        return now, arm.reported_joints(now)
 
     def move(self, robot: str, joints: Array, speed_rad_s: float) -> None:
         """Send an arm somewhere."""
-        self._arm(robot).move(joints, speed_rad_s, self._clock.now())
+        self._arm(robot).move(joints, speed_rad_s, self._clock.time_s())
         self._shots = 0
 
     def stop(self, robot: str) -> None:
         """Have an arm come to rest."""
-        self._arm(robot).stop(self._clock.now())
+        self._arm(robot).stop(self._clock.time_s())
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -86,25 +86,27 @@ class Plant:
         """When the last arm comes to where it was sent."""
         return max(arm.arrives_s for arm in self._arms.values())
 
-    def seen(self, camera: str) -> Seen:
+    def camera_scene(self, camera: str) -> Seen:
         """What is before a camera now."""
-        return self._seen(camera, self._clock.now())
+        return self._camera_scene(camera, self._clock.time_s())
 
-    def light(self, on: bool) -> None:
+    def light(self, carrier: bool) -> None:
         """Switch the light."""
-        self._lit = on
+        self._lit = carrier
 
     def picture(self, camera: str) -> Shot:
         """The next picture of a camera, after those that were lost."""
         if camera not in self._views:
             raise InputError(f"no camera {camera!r}; there are: {', '.join(self._views)}")
-        faults, now = self._world.faults, self._clock.wait(_FRAME_S)
+        faults, now = self._world.faults, self._clock.wait(_FRAME_PERIOD_S)
         self._shots += 1
-        while self._drawn(camera, 1).random() < faults.size("dropped-frames"):
-            now = self._clock.wait(_FRAME_S)
+        while self._render(camera, 1).random() < faults.size("dropped-frames"):
+            now = self._clock.wait(_FRAME_PERIOD_S)
             self._shots += 1
-        begin, noise = now + faults.size("late-trigger"), int(self._drawn(camera, 2).integers(2**62))
-        image = self._views[camera].picture(lambda at: self._seen(camera, at), begin, _EXPOSURE_S, self._lit, noise)
+        begin, noise = now + faults.size("late-trigger"), int(self._render(camera, 2).integers(2**62))
+        image = self._views[camera].picture(
+            lambda at: self._camera_scene(camera, at), begin, _EXPOSURE_S, self._lit, noise
+        )
         return Shot(now + 0.5 * _EXPOSURE_S + faults.size("clock-offset"), image)
 
     def close(self) -> None:
@@ -112,7 +114,7 @@ class Plant:
         for view in self._views.values():
             view.close()
 
-    def _drawn(self, camera: str, stream: int) -> np.random.Generator:
+    def _render(self, camera: str, stream: int) -> np.random.Generator:
         """Random numbers of a picture, the same for the same one since the arms were sent to the same place."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
         words = hashlib.sha256(repr((self._world.seed, camera, goals, self._shots, stream)).encode()).digest()
@@ -123,13 +125,13 @@ class Plant:
             raise InputError(f"no robot {robot!r}; there are: {', '.join(self._arms)}")
         return self._arms[robot]
 
-    def _seen(self, camera: str, now_s: float) -> Seen:
+    def _camera_scene(self, camera: str, now_s: float) -> Seen:
         """What is before a camera."""
         on, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
         world_from_camera = self._carrier(on, now_s) @ self._mount(camera, on)
         world_from_target = self._carrier(target.on, now_s) @ self._mount(target.name, target.on)
         camera_from_world = world_from_camera.inverse()
-        below = self._mirrored(camera, world_from_camera, world_from_target @ shape.points)
+        below = self._mirror_points(camera, world_from_camera, world_from_target @ shape.points)
         scene = None
         if self._has_surroundings:
             scene = Scene(world_from_camera, world_from_target, {name: self._links(name, now_s) for name in self._arms})
@@ -139,9 +141,9 @@ class Plant:
         """The middle of what shows a light again: under where it begins, in the world."""
         target = self._target(camera)
         world_from_target = self._carrier(target.on, 0.0) @ self._mount(target.name, target.on)
-        return np.asarray(world_from_target @ self._shape(camera).points[0] - [0.0, 0.0, _TRAY_M])
+        return np.asarray(world_from_target @ self._shape(camera).points[0] - [0.0, 0.0, _TRAY_DEPTH_M])
 
-    def _mirrored(self, camera: str, world_from_camera: SE3, points: Array) -> Array:
+    def _mirror_points(self, camera: str, world_from_camera: SE3, points: Array) -> Array:
         """Where points, (n, 3), are seen again, in the world; none where nothing shines, or either is below it."""
         if camera not in self._trays:
             return np.zeros((0, 3))
@@ -171,12 +173,12 @@ class Plant:
         frames = base @ self._arms[robot].joint_frames(now_s)
         return (base, *(frames[joint] for joint in range(len(frames))))
 
-    def _carrier(self, on: str, now_s: float) -> SE3:
+    def _carrier(self, carrier: str, now_s: float) -> SE3:
         """Where a flange is in the world, or the world itself."""
-        if on == WORLD:
+        if carrier == WORLD:
             return SE3.identity()
-        base_from_flange = self._arms[on].base_from_flange(now_s)
-        return base_from_flange if on == self._world.cell.reference else self._base(on) @ base_from_flange
+        base_from_flange = self._arms[carrier].base_from_flange(now_s)
+        return base_from_flange if carrier == self._world.cell.reference else self._base(carrier) @ base_from_flange
 
     def _base(self, robot: str) -> SE3:
         """Where an arm stands in the world."""
@@ -184,8 +186,8 @@ class Plant:
             return SE3.identity()
         return self._world.transform(self._world.cell.base_name(robot), self._is_pushed("base-bumped", robot))
 
-    def _mount(self, name: str, on: str) -> SE3:
-        return self._world.transform(self._world.cell.mount_name(name), self._is_pushed("board-remounted", on))
+    def _mount(self, name: str, carrier: str) -> SE3:
+        return self._world.transform(self._world.cell.mount_name(name), self._is_pushed("board-remounted", carrier))
 
     def _is_pushed(self, fault: str, robot: str) -> bool:
-        return robot != WORLD and self._arms[robot].moves > self._world.faults.after(fault)
+        return robot != WORLD and self._arms[robot].moves > self._world.faults.delay_moves(fault)

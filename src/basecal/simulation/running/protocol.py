@@ -30,7 +30,7 @@ LONGEST_LINE = 2**24
 MOST_JOINTS = 100
 """Of an arm, which bounds what is asked and answered."""
 
-_PATIENCE_S = 60.0  # for an answer: of a picture that is drawn on a busy machine
+_ANSWER_TIMEOUT_S = 60.0  # for an answer: of a picture that is drawn on a busy machine
 _TOKEN_BYTES = 24
 _LARGEST_ADDRESS = 2**16  # bytes
 
@@ -71,12 +71,12 @@ def read_address(folder: Path) -> Address:
         raise DriverError(f"no simulated cell runs here: start it with `basecal simulate {folder} --process`") from None
 
 
-def encoded(message: Mapping[str, Any]) -> bytes:
+def encode(message: Mapping[str, Any]) -> bytes:
     """A message as a line."""
     return json.dumps(message, allow_nan=False).encode() + b"\n"
 
 
-def decoded(line: bytes) -> dict[str, Any]:
+def decode(line: bytes) -> dict[str, Any]:
     """A line as a message.
 
     Raises:
@@ -108,8 +108,8 @@ class Connection:
             DriverError: if the cell refuses, or does not answer any more.
         """
         try:
-            self.line.sendall(encoded({"token": self.token, **request}))
-            answer = decoded(self.stream.readline(LONGEST_LINE))
+            self.line.sendall(encode({"token": self.token, **request}))
+            answer = decode(self.stream.readline(LONGEST_LINE))
         except (OSError, InputError) as error:
             raise DriverError(f"the simulated cell does not answer any more ({error or 'it has ended'})") from None
         if answer.pop("ok", False) is not True:
@@ -130,7 +130,7 @@ def connect(address: Address) -> Connection:
         DriverError: if nothing listens there.
     """
     try:
-        line = socket.create_connection((HOST, address.port), timeout=_PATIENCE_S)
+        line = socket.create_connection((HOST, address.port), timeout=_ANSWER_TIMEOUT_S)
     except OSError as error:
         raise DriverError(
             f"no simulated cell listens on port {address.port} ({error.strerror}): start it again"

@@ -18,11 +18,11 @@ from basecal.cell.schema.errors import problems_of
 from basecal.errors import BasecalError, InputError
 from basecal.fields.values import Entry, Number
 from basecal.simulation.running.plant import Plant
-from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decoded, encoded
+from basecal.simulation.running.protocol import HOST, LONGEST_LINE, MOST_JOINTS, decode, encode
 from basecal.vision.image_file import png_bytes
 
 _LONGEST_REQUEST = 2**16  # bytes: a request has a few joints
-_SILENT_S = 0.3  # without a request, arms of a cell whose time goes on by itself come to rest
+_SILENCE_LIMIT_S = 0.3  # without a request, arms of a cell whose time goes on by itself come to rest
 
 
 class Request(Entry):
@@ -62,7 +62,7 @@ def _light(plant: Plant, request: Request) -> dict[str, Any]:
     return {}
 
 
-_DONE: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
+_ACTIONS: dict[str, Callable[[Plant, Request], dict[str, Any]]] = {
     "state": _state,
     "move": _move,
     "stop": _stop,
@@ -99,7 +99,7 @@ class CellServer(socketserver.ThreadingTCPServer):
         """Where it listens."""
         return int(self.server_address[1])
 
-    def rest(self) -> None:
+    def refuse_requests(self) -> None:
         """Answer nobody any more, once the present request is done: a process that ends while it draws is aborted."""
         self._one_at_a_time.acquire()
 
@@ -112,20 +112,20 @@ class CellServer(socketserver.ThreadingTCPServer):
     def service_actions(self) -> None:
         """Have all arms come to rest if nobody asked for a while, as the watchdog of a controller does."""
         is_busy = self._one_at_a_time.locked()
-        if self.plant.is_real_time and not is_busy and time.monotonic() - self._asked_s > _SILENT_S:
+        if self.plant.is_real_time and not is_busy and time.monotonic() - self._asked_s > _SILENCE_LIMIT_S:
             self.stop()
 
     def answer(self, line: bytes) -> dict[str, Any]:
         """The answer to a line, whatever it holds."""
         try:
-            request = self._checked(decoded(line))
+            request = self._check_request(decode(line))
             self._asked_s = time.monotonic()
             with self._one_at_a_time:
-                return {"ok": True, **_DONE[request.do](self.plant, request)}
+                return {"ok": True, **_ACTIONS[request.do](self.plant, request)}
         except BasecalError as error:
             return {"ok": False, "error": str(error)}
 
-    def _checked(self, message: dict[str, Any]) -> Request:
+    def _check_request(self, message: dict[str, Any]) -> Request:
         token = message.get("token")
         said = token.encode("utf-8", "surrogatepass") if isinstance(token, str) else b""
         if not hmac.compare_digest(said, self.token.encode()):
@@ -135,8 +135,8 @@ class CellServer(socketserver.ThreadingTCPServer):
         except ValidationError as error:
             problem = problems_of(error, Request)[0]
             raise InputError(f"{'.'.join(map(str, problem.loc))}: {problem.message}") from None
-        if request.do not in _DONE:
-            raise InputError(f"no request {request.do!r}; there are: {', '.join(_DONE)}")
+        if request.do not in _ACTIONS:
+            raise InputError(f"no request {request.do!r}; there are: {', '.join(_ACTIONS)}")
         return request
 
 
@@ -149,7 +149,7 @@ class _Handler(socketserver.StreamRequestHandler):
         with suppress(OSError), ExitStack() as ending:  # whoever asked was cut off
             ending.callback(server.stop)
             while line := self.rfile.readline(_LONGEST_REQUEST):
-                answer = encoded(server.answer(line))
-                self.wfile.write(answer if len(answer) < LONGEST_LINE else encoded({"ok": False, "error": "too long"}))
+                answer = encode(server.answer(line))
+                self.wfile.write(answer if len(answer) < LONGEST_LINE else encode({"ok": False, "error": "too long"}))
                 if not line.endswith(b"\n"):
                     return

@@ -14,20 +14,22 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_exp
 from basecal.kinematics import SerialChain
 from basecal.simulation import draw
-from basecal.simulation.arms import joints_near
+from basecal.simulation.arms import solve_joints
 from basecal.simulation.running.faults import Faults
 from basecal.simulation.running.ur5e import BASE_LINK, FLANGE_LINK, ur5e
 from basecal.simulation.running.world import World, faulty_world
 
-_APART_M = 1.7  # between the bases
+_BASE_DISTANCE_M = 1.7  # between the bases
 _DISTANCE_M = 0.65  # of camera and target to begin with
-_REACH = SE3(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.array([0.45, 0.0, 0.5]))  # a flange that looks ahead
-_TO_CAMERA = SE3(np.eye(3), np.array([0.0, -0.07, 0.05]))
-_BESIDE_FLANGE_M = 0.06  # a target's plate stands so far before the flange
+_REACHED_POSE = SE3(
+    np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.array([0.45, 0.0, 0.5])
+)  # a flange that looks ahead
+_FLANGE_FROM_CAMERA = SE3(np.eye(3), np.array([0.0, -0.07, 0.05]))
+_PLATE_OFFSET_M = 0.06  # a target's plate stands so far before the flange
 _LENS = Camera("pinhole", np.array([1012.0, 1009.0, 634.0, 366.0, -0.11, 0.07, 0.0004, -0.0003, 0.0]), (1280, 720))
 _TRUTH_SIGMA = (0.03, 0.08)  # [m, rad] by which cells of this kind differ
 _GUESS_SIGMA = (0.02, 0.05)  # [m, rad] of a tape measure and an eye
-_STARTS = 64
+_START_COUNT = 64
 _TARGET_NAMES = {True: "light", False: "board"}  # by whether it is one point
 
 
@@ -45,10 +47,10 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
     rng = np.random.default_rng([seed, 5])
     shape = TARGETS[target].usual(np.random.default_rng(0))
     name = _TARGET_NAMES[shape.is_point]
-    eye_base_from_hand_base = SE3.from_rotvec([0, 0, np.pi], [_APART_M, 0, 0]) @ _drawn(rng, _TRUTH_SIGMA)
-    flange_from_camera = _TO_CAMERA @ _drawn(rng, (0.01, 0.03))
+    eye_base_from_hand_base = SE3.from_rotvec([0, 0, np.pi], [_BASE_DISTANCE_M, 0, 0]) @ _draw_pose(rng, _TRUTH_SIGMA)
+    flange_from_camera = _FLANGE_FROM_CAMERA @ _draw_pose(rng, (0.01, 0.03))
     flange_from_target = _plate(shape, rng)
-    home_eye = _joints(ur5e(), _REACH @ _drawn(rng, _TRUTH_SIGMA))
+    home_eye = _joints(ur5e(), _REACHED_POSE @ _draw_pose(rng, _TRUTH_SIGMA))
     hand_base_from_camera = eye_base_from_hand_base.inverse() @ ur5e().forward(home_eye) @ flange_from_camera
     home_hand = _joints(ur5e(), hand_base_from_camera @ _camera_from_target(shape) @ flange_from_target.inverse())
     truth = {
@@ -56,7 +58,7 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
         "eye_flange_from_wrist": flange_from_camera,
         f"hand_flange_from_{name}": flange_from_target,
     }
-    known = {each: _known(each, true, rng, shape.is_point) for each, true in truth.items()}
+    known = {each: _stated_unknown(each, true, rng, shape.is_point) for each, true in truth.items()}
     driver = Driver("simulated")
     cell = Cell(
         reference="eye",
@@ -76,16 +78,16 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
     return faulty_world(cell, truth, {"eye": home_eye, "hand": home_hand}, faults or Faults(), seed)
 
 
-def _drawn(rng: draw.Generator, sigma: tuple[float, float]) -> SE3:
+def _draw_pose(rng: draw.Generator, sigma: tuple[float, float]) -> SE3:
     return SE3.exp(draw.tangents(rng, 1, sigma)[0])
 
 
 def _plate(shape: Target, rng: draw.Generator) -> SE3:
     """The mount of a target: its middle before the flange, its front turned away from it; of a point no turn."""
-    ahead = np.array([0.0, 0.0, _BESIDE_FLANGE_M]) + draw.in_ball(rng, 1, 0.02)[0]
+    ahead = np.array([0.0, 0.0, _PLATE_OFFSET_M]) + draw.draw_in_ball(rng, 1, 0.02)[0]
     if shape.is_point:
         return SE3(np.eye(3), ahead - shape.points[0])
-    rotation = _facing(shape, np.diag([1.0, -1.0, -1.0])) @ rotation_exp(draw.in_ball(rng, 1, 0.06)[0])
+    rotation = _facing(shape, np.diag([1.0, -1.0, -1.0])) @ rotation_exp(draw.draw_in_ball(rng, 1, 0.06)[0])
     return SE3(rotation, ahead - rotation @ shape.points.mean(0))
 
 
@@ -107,8 +109,8 @@ def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
     Raises:
         InputError: if none does.
     """
-    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (_STARTS, chain.n))
-    joints, reached = joints_near(chain, SE3.stack([base_from_flange] * _STARTS), starts)
+    starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (_START_COUNT, chain.n))
+    joints, reached = solve_joints(chain, SE3.stack([base_from_flange] * _START_COUNT), starts)
     near = reached & np.all(np.abs(joints) < np.pi, axis=-1)
     if not near.any():
         raise InputError("an arm does not reach where it has to begin; choose another seed")
@@ -116,7 +118,7 @@ def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
     return np.asarray(joints[near][int(dexterity.argmax())])
 
 
-def _known(name: str, true: SE3, rng: draw.Generator, of_light: bool) -> Unknown:
+def _stated_unknown(name: str, true: SE3, rng: draw.Generator, is_light: bool) -> Unknown:
     """What the cell states: a guess; with a light, as the paper has it, mounts as they are."""
-    guess = true @ _drawn(rng, _GUESS_SIGMA)
-    return Unknown("fixed", true) if of_light and "_flange_from_" in name else Unknown("free", guess)
+    guess = true @ _draw_pose(rng, _GUESS_SIGMA)
+    return Unknown("fixed", true) if is_light and "_flange_from_" in name else Unknown("free", guess)

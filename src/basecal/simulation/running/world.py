@@ -75,9 +75,9 @@ def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array]
     return World(cell, truth, known, robots, home, faults, pushed, seed)
 
 
-def _true_lens(stated: Camera, faults: Faults) -> Camera:
+def _true_lens(stated_lens: Camera, faults: Faults) -> Camera:
     """A lens with its faults."""
-    lens = stated
+    lens = stated_lens
     for fault in (effect.fault for effect in EFFECTS.values() if effect.fault is not None):
         if fault.draw_lens is not None and faults.size(fault.name):
             lens = fault.draw_lens(faults.size(fault.name), lens)

@@ -39,11 +39,11 @@ def write_world(world: World, folder: Path) -> None:
         if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
             text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
             write_whole(folder / robot.urdf, text, within=folder)
-    write_truth_of(world, folder)
+    write_world_truth(world, folder)
     write_cell(world.cell, folder)
 
 
-def write_truth_of(world: World, folder: Path) -> None:
+def write_world_truth(world: World, folder: Path) -> None:
     """Write `truth.yaml` with the cell's transforms, its arms' parameters, and what is wrong with it."""
     faults = [
         {"name": each.name, "size": each.size / FAULTS[each.name].scale, "unit": FAULTS[each.name].unit}

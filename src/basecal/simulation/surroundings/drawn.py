@@ -18,10 +18,10 @@ import numpy as np
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.rotation import quaternion_from_rotation
 from basecal.simulation.surroundings.model import TRAY, Stage, body_names, mjcf
-from basecal.vision.draw.backdrop import Backdrop, Flat, flat_for
+from basecal.vision.draw.backdrop import Backdrop, Flat, undistorted_camera
 
-_HIDDEN_M = 0.02  # before a light: what is nearer to it is its own body
-_LIFT = np.array([0.0, 0.0, 1e-3])  # [m] off the tray, so that a ray does not start in it
+_OWN_BODY_M = 0.02  # before a light: what is nearer to it is its own body
+_RAY_LIFT_M = np.array([0.0, 0.0, 1e-3])  # [m] off the tray, so that a ray does not start in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Surroundings:
     """What one camera sees of a stage. All is drawn in one thread, since OpenGL knows no others."""
 
     def __init__(self, stage: Stage, lens: Camera) -> None:
-        self._flat: Flat = flat_for(lens)
+        self._flat: Flat = undistorted_camera(lens)
         self._thread = ThreadPoolExecutor(max_workers=1)
         self._thread.submit(self._open, stage).result()
 
@@ -71,54 +71,54 @@ class Surroundings:
 
     def backdrop(self, scene: Scene) -> Backdrop:
         """The picture without what is printed on the target."""
-        return self._thread.submit(self._drawn, scene).result()
+        return self._thread.submit(self._render, scene).result()
 
-    def shines(self, scene: Scene, points_in_world: Array) -> BoolArray:
+    def is_visible(self, scene: Scene, points_in_world: Array) -> BoolArray:
         """Whether nothing stands between the camera and points, (n, 3) [m], (n,)."""
         return self._thread.submit(self._seen, scene, points_in_world).result()
 
-    def mirrored(self, scene: Scene, below: Array) -> BoolArray:
-        """Whether the camera sees points again in the tray, (n,), that seem to be at `below`, (n, 3) [m]."""
-        return self._thread.submit(self._reflected, scene, below).result()
+    def is_mirrored(self, scene: Scene, points: Array) -> BoolArray:
+        """Whether the camera sees points again in the tray, (n,), that seem to be at `points`, (n, 3) [m]."""
+        return self._thread.submit(self._mirrored_mask, scene, points).result()
 
     def close(self) -> None:
         """Let go of the library that draws."""
         self._thread.submit(self._renderer.close).result()
         self._thread.shutdown()
 
-    def _put(self, scene: Scene) -> None:
+    def _pose_bodies(self, scene: Scene) -> None:
         poses = scene.poses
         self._data.mocap_pos[self._places] = poses.translation
         self._data.mocap_quat[self._places] = np.roll(quaternion_from_rotation(poses.rotation), 1, axis=-1)
         self._mujoco.mj_forward(self._model, self._data)
 
-    def _drawn(self, scene: Scene) -> Backdrop:
-        self._put(scene)
+    def _render(self, scene: Scene) -> Backdrop:
+        self._pose_bodies(scene)
         self._renderer.update_scene(self._data, "eye")
         return self._flat.backdrop(self._renderer.render())
 
     def _seen(self, scene: Scene, points_in_world: Array) -> BoolArray:
-        self._put(scene)
+        self._pose_bodies(scene)
         eye = scene.world_from_camera.translation
         return np.array([self._is_free(eye, point) for point in points_in_world], dtype=bool)
 
-    def _reflected(self, scene: Scene, below: Array) -> BoolArray:
-        self._put(scene)
+    def _mirrored_mask(self, scene: Scene, points: Array) -> BoolArray:
+        self._pose_bodies(scene)
         eye, seen = scene.world_from_camera.translation, []
-        for image in below:
-            hit, away = self._first(eye, image)
+        for image in points:
+            hit, away = self._cast_ray(eye, image)
             at = eye + away * (image - eye) / np.linalg.norm(image - eye)
             above = image * [1, 1, -1] + [0, 0, 2 * at[2]]
-            seen.append(hit == self._tray and hit >= 0 and self._is_free(at + _LIFT, above))
+            seen.append(hit == self._tray and hit >= 0 and self._is_free(at + _RAY_LIFT_M, above))
         return np.array(seen, dtype=bool)
 
     def _is_free(self, start: Array, end: Array) -> bool:
-        hit, away = self._first(start, end)
-        return hit < 0 or away > float(np.linalg.norm(end - start)) - _HIDDEN_M
+        hit, away = self._cast_ray(start, end)
+        return hit < 0 or away > float(np.linalg.norm(end - start)) - _OWN_BODY_M
 
-    def _first(self, start: Array, towards: Array) -> tuple[int, float]:
+    def _cast_ray(self, start: Array, direction: Array) -> tuple[int, float]:
         """The first geometry on a way, -1 where there is none, and how far it is [m]."""
         geometry = np.full(1, -1, dtype=np.int32)
-        way = towards - start
+        way = direction - start
         away = self._mujoco.mj_ray(self._model, self._data, start, way / np.linalg.norm(way), None, True, -1, geometry)
         return int(geometry[0]), float(away)

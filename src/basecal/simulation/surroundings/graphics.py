@@ -10,26 +10,26 @@ from importlib.util import find_spec
 APT_LINE = "apt-get install libegl1 libgl1"
 """What brings a library to draw with to Debian and Ubuntu, without a screen or a graphics card."""
 
-_CHOICE = "MUJOCO_GL"  # by which MuJoCo is told what to draw with, before it is imported
+_BACKEND_VARIABLE = "MUJOCO_GL"  # by which MuJoCo is told what to draw with, before it is imported
 _LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # those that need no screen, the faster first
 
 
-def why_none() -> str | None:
+def missing_graphics() -> str | None:
     """Why MuJoCo draws nothing here, and what to do; None where it can.
 
     What it is to draw with is chosen, where nobody has: of Linux what needs no screen.
     """
     if find_spec("mujoco") is None:
         return "MuJoCo is not installed: pip install 'basecal[sim]'"
-    if sys.platform == "linux" and _CHOICE not in os.environ:
+    if sys.platform == "linux" and _BACKEND_VARIABLE not in os.environ:
         there = [name for name, library in _LIBRARIES.items() if find_library(library) is not None]
         if not there:
             return f"no library to draw with (EGL or OSMesa): {APT_LINE}"
-        os.environ[_CHOICE] = there[0]
-    return _attempted()
+        os.environ[_BACKEND_VARIABLE] = there[0]
+    return _try_rendering()
 
 
-def _attempted() -> str | None:
+def _try_rendering() -> str | None:
     """Why a first tiny picture fails; None where it is drawn."""
     try:
         import mujoco

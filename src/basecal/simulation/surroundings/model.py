@@ -22,16 +22,16 @@ TRAY = "tray"
 """The geometry of what shows a light again."""
 
 _FLOOR_M = -0.85
-_BEYOND_M = 1.3  # of the table past the bases
+_TABLE_MARGIN_M = 1.3  # of the table past the bases
 _THICK_M, _THIN_M = 0.055, 0.04  # radii of an arm's first and last links
-_HOUSING = 1.2  # of a joint, over its link
+_HOUSING_FACTOR = 1.2  # of a joint, over its link
 _PLATE_M = 0.004  # thickness of what a target is printed on
 _LAMP_M = 0.004  # radius of a light's body
 _STEM_M = 0.05  # of what a target is held by
 _TRAY_M = (0.25, 0.25, 0.003)  # half of its sides
-_CLUTTER = 16
-_BESIDE_M = (0.45, 1.1)  # of clutter, from the line between the bases: where no arm goes
-_SIZES_M = (0.03, 0.12)
+_CLUTTER_COUNT = 16
+_CLUTTER_DISTANCE_M = (0.45, 1.1)  # of clutter, from the line between the bases: where no arm goes
+_CLUTTER_SIZE_M = (0.03, 0.12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def mjcf(stage: Stage, size_px: tuple[int, int], fovy_deg: float) -> str:
 
 def _table(stage: Stage) -> str:
     places = np.array([*stage.bases.values(), np.zeros(3)])
-    low, high = places.min(0)[:2] - _BEYOND_M, places.max(0)[:2] + _BEYOND_M
+    low, high = places.min(0)[:2] - _TABLE_MARGIN_M, places.max(0)[:2] + _TABLE_MARGIN_M
     middle, half = (low + high) / 2, (high - low) / 2
     top = f'<geom type="box" material="table" pos="{_text([*middle, TABLE_M - 0.02])}" '
     floor = f'<geom type="plane" pos="0 0 {_FLOOR_M}" size="9 9 1" rgba=".3 .3 .3 1"/>'
@@ -109,11 +109,11 @@ def _clutter(stage: Stage) -> str:
     places = np.array([*stage.bases.values(), np.zeros(3)])
     along = places.max(0)[0] + 0.8
     things = []
-    for _ in range(_CLUTTER):
+    for _ in range(_CLUTTER_COUNT):
         kind = ("box", "cylinder", "sphere")[rng.integers(3)]
-        size = rng.uniform(*_SIZES_M, 3)
+        size = rng.uniform(*_CLUTTER_SIZE_M, 3)
         height = {"box": size[2], "cylinder": size[1], "sphere": size[0]}[kind]
-        at = [rng.uniform(-0.5, along), rng.choice([-1, 1]) * rng.uniform(*_BESIDE_M), TABLE_M + height]
+        at = [rng.uniform(-0.5, along), rng.choice([-1, 1]) * rng.uniform(*_CLUTTER_DISTANCE_M), TABLE_M + height]
         grey = rng.uniform(0.1, 0.9)
         things.append(
             f'<geom type="{kind}" pos="{_text(at)}" size="{_text(size)}" rgba="{_text([grey] * 3)} 1" '
@@ -130,8 +130,8 @@ def _arm(robot: str, chain: SerialChain) -> str:
         ahead = chain.origins[k].translation if k < chain.n else chain.tip.translation
         shapes = _rod(np.zeros(3), ahead, radius, "metal")
         if k:
-            half = _HOUSING * radius * chain.axes[k - 1]
-            shapes += _rod(-half, half, _HOUSING * radius, "joint", "cylinder")
+            half = _HOUSING_FACTOR * radius * chain.axes[k - 1]
+            shapes += _rod(-half, half, _HOUSING_FACTOR * radius, "joint", "cylinder")
         bodies.append(f'<body name="{robot}/{k}" mocap="true">{shapes}</body>')
     return "".join(bodies)
 

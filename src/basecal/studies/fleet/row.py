@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.at_the_door.images import worth_searching
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.input_screening.images import needs_search
 from basecal.cell import Calibration, Cell, Recording
 from basecal.cell.files import calibration_to_dict, input_hashes, read_cell, read_recording
 from basecal.cell.results.versions import used_versions
@@ -113,7 +113,7 @@ def _calibrated(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
     cell = read_cell(folder)
     hashes = input_hashes(folder, cell)
     recording = read_recording(folder, cell)
-    if worth_searching(cell, recording):
+    if needs_search(cell, recording):
         from basecal.vision.detect import detect
 
         recording = detect(cell, recording)

@@ -11,10 +11,18 @@ from numpy.typing import NDArray
 
 from basecal.errors import InputError
 from basecal.geometry import Array, Camera
-from basecal.vision.draw.render import Levels, RenderSettings, View, checked_size, finer, focused, painted
+from basecal.vision.draw.render import (
+    Levels,
+    RenderSettings,
+    View,
+    apply_point_spread,
+    checked_size,
+    paint_targets,
+    supersample,
+)
 
-_MOST_WIDER = 2.5  # of a picture without distortion: beyond, a lens is too wide for it
-_BORDER = 40  # pixels along each side of an image, that tell how far a lens sees
+_LARGEST_WIDENING = 2.5  # of a picture without distortion: beyond, a lens is too wide for it
+_BORDER_POINTS = 40  # pixels along each side of an image, that tell how far a lens sees
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +62,7 @@ class Flat:
         return Backdrop(np.asarray(levels, dtype=np.float32), np.asarray(share, dtype=np.float32))
 
 
-def flat_for(lens: Camera) -> Flat:
+def undistorted_camera(lens: Camera) -> Flat:
     """A camera without distortion for a lens.
 
     Raises:
@@ -62,11 +70,11 @@ def flat_for(lens: Camera) -> Flat:
     """
     width, height = checked_size(lens)
     focal = float(lens.focal.mean())
-    across, down = np.linspace(0, width - 1, _BORDER), np.linspace(0, height - 1, _BORDER)
+    across, down = np.linspace(0, width - 1, _BORDER_POINTS), np.linspace(0, height - 1, _BORDER_POINTS)
     sides = [(u, v) for u in across for v in (0, height - 1)] + [(u, v) for u in (0, width - 1) for v in down]
     plane, seen = _plane(lens, np.array(sides, dtype=np.float64))
     reach = 2 * np.ceil(focal * np.abs(plane).max(0)) + 2 if seen else np.full(2, np.inf)
-    if not (reach[0] < _MOST_WIDER * width and reach[1] < _MOST_WIDER * height):
+    if not (reach[0] < _LARGEST_WIDENING * width and reach[1] < _LARGEST_WIDENING * height):
         raise InputError("the lens sees too far to the sides to be drawn with what stands around")
     size = (int(reach[0]), int(reach[1]))
     v, u = np.mgrid[:height, :width].astype(np.float64)
@@ -81,7 +89,7 @@ def _plane(lens: Camera, pixels: Array) -> tuple[Array, bool]:
         return rays[..., :2] / rays[..., 2:], bool(valid.all() and (rays[..., 2] > 0).all())
 
 
-def printed_on(camera: Camera, views: Sequence[View], backdrop: Backdrop, settings: RenderSettings) -> Array:
+def print_targets(camera: Camera, views: Sequence[View], backdrop: Backdrop, settings: RenderSettings) -> Array:
     """What falls on the sensor before noise and rounding, (h, w): the backdrop, its paper printed with targets.
 
     Raises:
@@ -90,6 +98,6 @@ def printed_on(camera: Camera, views: Sequence[View], backdrop: Backdrop, settin
     width, height = size_px = checked_size(camera)
     share = np.ones((height, width), dtype=np.float32)
     ink = replace(settings, white=1.0, black=settings.black / settings.white)
-    printed = painted(finer(share), camera, views, ink)
-    levels, paper = finer(backdrop.levels), finer(backdrop.paper)
-    return focused(levels * (1 - paper * (1 - printed)), settings, size_px)
+    printed = paint_targets(supersample(share), camera, views, ink)
+    levels, paper = supersample(backdrop.levels), supersample(backdrop.paper)
+    return apply_point_spread(levels * (1 - paper * (1 - printed)), settings, size_px)

@@ -9,9 +9,9 @@ from scipy.special import ndtr
 
 from basecal.geometry import Array, Camera
 from basecal.vision.detection import Image
-from basecal.vision.draw.render import SceneSettings, background, checked_size, quantised
+from basecal.vision.draw.render import SceneSettings, background, checked_size, quantise
 
-_REACH = 8.0  # sigmas: beyond, a spot has less than a double can add to it
+_REACH_SIGMAS = 8.0  # sigmas: beyond, a spot has less than a double can add to it
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def expose_light(levels: Array, settings: LightSettings, seed: int = 0) -> Image
     rng = np.random.default_rng([seed, 3])
     photons = rng.poisson(np.maximum(levels, 0.0) * settings.photons_per_level)
     counted = photons / settings.photons_per_level + settings.read_noise * rng.standard_normal(levels.shape)
-    return quantised(counted, settings.bits)
+    return quantise(counted, settings.bits)
 
 
 def light_levels(camera: Camera, points_in_camera: Array, settings: LightSettings) -> Array:
@@ -79,7 +79,7 @@ def light_levels(camera: Camera, points_in_camera: Array, settings: LightSetting
 
 def _shares(centre: float, sigma: float, extent: int) -> tuple[slice, Array]:
     """What each pixel along an axis receives of a spot, for the pixels within its reach."""
-    low = int(np.clip(np.floor(centre - _REACH * sigma), 0, extent))
-    high = int(np.clip(np.ceil(centre + _REACH * sigma) + 1, low, extent))
+    low = int(np.clip(np.floor(centre - _REACH_SIGMAS * sigma), 0, extent))
+    high = int(np.clip(np.ceil(centre + _REACH_SIGMAS * sigma) + 1, low, extent))
     borders = np.arange(low, high + 1) - 0.5
     return slice(low, high), np.diff(ndtr((borders - centre) / sigma))

@@ -11,7 +11,7 @@ _INVISIBLE_PX = 0.02  # of a smear: a tenth of what detectors tell apart
 _LONGEST_PX = 400.0  # what moves further within an exposure is gone
 
 
-def smeared(levels: Array, way_px: Array) -> Array:
+def blur_motion(levels: Array, way_px: Array) -> Array:
     """Levels (h, w) averaged along a way (2,) [px] that everything in them moves while the shutter is open."""
     length = float(np.linalg.norm(way_px))
     if length < _INVISIBLE_PX:

@@ -23,9 +23,9 @@ from basecal.vision.draw.drawing import target_drawing
 
 _EDGE_PX = 3.0  # between cuts of an edge: in between, even a strong lens bends it by a thousandth of a pixel
 _MOST_CUTS = 4000  # of one edge: of one as long as the widest image
-_REACH = 4.5  # sigmas of the point spread: the rest is below a thousandth of a level
+_REACH_SIGMAS = 4.5  # sigmas of the point spread: the rest is below a thousandth of a level
 _TEXTURE_PX = (8, 32, 128)  # scales of the background's structure: of corners, of boards, of shadows
-_FINER = 2  # a Gaussian sampled once a pixel would leave steps of half a percent in an edge
+_SUPERSAMPLING = 2  # a Gaussian sampled once a pixel would leave steps of half a percent in an edge
 _DISC_SIDES = 120  # of the same area: the outline is nowhere off by 0.0003 of the radius
 
 Levels = NDArray[np.float32]
@@ -91,15 +91,15 @@ def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, se
     """
     size_px = checked_size(camera)
     plain = background(size_px, settings.background, settings.texture, seed).astype(np.float32)
-    return focused(painted(finer(plain), camera, views, settings), settings, size_px)
+    return apply_point_spread(paint_targets(supersample(plain), camera, views, settings), settings, size_px)
 
 
-def finer(levels: Levels) -> Levels:
+def supersample(levels: Levels) -> Levels:
     """Levels in the finer pixels that are painted on."""
-    return levels.repeat(_FINER, axis=0).repeat(_FINER, axis=1)
+    return levels.repeat(_SUPERSAMPLING, axis=0).repeat(_SUPERSAMPLING, axis=1)
 
 
-def painted(fine: Levels, camera: Camera, views: Sequence[View], settings: RenderSettings) -> Levels:
+def paint_targets(fine: Levels, camera: Camera, views: Sequence[View], settings: RenderSettings) -> Levels:
     """An image of finer pixels with targets painted on it, in place; nearer sheets hide others.
 
     Raises:
@@ -108,12 +108,12 @@ def painted(fine: Levels, camera: Camera, views: Sequence[View], settings: Rende
     placed = [(pose @ sheet.target_from_sheet, sheet) for target, pose in views for sheet in target_drawing(target)]
     for camera_from_sheet, sheet in sorted(placed, key=lambda each: -float(each[0].translation[2])):
         facing = float(camera_from_sheet.rotation[:, 2] @ camera_from_sheet.translation) > 0
-        paper = _projected(camera, camera_from_sheet, _tiles(sheet))
+        paper = _project_edges(camera, camera_from_sheet, _tiles(sheet))
         window = _window(paper, fine.shape)
         if window is None:
             continue
         seen = fine[window]
-        seen += _covered(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
+        seen += _coverage(paper if facing else paper[:, ::-1], window) * (np.float32(settings.white) - seen)
         if not facing:
             continue
         # Discs are polygons of the same area.
@@ -121,15 +121,16 @@ def painted(fine: Levels, camera: Camera, views: Sequence[View], settings: Rende
         stretch = np.sqrt(np.pi / (_DISC_SIDES / 2 * np.sin(2 * np.pi / _DISC_SIDES)))
         circle = stretch * np.stack([np.cos(angle), np.sin(angle)], -1)
         rounds = np.asarray(sheet.discs[:, None, :2] + sheet.discs[:, 2, None, None] * circle)
-        black = [_projected(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), rounds)]
-        seen += np.float32(settings.black - settings.white) * _covered(np.concatenate(black), window)
+        black = [_project_edges(camera, camera_from_sheet, loops) for loops in (_boxes(sheet.rectangles), rounds)]
+        seen += np.float32(settings.black - settings.white) * _coverage(np.concatenate(black), window)
     return fine
 
 
-def focused(fine: Levels, settings: RenderSettings, size_px: tuple[int, int]) -> Array:
+def apply_point_spread(fine: Levels, settings: RenderSettings, size_px: tuple[int, int]) -> Array:
     """An image of finer pixels under its point spread, in pixels, (h, w)."""
     return np.asarray(
-        cv2.resize(blurred(fine, _FINER * settings.blur_px), size_px, interpolation=cv2.INTER_AREA), dtype=np.float64
+        cv2.resize(blur_image(fine, _SUPERSAMPLING * settings.blur_px), size_px, interpolation=cv2.INTER_AREA),
+        dtype=np.float64,
     )
 
 
@@ -138,10 +139,10 @@ def expose(levels: Array, settings: RenderSettings, seed: int = 0) -> Image:
     noisy = np.random.default_rng([seed, 1]).standard_normal(levels.shape, dtype=np.float32)
     noisy *= np.float32(settings.noise)
     noisy += levels
-    return quantised(noisy, settings.bits)
+    return quantise(noisy, settings.bits)
 
 
-def quantised(levels: Array | Levels, bits: int) -> Image:
+def quantise(levels: Array | Levels, bits: int) -> Image:
     """Levels of an 8-bit image rounded to `bits`, (h, w).
 
     Raises:
@@ -176,11 +177,11 @@ def background(size_px: tuple[int, int], level: float, texture: float, seed: int
     return image
 
 
-def blurred(image: Levels, sigma_px: float) -> Levels:
+def blur_image(image: Levels, sigma_px: float) -> Levels:
     """An image under a Gaussian point spread, (h, w)."""
     if sigma_px <= 0:
         return image
-    half = int(np.ceil(_REACH * sigma_px))
+    half = int(np.ceil(_REACH_SIGMAS * sigma_px))
     return np.asarray(cv2.GaussianBlur(image, (2 * half + 1,) * 2, sigma_px, borderType=cv2.BORDER_REPLICATE))
 
 
@@ -193,7 +194,7 @@ def _window(edges: Array, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
     return None if np.any(low >= high) else (slice(low[1], high[1]), slice(low[0], high[0]))
 
 
-def _covered(edges: Array, window: tuple[slice, slice]) -> Levels:
+def _coverage(edges: Array, window: tuple[slice, slice]) -> Levels:
     rows, columns = window
     origin = np.array([columns.start, rows.start])
     return coverage(edges - origin, (columns.stop - columns.start, rows.stop - rows.start)).astype(np.float32)
@@ -216,12 +217,12 @@ def _boxes(rectangles: Array) -> Array:
     return np.stack([np.stack(corner, -1) for corner in corners], axis=1)
 
 
-def _projected(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
+def _project_edges(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
     """Edges of the loops' images, (m, 2, 2) in the finer image, cut so short that a lens bends none visibly."""
-    shown = Camera(camera.model, camera.parameters).sees(camera_from_sheet @ _flat(loops)).all(axis=1)
+    shown = Camera(camera.model, camera.parameters).sees(camera_from_sheet @ _plane_levels(loops)).all(axis=1)
     start = loops[shown]
     end = np.roll(start, -1, axis=1)
-    pixels = camera.project(camera_from_sheet @ _flat(start))
+    pixels = camera.project(camera_from_sheet @ _plane_levels(start))
     start, end = start.reshape(-1, 2), end.reshape(-1, 2)
     length = np.linalg.norm(np.roll(pixels, -1, axis=1) - pixels, axis=-1).ravel()
     count = np.clip(np.ceil(length / _EDGE_PX), 1, _MOST_CUTS).astype(np.int64)
@@ -230,9 +231,9 @@ def _projected(camera: Camera, camera_from_sheet: SE3, loops: Array) -> Array:
     # Weighed so that an edge and its reverse pass the same points.
     shares = [((step + k) / count[which])[:, None] for k in (0, 1)]
     ends = [start[which] * (1 - share) + end[which] * share for share in shares]
-    fine: Array = np.stack([camera.project(camera_from_sheet @ _flat(each)) for each in ends], axis=1)
-    return np.asarray((fine + 0.5) * _FINER - 0.5)
+    fine: Array = np.stack([camera.project(camera_from_sheet @ _plane_levels(each)) for each in ends], axis=1)
+    return np.asarray((fine + 0.5) * _SUPERSAMPLING - 0.5)
 
 
-def _flat(plane: Array) -> Array:
+def _plane_levels(plane: Array) -> Array:
     return np.concatenate([plane, np.zeros((*plane.shape[:-1], 1))], axis=-1)

@@ -41,38 +41,38 @@ class Corner:
     def __call__(self, q: Array, xy: Array) -> Array:
         """See `Shape`."""
         sides, share = _sides(q, xy), q[:, 5:6]
-        plain = self._values(_scaled(sides, q[:, 4:5]))
+        plain = self._values(_scale_sides(sides, q[:, 4:5]))
         if not share.any():
             return plain
-        return (1 + share) * plain - share * self._values(_scaled(sides, _masked(q[:, 4:5])))
+        return (1 + share) * plain - share * self._values(_scale_sides(sides, _sharpened_spread(q[:, 4:5])))
 
-    def linearised(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
+    def linearise_shape(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
         """See `Shape`."""
         sides, share = _sides(q, xy), q[:, 5:6]
         log_spread = q[:, 4:5]
-        values, slopes = self._slopes(_scaled(sides, log_spread))
+        values, slopes = self._slopes(_scale_sides(sides, log_spread))
         if not share.any() and free < q.shape[1]:
-            return values, _chained(sides, slopes, free)
-        masked = _masked(log_spread)
-        blurred, others = self._slopes(_scaled(sides, masked))
+            return values, _chain_slopes(sides, slopes, free)
+        masked = _sharpened_spread(log_spread)
+        blurred, others = self._slopes(_scale_sides(sides, masked))
         # What a further blur would take from it, added: unsharp masking.
         rate = np.exp(2 * (log_spread - masked))  # of the blurred spread's logarithm to the sharp one's
         both = _Slopes(*((1 + share) * mine - share * theirs for mine, theirs in zip(slopes, others, strict=True)))
         both = both._replace(spread=(1 + share) * slopes.spread - share * rate * others.spread)
-        jacobian = _chained(sides, both, min(free, 5))
+        jacobian = _chain_slopes(sides, both, min(free, 5))
         if free == q.shape[1]:
             jacobian = np.concatenate([jacobian, (values - blurred)[:, None]], axis=1)
         return (1 + share) * values - share * blurred, jacobian
 
-    def _values(self, scaled: _Scaled) -> Array:
-        first, second = ndtr(scaled.first), ndtr(scaled.second)
+    def _values(self, sides: _Scaled) -> Array:
+        first, second = ndtr(sides.first), ndtr(sides.second)
         if self.crossed:
-            return np.asarray((2 * first - 1) * (2 * second - 1) + 4 * _overlap(scaled))
-        return np.asarray(first * second + _overlap(scaled))
+            return np.asarray((2 * first - 1) * (2 * second - 1) + 4 * _overlap(sides))
+        return np.asarray(first * second + _overlap(sides))
 
-    def _slopes(self, scaled: _Scaled) -> tuple[Array, _Slopes]:
+    def _slopes(self, sides: _Scaled) -> tuple[Array, _Slopes]:
         """Values, and their derivatives at a spread."""
-        a, b, r = scaled.first, scaled.second, scaled.cosine
+        a, b, r = sides.first, sides.second, sides.cosine
         root = np.sqrt(np.maximum(1 - r * r, _LEAST_SINE2))
         a_given_b, b_given_a = (a - r * b) / root, (b - r * a) / root
         by_first = _DENSITY * np.exp(-0.5 * a * a)
@@ -80,9 +80,9 @@ class Corner:
         by_first *= ndtr(b_given_a) - 0.5 * self.crossed
         by_second = _DENSITY * np.exp(-0.5 * b * b) * (ndtr(a_given_b) - 0.5 * self.crossed)
         times = 4.0 if self.crossed else 1.0
-        by_spread = -(a * by_first + b * by_second) * scaled.bounded
-        slopes = _Slopes(by_first * scaled.inverse, by_second * scaled.inverse, by_cosine, by_spread)
-        return self._values(scaled), _Slopes(*(times * each for each in slopes))
+        by_spread = -(a * by_first + b * by_second) * sides.bounded
+        slopes = _Slopes(by_first * sides.inverse, by_second * sides.inverse, by_cosine, by_spread)
+        return self._values(sides), _Slopes(*(times * each for each in slopes))
 
 
 saddle = Corner(crossed=True)
@@ -127,13 +127,13 @@ class _Scaled(NamedTuple):
     bounded: BoolArray
 
 
-def _scaled(sides: _Sides, log_spread: Array) -> _Scaled:
+def _scale_sides(sides: _Sides, log_spread: Array) -> _Scaled:
     inverse = np.exp(-np.clip(log_spread, -_MOST_LOG, _MOST_LOG))
     bounded = np.abs(log_spread) < _MOST_LOG
     return _Scaled(sides.first * inverse, sides.second * inverse, sides.cosine, inverse, bounded)
 
 
-def _masked(log_spread: Array) -> Array:
+def _sharpened_spread(log_spread: Array) -> Array:
     """The logarithm of the spread after a camera's blur besides."""
     return np.asarray(0.5 * np.logaddexp(2 * log_spread, 2 * np.log(_MASK_PX)))
 
@@ -147,7 +147,7 @@ class _Slopes(NamedTuple):
     spread: Array
 
 
-def _chained(sides: _Sides, slopes: _Slopes, free: int) -> Array:
+def _chain_slopes(sides: _Sides, slopes: _Slopes, free: int) -> Array:
     """Derivatives to the first of place, directions and spread, (n, free, p)."""
     (c1, c2), (s1, s2) = (np.split(each, 2, axis=1) for each in (sides.cosines, sides.sines))
     turned = slopes.cosine * sides.sine
@@ -161,15 +161,15 @@ def _chained(sides: _Sides, slopes: _Slopes, free: int) -> Array:
     return np.stack(columns[:free], axis=1)
 
 
-def _overlap(scaled: _Scaled) -> Array:
+def _overlap(sides: _Scaled) -> Array:
     """The normal probability that two correlated numbers are both positive, beyond the product, (n, p).
 
     Its derivative to the correlation is the density (Price's theorem); the integral over it by Gauss-Legendre in the
     arc's sine, which is smooth up to correlation one. Source: Drezner & Wesolowsky 1990.
     """
-    product, squares = scaled.first * scaled.second, 0.5 * (scaled.first**2 + scaled.second**2)
+    product, squares = sides.first * sides.second, 0.5 * (sides.first**2 + sides.second**2)
     total = np.zeros_like(product)
-    top = np.arcsin(np.clip(scaled.cosine, -1, 1))
+    top = np.arcsin(np.clip(sides.cosine, -1, 1))
     for node, weight in zip(_NODES + 0.5, _WEIGHTS, strict=True):
         sine, cosine2 = np.sin(top * node), np.cos(top * node) ** 2
         total += weight * np.exp((sine * product - squares) / cosine2)

@@ -14,27 +14,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.geometry import Array, BoolArray
-from basecal.vision.fit.patch_fit import SETTLED, Fit, Patches, Shape, fit_shapes, packed
+from basecal.vision.fit.patch_fit import CONVERGED_SIGMAS, Fit, Patches, Shape, fit_shapes, pack_patches
 
 BOARD_ARM_PX = 7.0
 """Arms along lines that go on both ways: at 12 px a lens of k1 = -0.35 makes errors a quarter larger than sigmas."""
 
-_GUARD = 2.0  # sigmas of the point spread; an edge further away changes a level by less than a fortieth of its step
-_FIRST_SPREAD = 1.0  # [px] where the fit of the point spread begins: a sharp camera has half of it, a soft one twice
-_MODEL_PX = 0.0015  # rms error of a corner in rendered images without noise
+_GUARD_SIGMAS = (
+    2.0  # sigmas of the point spread; an edge further away changes a level by less than a fortieth of its step
+)
+_START_SPREAD_PX = 1.0  # [px] where the fit of the point spread begins: a sharp camera has half of it, a soft one twice
+_MODEL_ERROR_PX = 0.0015  # rms error of a corner in rendered images without noise
 _LEAST_WIDTH_PX = 1.6  # of a band that the guard leaves: pixels on both sides of a line, whatever its direction
-_LEAST_SPREAD, _MOST_SPREAD = 0.15, 6.0  # [px] of one corner: sharper is a pixel's own square, wider fills the window
-_LENS_LIMITS = (np.log(_LEAST_SPREAD), -0.5), (np.log(_MOST_SPREAD), 3.0)
-_LENS_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
+_LEAST_SPREAD_PX, _MOST_SPREAD_PX = (
+    0.15,
+    6.0,
+)  # [px] of one corner: sharper is a pixel's own square, wider fills the window
+_SPREAD_LIMITS = (np.log(_LEAST_SPREAD_PX), -0.5), (np.log(_MOST_SPREAD_PX), 3.0)
+_SPREAD_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
 _MEDIAN_SIGMAS = 1.2533  # sigma of the median of normal numbers over that of their mean
-_SURE = 2.0  # sigmas of zero within which a camera does not sharpen
-_SLIGHT = 0.1  # of sharpening: what more of it changes in the spread is not linear
-_ROUGH = 0.1  # of the residuals' norm: a hundredth of the cost of some hundred pixels is one sigma of the corner
-_THINNED = 5  # of so many pixels one tells where a corner roughly is, like a knight's move from the next
-_LEAST_THINNED = 40  # pixels that are then left: with fewer, all are taken
+_CERTAIN_SIGMAS = 2.0  # sigmas of zero within which a camera does not sharpen
+_SLIGHT_SHARPENING = 0.1  # of sharpening: what more of it changes in the spread is not linear
+_ROUGH_SHARE = 0.1  # of the residuals' norm: a hundredth of the cost of some hundred pixels is one sigma of the corner
+_THINNING = 5  # of so many pixels one tells where a corner roughly is, like a knight's move from the next
+_LEAST_THINNED_PIXELS = 40  # pixels that are then left: with fewer, all are taken
 _LEAST_CONTRAST = 2.0  # step of a line in sigmas of a pixel's noise: with less no detector sees a corner
-_DIAGONAL = 1.4  # of an arm: how far the cross reaches at an angle
-_LEAST_FREEDOM = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
+_DIAGONAL_FACTOR = 1.4  # of an arm: how far the cross reaches at an angle
+_LEAST_FREEDOMS = 8  # pixels beyond the parameters: the noise they show is then known to a quarter
 _MOST_SIGMA_PX = 1.0  # of a place: beyond, it is no measurement
 _MOST_MOVED_PX = 3.0  # from the rough place: further away is another corner
 
@@ -72,7 +77,7 @@ class Corners:
     gain: Array
 
 
-def refined(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Corners:
+def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Corners:
     """Corners near `start`.
 
     Args:
@@ -86,42 +91,44 @@ def refined(image: Levels, shape: Shape, start: Array, axes: Array, window: Wind
         return Corners(start, np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0))
     context, q = _Context(image, shape, axes, window), _parameters(start, axes)
     q[:, 4:] = _lens(image, shape, start, axes, window)
-    rough = _fitted(context, q, held=1, settled=_ROUGH)
+    rough = _fit_corners(context, q, held_count=1, tolerance=_ROUGH_SHARE)
     # Again, in windows around the corners themselves.
-    q[:, :4] = np.where(_sound(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
-    fit = _fitted(context, q, held=1)
-    sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + _MODEL_PX**2)
-    return Corners(fit.shape[:, :2], sigma, _sound(fit, start) & (sigma < _MOST_SIGMA_PX), fit.light[:, 0])
+    q[:, :4] = np.where(_accepted_fits(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
+    fit = _fit_corners(context, q, held_count=1)
+    sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + _MODEL_ERROR_PX**2)
+    return Corners(fit.shape[:, :2], sigma, _accepted_fits(fit, start) & (sigma < _MOST_SIGMA_PX), fit.light[:, 0])
 
 
 def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
     """Point spread and sharpening as most of some corners show them; one alone hardly tells them apart."""
-    some = slice(None, None, max(1, len(start) // _LENS_CORNERS))
+    some = slice(None, None, max(1, len(start) // _SPREAD_CORNERS))
     start, axes = start[some], axes[some]
-    rough = _fitted(_Context(image, shape, axes, window), _parameters(start, axes), held=1, settled=_ROUGH)
-    sound = _sound(rough, start)
+    rough = _fit_corners(
+        _Context(image, shape, axes, window), _parameters(start, axes), held_count=1, tolerance=_ROUGH_SHARE
+    )
+    sound = _accepted_fits(rough, start)
     if not sound.any():
-        return np.array([np.log(_FIRST_SPREAD), 0.0])
-    free = _fitted(_Context(image, shape, axes[sound], window), rough.shape[sound], held=0)
+        return np.array([np.log(_START_SPREAD_PX), 0.0])
+    free = _fit_corners(_Context(image, shape, axes[sound], window), rough.shape[sound], held_count=0)
     spread, share = free.shape[:, 4:].T
     variance = free.covariance[:, 5, 5]
     doubt = _MEDIAN_SIGMAS * np.sqrt(np.median(variance) / len(share))
-    if abs(np.median(share)) < min(_SURE * doubt, _SLIGHT):
+    if abs(np.median(share)) < min(_CERTAIN_SIGMAS * doubt, _SLIGHT_SHARPENING):
         # Without sharpening, which halves the work; the spread as it then is.
         spread, share = spread - free.covariance[:, 4, 5] / variance * share, np.zeros(len(share))
-    return np.asarray(np.median(np.column_stack([spread, share]), axis=0).clip(*_LENS_LIMITS))
+    return np.asarray(np.median(np.column_stack([spread, share]), axis=0).clip(*_SPREAD_LIMITS))
 
 
 def _parameters(start: Array, axes: Array) -> Array:
     along, across = axes[:, 0], -axes[:, 1]
     angles = [np.arctan2(line[:, 1], line[:, 0]) for line in (along, across)]
-    lens = np.broadcast_to([np.log(_FIRST_SPREAD), 0.0], (len(start), 2))
+    lens = np.broadcast_to([np.log(_START_SPREAD_PX), 0.0], (len(start), 2))
     return np.column_stack([start, *angles, lens])
 
 
 @dataclass(frozen=True, eq=False)
 class _Context:
-    """What all rounds of refining share; see `refined`."""
+    """What all rounds of refining share; see `refine_corners`."""
 
     image: Levels
     shape: Shape
@@ -129,39 +136,44 @@ class _Context:
     window: Window
 
 
-def _fitted(context: _Context, q: Array, held: int, settled: float = SETTLED) -> Fit:
+def _fit_corners(context: _Context, q: Array, held_count: int, tolerance: float = CONVERGED_SIGMAS) -> Fit:
     """A fit whose covariance is in pixels, with the noise that the residuals show; a rough one by a part of them."""
     middle = np.rint(q[:, :2])
-    used = _pixels(context, q, middle, _THINNED if settled == _ROUGH else 1)
+    used = _pixels(context, q, middle, _THINNING if tolerance == _ROUGH_SHARE else 1)
     fit = fit_shapes(
-        context.shape, np.column_stack([q[:, :2] - middle, q[:, 2:]]), used, sloped=True, held=held, settled=settled
+        context.shape,
+        np.column_stack([q[:, :2] - middle, q[:, 2:]]),
+        used,
+        has_slope=True,
+        held_count=held_count,
+        tolerance=tolerance,
     )
     weights = used.weights
     freedom = np.maximum((weights > 0).sum(axis=1) - q.shape[1] - fit.light.shape[1], 1)
     noise = (weights * fit.residuals**2).sum(axis=1) / freedom
     moved = np.column_stack([fit.shape[:, :2] + middle, fit.shape[:, 2:]])
     covariance = fit.covariance * noise[:, None, None]
-    enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > _LEAST_FREEDOM)
+    enough = fit.converged & (np.abs(fit.light[:, 0]) > _LEAST_CONTRAST * np.sqrt(noise)) & (freedom > _LEAST_FREEDOMS)
     return Fit(moved, fit.light, covariance, fit.residuals, enough)
 
 
-def _pixels(context: _Context, q: Array, middle: Array, thinned: int) -> Patches:
+def _pixels(context: _Context, q: Array, middle: Array, thinning: int) -> Patches:
     """Pixels in the crosses of corners, counted from `middle`; one of so many where enough are left."""
-    patches = patches_around(context.image, middle, int(np.ceil(_DIAGONAL * context.window.arm_px)), thinned)
-    weights = patches.weights * _in_cross(context, q, q[:, :2] - middle, patches.xy)
-    used = packed(patches, weights)
-    few = thinned > 1 and (used.weights > 0).sum(axis=1).min() < _LEAST_THINNED
+    patches = cut_patches(context.image, middle, int(np.ceil(_DIAGONAL_FACTOR * context.window.arm_px)), thinning)
+    weights = patches.weights * _cross_mask(context, q, q[:, :2] - middle, patches.xy)
+    used = pack_patches(patches, weights)
+    few = thinning > 1 and (used.weights > 0).sum(axis=1).min() < _LEAST_THINNED_PIXELS
     return _pixels(context, q, middle, 1) if few else used
 
 
-def _in_cross(context: _Context, q: Array, places: Array, xy: Array) -> BoolArray:
+def _cross_mask(context: _Context, q: Array, places: Array, xy: Array) -> BoolArray:
     """Which places, (n, p, 2), lie in the crosses of corners that stand at, (n, 2)."""
     offset = xy - places[:, None]
     to_pitches = np.linalg.inv(context.axes)[:, None]
     pitches = [offset[..., 0] * to_pitches[..., 0, k] + offset[..., 1] * to_pitches[..., 1, k] for k in range(2)]
     length = np.linalg.norm(context.axes, axis=2)
     height = np.abs(np.linalg.det(context.axes))[:, None] / length[:, ::-1]  # [px] from the other line, per pitch
-    guard = _GUARD * np.exp(q[:, 4])[:, None] / height
+    guard = _GUARD_SIGMAS * np.exp(q[:, 4])[:, None] / height
     least = _LEAST_WIDTH_PX / height
     inside, outside = (np.maximum(limit - guard, least) for limit in (context.window.inside, context.window.outside))
     before = -np.maximum(context.window.before - guard, least)
@@ -175,7 +187,7 @@ def _in_cross(context: _Context, q: Array, places: Array, xy: Array) -> BoolArra
     return np.asarray(near & within)
 
 
-def patches_around(image: Levels, middle: Array, reach: int, thinned: int = 1) -> Patches:
+def cut_patches(image: Levels, middle: Array, reach: int, thinning: int = 1) -> Patches:
     """Square pieces around whole pixels, (n, 2), counted from them; pixels outside the image weigh nothing.
 
     Of a thinned piece only one pixel of so many is there, in each row two columns further than in the one before.
@@ -183,7 +195,7 @@ def patches_around(image: Levels, middle: Array, reach: int, thinned: int = 1) -
     height, width = image.shape
     steps = np.arange(-reach, reach + 1)
     xy = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    xy = xy[(xy[:, 0] + 2 * xy[:, 1]) % thinned == 0]
+    xy = xy[(xy[:, 0] + 2 * xy[:, 1]) % thinning == 0]
     column, row = np.moveaxis(middle.astype(np.int64)[:, None] + xy, -1, 0)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     values = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
@@ -191,9 +203,9 @@ def patches_around(image: Levels, middle: Array, reach: int, thinned: int = 1) -
     return Patches(places, values, inside.astype(np.float64))
 
 
-def _sound(fit: Fit, start: Array) -> BoolArray:
+def _accepted_fits(fit: Fit, start: Array) -> BoolArray:
     log_spread = fit.shape[:, 4]
     moved = np.linalg.norm(fit.shape[:, :2] - start, axis=1)
-    between = (log_spread > np.log(_LEAST_SPREAD)) & (log_spread < np.log(_MOST_SPREAD))
+    between = (log_spread > np.log(_LEAST_SPREAD_PX)) & (log_spread < np.log(_MOST_SPREAD_PX))
     sound: BoolArray = fit.converged & (moved < _MOST_MOVED_PX) & between
     return sound

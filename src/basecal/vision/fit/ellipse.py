@@ -11,7 +11,7 @@ from basecal.geometry import Array
 
 _MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
 _TINY = 1e-9  # [px, or 1] below which a quotient takes its limit: rounding of it is 1e-16 / 1e-9
-_DIFFERENCE = 1e-5  # of a logarithm: curvature and rounding leave ten digits of a derivative
+_DIFFERENCE_STEP = 1e-5  # of a logarithm: curvature and rounding leave ten digits of a derivative
 
 
 class Ellipse:
@@ -23,11 +23,11 @@ class Ellipse:
 
     def __call__(self, q: Array, xy: Array) -> Array:
         """See `Shape`."""
-        return np.asarray(ndtr(_seen(q, xy).z))
+        return np.asarray(ndtr(_ellipse_terms(q, xy).z))
 
-    def linearised(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
+    def linearise_shape(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
         """See `Shape`."""
-        at = _seen(q, xy)
+        at = _ellipse_terms(q, xy)
         # Of z = s r (1 - r) / |o| with r^2 = offset . o and o = G offset, what a change of r^2 and one of |o|^2 make.
         by_square = at.sharpness * (1 - 2 * at.radius) / (2 * at.radius * at.size)
         by_size = -0.5 * at.z / at.size**2
@@ -38,9 +38,9 @@ class Ellipse:
         rows.append(by_square * -2 * dv - 2 * by_size * (du * g12 + dv * g22))
         uu, uv, vv = u * u, 2 * u * v, v * v
         # How G's entries change with a, b and c, by differences, which of so few numbers are soon made.
-        for step in _DIFFERENCE * np.eye(3):
+        for step in _DIFFERENCE_STEP * np.eye(3):
             less, more = (_symmetric_exp(*(-(q[:, 2:5] + side * step)).T) for side in (-1, 1))
-            h11, h12, h22 = _entries((more @ more - less @ less) / (2 * _DIFFERENCE))
+            h11, h12, h22 = _entries((more @ more - less @ less) / (2 * _DIFFERENCE_STEP))
             of_size = 2 * (du * (u * h11 + v * h12) + dv * (u * h12 + v * h22))
             rows.append(by_square * (uu * h11 + uv * h12 + vv * h22) + by_size * of_size)
         rows.append(-at.z * (np.abs(q[:, 5:6]) < _MOST_LOG))
@@ -70,7 +70,7 @@ class _Seen(NamedTuple):
     sharpness: Array
 
 
-def _seen(q: Array, xy: Array) -> _Seen:
+def _ellipse_terms(q: Array, xy: Array) -> _Seen:
     u, v = xy[..., 0] - q[:, :1], xy[..., 1] - q[:, 1:2]
     matrix = _symmetric_exp(-q[:, 2], -q[:, 3], -q[:, 4])
     g11, g12, g22 = _entries(matrix @ matrix)
@@ -81,9 +81,9 @@ def _seen(q: Array, xy: Array) -> _Seen:
     return _Seen(sharpness * radius * (1 - radius) / size, radius, size, (u, v), (du, dv), (g11, g12, g22), sharpness)
 
 
-def _entries(symmetric: Array) -> tuple[Array, Array, Array]:
+def _entries(matrix: Array) -> tuple[Array, Array, Array]:
     """11, 12 and 22, (n, 1) each."""
-    return symmetric[:, 0, :1], symmetric[:, 0, 1:], symmetric[:, 1, 1:]
+    return matrix[:, 0, :1], matrix[:, 0, 1:], matrix[:, 1, 1:]
 
 
 ellipse = Ellipse()

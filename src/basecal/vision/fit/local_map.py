@@ -6,8 +6,8 @@ import numpy as np
 
 from basecal.geometry import Array
 
-_WIDE = 1.3  # pitches: eight neighbours on every side of a disc count, and hardly any more
-_FAR = 1e-4  # weight of points far away: keeps a map defined where too few are near
+_REACH_PITCHES = 1.3  # pitches: eight neighbours on every side of a disc count, and hardly any more
+_FAR_WEIGHT = 1e-4  # weight of points far away: keeps a map defined where too few are near
 _RIDGE = 1e-9  # in squared pitches of one point: only points in a line need it
 _CUBIC_RIDGE = 1e-6  # likewise: a grid of two rows has no second derivative across them
 
@@ -25,7 +25,7 @@ def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array
         (n, 2, 2) [px], a row for each axis.
     """
     offset = (plane[None] - place[:, None]) / pitch
-    weight = np.exp(-0.5 * (offset**2).sum(axis=2)) + _FAR
+    weight = np.exp(-0.5 * (offset**2).sum(axis=2)) + _FAR_WEIGHT
     basis = np.concatenate([offset, np.ones((*offset.shape[:2], 1))], axis=2)
     weighted = np.swapaxes(basis * weight[..., None], 1, 2)
     normal = weighted @ basis + _RIDGE * np.eye(3)
@@ -47,7 +47,7 @@ def local_homographies(plane: Array, pixels: Array, pitch: float) -> tuple[Array
     Source: Hartley & Zisserman 2004, section 4.1.
     """
     offset = (plane[None] - plane[:, None]) / pitch
-    weight = np.exp(-0.5 * (offset**2).sum(axis=2) / _WIDE**2) + _FAR
+    weight = np.exp(-0.5 * (offset**2).sum(axis=2) / _REACH_PITCHES**2) + _FAR_WEIGHT
     x, y = np.moveaxis(offset, 2, 0)
     scale = np.ptp(pixels, axis=0).max()
     u, v = np.moveaxis((pixels[None] - pixels[:, None]) / scale, 2, 0)
@@ -87,7 +87,7 @@ def grid_axes(grid: Array) -> Array:
     return np.stack([along, down], axis=2).reshape(-1, 2, 2)
 
 
-def right_handed(grid: Array) -> Array:
+def orient_grid(grid: Array) -> Array:
     """A grid in the image with its rows in the order in which a print is seen from its front, (rows, columns, 2)."""
     along, down = np.moveaxis(grid_axes(grid), 1, 0)
     turn = along[:, 0] * down[:, 1] - along[:, 1] * down[:, 0]

@@ -15,10 +15,10 @@ import numpy as np
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_ROUNDS = 30  # half of the pieces need five, one in thirty more than these
+_FIT_ROUNDS = 30  # half of the pieces need five, one in thirty more than these
 _RIDGE = 1e-9  # of the diagonal: what one grey level of noise leaves undetermined stays finite
 
-SETTLED = 1e-3
+CONVERGED_SIGMAS = 1e-3
 """Of the residuals' norm: a step that gains less than a millionth of the cost is the last."""
 
 
@@ -28,7 +28,7 @@ class Shape(Protocol):
     def __call__(self, q: Array, xy: Array) -> Array:
         """Values, (n, p), by parameters, (n, k), at places, (n, p, 2) [px]."""
 
-    def linearised(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
+    def linearise_shape(self, q: Array, xy: Array, free: int) -> tuple[Array, Array]:
         """Values, (n, p), and their derivatives to the first `free` parameters, (n, free, p)."""
 
 
@@ -69,7 +69,7 @@ class Fit:
     converged: BoolArray
 
 
-def packed(patches: Patches, weights: Array) -> Patches:
+def pack_patches(patches: Patches, weights: Array) -> Patches:
     """The pixels that weigh anything, in as many columns as the piece with most of them has, with those weights."""
     most = max(int((weights > 0).sum(axis=1).max(initial=0)), 1)
     kept = np.argsort(weights == 0, axis=1, kind="stable")[:, :most]
@@ -78,7 +78,12 @@ def packed(patches: Patches, weights: Array) -> Patches:
 
 
 def fit_shapes(
-    shape: Shape, start: Array, patches: Patches, sloped: bool = False, held: int = 0, settled: float = SETTLED
+    shape: Shape,
+    start: Array,
+    patches: Patches,
+    has_slope: bool = False,
+    held_count: int = 0,
+    tolerance: float = CONVERGED_SIGMAS,
 ) -> Fit:
     """The shapes nearest to pieces of an image.
 
@@ -86,14 +91,14 @@ def fit_shapes(
         shape: The model.
         start: Its parameters to begin with, (n, k).
         patches: The pieces.
-        sloped: Whether the light may change linearly across a piece.
-        held: How many of the last parameters stay as they are.
-        settled: What may be left to go, of the residuals' norm.
+        has_slope: Whether the light may change linearly across a piece.
+        held_count: How many of the last parameters stay as they are.
+        tolerance: What may be left to go, of the residuals' norm.
     """
-    pieces = _Pieces(shape, patches, sloped, start.shape[1] - held)
-    optima = levenberg_marquardt(pieces, start, Stop(_ROUNDS, sigmas=settled))
-    lit = pieces.lit(shape(optima.state, patches.xy))
-    covariance = np.asarray(np.linalg.inv(_ridged(optima.about.hessian)), dtype=np.float64)
+    pieces = _Pieces(shape, patches, has_slope, start.shape[1] - held_count)
+    optima = levenberg_marquardt(pieces, start, Stop(_FIT_ROUNDS, sigmas=tolerance))
+    lit = pieces.fit_light(shape(optima.state, patches.xy))
+    covariance = np.asarray(np.linalg.inv(_add_ridge(optima.about.hessian)), dtype=np.float64)
     return Fit(optima.state, lit.light, covariance, lit.residuals, optima.converged)
 
 
@@ -117,17 +122,17 @@ class _Pieces:
     def linearise(self, q: Array) -> Quadratic:
         """See `System`; the light is eliminated."""
         free, weights = self.free, self.patches.weights
-        values, derivatives = self.shape.linearised(q, self.patches.xy, free)
-        lit = self.lit(values)
+        values, derivatives = self.shape.linearise_shape(q, self.patches.xy, free)
+        lit = self.fit_light(values)
         jacobian = np.concatenate([lit.light[:, :1, None] * derivatives, lit.basis], axis=1)
         weighted = jacobian * weights[:, None]
         normal = weighted @ np.swapaxes(jacobian, 1, 2)
         mixed = normal[:, free:, :free]
-        hessian = normal[:, :free, :free] - np.swapaxes(mixed, 1, 2) @ _solved(normal[:, free:, free:], mixed)
+        hessian = normal[:, :free, :free] - np.swapaxes(mixed, 1, 2) @ _solve_systems(normal[:, free:, free:], mixed)
         gradient = -(weighted[:, :free] @ lit.residuals[..., None])[..., 0]
         return Quadratic((weights * lit.residuals**2).sum(axis=1), gradient, hessian)
 
-    def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
+    def retract(self, q: Array, model: Quadratic, step: Array) -> Array:
         """See `System`."""
         return q + np.pad(step, ((0, 0), (0, q.shape[1] - step.shape[1])))
 
@@ -135,22 +140,22 @@ class _Pieces:
         """See `System`."""
         return _Pieces(self.shape, self.patches[rows], self.sloped, self.free)
 
-    def lit(self, values: Array) -> _Lit:
+    def fit_light(self, values: Array) -> _Lit:
         """The pieces about values of their shapes, (n, p), in the light that suits them best."""
         patches = self.patches
         slopes = [patches.xy[..., 0], patches.xy[..., 1]] if self.sloped else []
         basis = np.stack([values, np.ones_like(values), *slopes], axis=1)
         weighted = basis * patches.weights[:, None]
-        light = _solved(weighted @ np.swapaxes(basis, 1, 2), weighted @ patches.values[..., None])[..., 0]
+        light = _solve_systems(weighted @ np.swapaxes(basis, 1, 2), weighted @ patches.values[..., None])[..., 0]
         return _Lit(basis, light, patches.values - (light[:, None] @ basis)[:, 0])
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def _solve_systems(matrix: Array, right: Array) -> Array:
     """Solutions of positive semidefinite systems, (n, k, m), barely regularised in their own units."""
-    return np.asarray(np.linalg.solve(_ridged(matrix), right))
+    return np.asarray(np.linalg.solve(_add_ridge(matrix), right))
 
 
-def _ridged(matrix: Array) -> Array:
+def _add_ridge(matrix: Array) -> Array:
     """Matrices with their diagonals raised by a trace of themselves."""
     diagonal = np.diagonal(matrix, axis1=1, axis2=2)
     raised = _RIDGE * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300

@@ -17,12 +17,12 @@ from scipy.special import ndtr
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
-_QUANTUM = 1 / 12
+_ROUNDING_VARIANCE = 1 / 12
 _ROUGH_ROUNDS = 12  # twice what starts a pixel off need
 _NEAR_SIGMAS = 1.0  # what may be left to the weighted rounds, which end within 1e-6 px from there
 _WEIGHTED_ROUNDS = 3
 _DENSITY = 1 / math.sqrt(2 * math.pi)
-_EYE = np.eye(6)
+_UNIT_ROWS = np.eye(6)
 
 
 class Spot(NamedTuple):
@@ -44,23 +44,23 @@ class _At(NamedTuple):
     jacobian: Array
 
 
-def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]) -> Spot | None:
+def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) -> Spot | None:
     """The spot in a piece of an image; None where none can be fitted.
 
     Args:
         levels: (h, w).
-        usable: Which pixels count, (h, w).
+        mask: Which pixels count, (h, w).
         start: x, y and width [px], roughly.
     """
     x, y, width = start
     offset = float(np.median(levels))
     q = np.array([x, y, np.log(width), np.log(width), max(float((levels - offset).sum()), 1.0), offset])
-    weights = usable.ravel().astype(np.float64)
+    weights = mask.ravel().astype(np.float64)
     if weights.sum() < 2 * len(q):
         return None
     near = Stop(_ROUGH_ROUNDS, max(float(weights.sum()) - len(q), 1.0), sigmas=_NEAR_SIGMAS)
     q = levenberg_marquardt(_Piece(levels, weights), q[None], near).state[0]
-    at = _linearised(q, levels)
+    at = _linearise_spot(q, levels)
     covariance = _inverse((at.jacobian * weights) @ at.jacobian.T)
     for _ in range(_WEIGHTED_ROUNDS):
         if covariance is None:
@@ -70,15 +70,15 @@ def fit_spot(levels: Array, usable: BoolArray, start: tuple[float, float, float]
         covariance = _inverse(weighted @ at.jacobian.T)
         if covariance is not None:
             q = q + covariance @ (weighted @ at.residuals)
-            at = _linearised(q, levels)
+            at = _linearise_spot(q, levels)
     if covariance is None or not np.all(np.isfinite(q)):
         return None
-    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2 * _spread(at, weights))
+    sigma = np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2 * _variance_factor(at, weights))
     x, y, log_width_x, log_width_y, brightness, _ = q.tolist()
     return Spot(x, y, float(sigma), math.exp(log_width_x), math.exp(log_width_y), brightness)
 
 
-def _spread(fit: _At, weights: Array) -> float:
+def _variance_factor(fit: _At, weights: Array) -> float:
     """How much wider than a normal distribution's the place's variance is, since a few pixels give their own noise.
 
     As of Student's distribution, with as many degrees of freedom as pixels that hold the place.
@@ -90,7 +90,7 @@ def _spread(fit: _At, weights: Array) -> float:
 
 def _inverse(matrix: Array) -> Array | None:
     """The inverse of a symmetric positive matrix; None of any other. LAPACK itself: NumPy's checks take longer."""
-    _, inverse, failed = dposv(matrix, _EYE)
+    _, inverse, failed = dposv(matrix, _UNIT_ROWS)
     return None if failed else np.asarray(inverse)
 
 
@@ -103,12 +103,12 @@ class _Piece:
 
     def linearise(self, q: Array) -> Quadratic:
         """See `System`."""
-        at = _linearised(q[0], self.levels)
+        at = _linearise_spot(q[0], self.levels)
         weighted = at.jacobian * self.weights
         cost = self.weights @ at.residuals**2
         return Quadratic(cost[None], -(weighted @ at.residuals)[None], (weighted @ at.jacobian.T)[None])
 
-    def retract(self, q: Array, about: Quadratic, step: Array) -> Array:
+    def retract(self, q: Array, model: Quadratic, step: Array) -> Array:
         """See `System`."""
         return q + step
 
@@ -117,7 +117,7 @@ class _Piece:
         return self
 
 
-def _linearised(q: Array, levels: Array) -> _At:
+def _linearise_spot(q: Array, levels: Array) -> _At:
     height, width = levels.shape
     (across, d_x, d_width), (down, d_y, d_height) = _shares(q[0], q[2], width), _shares(q[1], q[3], height)
     brightness = q[4]
@@ -153,11 +153,14 @@ def _variance(fit: _At, weights: Array, covariance: Array) -> Array:
     level, count = np.maximum(fit.level, 0.0), weights > 0
     squared = fit.residuals**2 / np.maximum(1 - leverage, 0.05)
     dark = count & (level < 0.02 * level.max())
-    floor, slope = max(float(squared[dark].mean() if dark.sum() > 8 else np.median(squared[count])), _QUANTUM), 0.0
+    floor, slope = (
+        max(float(squared[dark].mean() if dark.sum() > 8 else np.median(squared[count])), _ROUNDING_VARIANCE),
+        0.0,
+    )
     basis = np.stack([np.ones_like(level), level, level**2, squared, level * squared], axis=1)
     for _ in range(3):
         s0, s1, s2, t0, t1 = ((count / (floor + slope * level) ** 2) @ basis).tolist()
         determinant = max(s0 * s2 - s1 * s1, 1e-300)
-        floor = max((s2 * t0 - s1 * t1) / determinant, _QUANTUM)
+        floor = max((s2 * t0 - s1 * t1) / determinant, _ROUNDING_VARIANCE)
         slope = max((s0 * t1 - s1 * t0) / determinant, 0.0)
     return np.asarray(floor + slope * level)

@@ -11,15 +11,15 @@ import numpy as np
 
 from basecal.cell.target import Target
 from basecal.geometry import Array, IntArray
-from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
 from basecal.vision.fit.local_map import local_axes
 from basecal.vision.kinds.fiducial import charuco_board, marker_corners
-from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best
+from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result
 
-_ARM = 0.7  # squares: the next corner and its blur stay outside
-_ENOUGH = 0.7  # of the corners: a board with fewer may be blurred, dark or small, and is searched in other ways
+_ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
+_ENOUGH_SHARE = 0.7  # of the corners: a board with fewer may be blurred, dark or small, and is searched in other ways
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -32,11 +32,11 @@ def detect(image: Image, target: Target) -> Detection | None:
     Raises:
         InputError: if the image is not grey of 8 or 16 bits, or the dictionary has too few markers.
     """
-    rough = best(
+    rough = best_result(
         eight_bit(image),
         MARKER_WAYS,
         partial(_read, cv2.aruco.CharucoDetector(charuco_board(target))),
-        _ENOUGH * len(target.ids),
+        _ENOUGH_SHARE * len(target.ids),
     )
     if rough is None:
         return None
@@ -45,10 +45,10 @@ def detect(image: Image, target: Target) -> Detection | None:
     plane, pixels = np.concatenate([at, by_marker]), np.concatenate([rough.corners, rough.markers])
     pitch = float(target.options["square_m"])
     gap = (1 - target.options["marker_m"] / pitch) / 2
-    window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=gap, outside=gap, before=1.0)
-    fitted = refined(image, saddle, rough.corners, local_axes(at, plane, pixels, pitch), window)
+    window = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=gap, outside=gap, before=1.0)
+    fitted = refine_corners(image, saddle, rough.corners, local_axes(at, plane, pixels, pitch), window)
     kept = fitted.trusted
-    return found(rough.ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
+    return make_detection(rough.ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
 
 
 @dataclass(frozen=True, eq=False)

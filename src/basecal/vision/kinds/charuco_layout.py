@@ -15,10 +15,10 @@ from basecal.geometry import Array
 from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary, marker_corners
 from basecal.vision.kinds.ways import Grey
 
-_FEWEST = 6  # markers that tell a board from another: a plane's image has four points to itself
+_FEWEST_MARKERS = 6  # markers that tell a board from another: a plane's image has four points to itself
 _MOST_COLUMNS = 40
-_BEST = 3  # boards to try
-_NEAR = 0.2  # of the distance to the next marker: a wide lens bends a board by less
+_BOARD_TRIES = 3  # boards to try
+_NEAR_SHARE = 0.2  # of the distance to the next marker: a wide lens bends a board by less
 
 Seen = Mapping[int, Array]  # where the middles of markers are, (2,) [px], by number
 
@@ -41,12 +41,12 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
         centres = [np.asarray(quad, dtype=np.float64).reshape(4, 2).mean(0) for quad in corners]
         seen.append(dict(zip(found, centres, strict=False)))
     most = max(seen, key=len, default={})
-    if len(most) < _FEWEST:
+    if len(most) < _FEWEST_MARKERS:
         return
     highest = max(max(each) for each in seen if each)
     name = large_enough(target.options["dictionary"], highest + 1)
-    off = {board: _off(board, most) for board in _boards(target, name, highest)}
-    yield from sorted((board for board in off if off[board] < _NEAR), key=lambda board: off[board])[:_BEST]
+    off = {board: _layout_error(board, most) for board in _boards(target, name, highest)}
+    yield from sorted((board for board in off if off[board] < _NEAR_SHARE), key=lambda board: off[board])[:_BOARD_TRIES]
 
 
 def _boards(target: Target, name: str, highest: int) -> Iterator[Target]:
@@ -58,11 +58,11 @@ def _boards(target: Target, name: str, highest: int) -> Iterator[Target]:
                 yield charuco_target((columns, rows), of["square_m"], of["marker_m"], name, legacy)
 
 
-def _off(board: Target, seen: Seen) -> float:
+def _layout_error(board: Target, markers: Seen) -> float:
     """Rms of how far markers are from where a board has them, seen in perspective [distances to the next marker]."""
-    numbers = sorted(seen)
+    numbers = sorted(markers)
     plane = marker_corners(board)[numbers].mean(1) / board.options["square_m"]
-    pixels = np.array([seen[number] for number in numbers])
+    pixels = np.array([markers[number] for number in numbers])
     image_from_plane, _ = cv2.findHomography(plane, pixels)
     if image_from_plane is None:
         return float("inf")

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import Array
-from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle
-from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refined
-from basecal.vision.fit.local_map import grid_axes, right_handed
+from basecal.vision.fit.corners import BOARD_ARM_PX, Corners, Window, refine_corners
+from basecal.vision.fit.local_map import grid_axes, orient_grid
 from basecal.vision.kinds.ways import Way
 
-_FEWEST = 3  # corners each way: OpenCV looks for no smaller board
+_FEWEST_CORNERS = 3  # corners each way: OpenCV looks for no smaller board
 # Quickest first, with OpenCV's flags. Normalised, pictures of even light lose boards that uneven ones need it for; a
 # quarter of the pixels is searched in a quarter of the time; where that leaves a corner out, all pixels are.
 _WAYS = (
@@ -32,8 +32,8 @@ _WAYS = (
     (Way(1.0), cv2.CALIB_CB_NORMALIZE_IMAGE),
     (Way(2.0, stretched=True), 0),
 )
-_ARM = 0.7  # squares: the next corner and its blur stay outside
-_WINDOW = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=_ARM, outside=_ARM, before=_ARM)
+_ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
+_WINDOW = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=_ARM_SQUARES, outside=_ARM_SQUARES, before=_ARM_SQUARES)
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -47,14 +47,14 @@ def detect(image: Image, target: Target) -> Detection | None:
         InputError: if the image is not grey of 8 or 16 bits, or the board too small to be found.
     """
     columns, rows = target.options["corners"]
-    if min(columns, rows) < _FEWEST:
+    if min(columns, rows) < _FEWEST_CORNERS:
         raise InputError(
-            f"a chessboard of {columns} x {rows} inner corners cannot be found; expected {_FEWEST} or more each way"
+            f"a chessboard of {columns} x {rows} inner corners cannot be found; expected {_FEWEST_CORNERS} or more"
         )
     fitted: Corners | None = None
     for way, corners in _grids(eight_bit(image), (columns, rows)):
-        grid = right_handed(corners.reshape(rows, columns, 2))
-        once = refined(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
+        grid = orient_grid(corners.reshape(rows, columns, 2))
+        once = refine_corners(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
         if fitted is None or once.trusted.sum() > fitted.trusted.sum():
             fitted = once
         if way.scale >= 1 or fitted.trusted.all():
@@ -66,7 +66,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     outward = fitted.gain.reshape(rows, columns) * (-1.0) ** (row + column)
     turned = (columns + rows) % 2 and np.median(outward) > 0
     ids, kept = target.ids[::-1] if turned else target.ids, fitted.trusted
-    return found(ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
+    return make_detection(ids[kept], fitted.pixels[kept], fitted.sigma_px[kept])
 
 
 def _grids(image: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[tuple[Way, Array]]:
@@ -74,7 +74,7 @@ def _grids(image: NDArray[np.uint8], size: tuple[int, int]) -> Iterator[tuple[Wa
     scale = 0.0
     for way, flags in _WAYS:
         if way.scale != scale and way.suits(image):
-            seen, corners = cv2.findChessboardCornersSB(way.applied(image), size, flags=flags)
+            seen, corners = cv2.findChessboardCornersSB(way.apply(image), size, flags=flags)
             if seen:
                 scale = way.scale
                 yield way, way.places(corners)

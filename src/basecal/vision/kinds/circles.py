@@ -15,28 +15,28 @@ import numpy as np
 
 from basecal.cell.target import Target
 from basecal.geometry import Array, BoolArray
-from basecal.vision.detection import Detection, Image, eight_bit, found
-from basecal.vision.fit.corners import patches_around
+from basecal.vision.detection import Detection, Image, eight_bit, make_detection
+from basecal.vision.fit.corners import cut_patches
 from basecal.vision.fit.ellipse import ellipse
 from basecal.vision.fit.local_map import local_axes, local_homographies
-from basecal.vision.fit.patch_fit import Patches, fit_shapes, packed
-from basecal.vision.kinds.ways import Grey, Way, best
-from basecal.vision.kinds.whole_grid import goes_on
+from basecal.vision.fit.patch_fit import Patches, fit_shapes, pack_patches
+from basecal.vision.kinds.ways import Grey, Way, best_result
+from basecal.vision.kinds.whole_grid import has_further_row
 
-_MODEL_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
+_MODEL_ERROR_PX = 0.0007  # of a centre in rendered images without noise, besides what the lens bends
 _BENT_SHARE = 0.05  # of what a lens bends, as uncertain
 _LEAST_REACH_PX, _MOST_REACH_PX = 4, 40  # of a window from its disc's middle: an outline needs some, time bounds it
 _MOST_MOVED_PX = 3.0  # from OpenCV's centre: further away is not the disc
 # As most images are; dark or noisy ones; blurred; small.
 _WAYS = (Way(), Way(0.5, stretched=True), Way(stretched=True, sharpened=True), Way(2.0, stretched=True))
 _MOST_BLOBS = 10  # for each circle: from more than that OpenCV needs minutes and finds no grid
-_FEWEST = 4  # discs: a homography needs them
+_FEWEST_DISCS = 4  # discs: a homography needs them
 _LEAST_AREA_PX2 = 12.0  # of a disc: four pixels across, less has no outline to fit
 _LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
 _LEAST_APART_PX = 3.0  # between middles of discs: below the least that two such discs can stand apart
 _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
 # Of the print's contrast, what ellipses leave of the picture besides noise: 0.02 of discs, 0.15 and more of squares.
-_MOST_LEFT = 0.1
+_MOST_SHARED_RESIDUAL = 0.1
 _DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a pixel or two that are neither
 
 
@@ -50,7 +50,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     Raises:
         InputError: if the image is not grey of 8 or 16 bits.
     """
-    centres = best(eight_bit(image), _WAYS, partial(_centres, target), len(target.ids))
+    centres = best_result(eight_bit(image), _WAYS, partial(_centres, target), len(target.ids))
     if centres is None:
         return None
     plane, spacing = target.points[:, :2], float(target.options["spacing_m"])
@@ -58,13 +58,13 @@ def detect(image: Image, target: Target) -> Detection | None:
     if not from_front:  # a print cannot be seen from behind: its rows were found in the other order
         columns, rows = target.options["circles"]
         centres = centres.reshape(rows, columns, 2)[::-1].reshape(-1, 2)
-    outlines = _fitted(image, target, centres)
+    outlines = _fit_outlines(image, target, centres)
     kept, shape = outlines.trusted, outlines.shape[outlines.trusted]
-    if kept.sum() < _FEWEST or np.median(outlines.left) > _MOST_LEFT:
+    if kept.sum() < _FEWEST_DISCS or np.median(outlines.left) > _MOST_SHARED_RESIDUAL:
         return None
     perspective, bent = _eccentricity(plane[kept], shape, spacing)
-    model = _MODEL_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
-    return found(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
+    model = _MODEL_ERROR_PX**2 + (_BENT_SHARE * np.linalg.norm(bent, axis=1)) ** 2
+    return make_detection(target.ids[kept], shape[:, :2] - perspective - bent, np.sqrt(outlines.variance[kept] + model))
 
 
 def is_seen(image: Grey, target: Target) -> bool:
@@ -85,7 +85,7 @@ def _centres(target: Target, image: Grey, way: Way) -> Array:
     # OpenCV finds a part of a larger symmetric grid as well, another one in every image.
     columns, rows = target.options["circles"]
     grid = np.reshape(centres, (rows, columns, 2)) if seen else np.zeros((0, 0, 2))
-    part = seen and not target.options["asymmetric"] and goes_on(image, grid.astype(np.float64))
+    part = seen and not target.options["asymmetric"] and has_further_row(image, grid.astype(np.float64))
     return way.places(centres if seen and not part else ())
 
 
@@ -101,7 +101,7 @@ class _Outlines(NamedTuple):
     left: Array
 
 
-def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
+def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
     plane = target.points[:, :2]
     axes = local_axes(plane, plane, start, float(target.options["spacing_m"]))
     middle, used = _windows(image, start, axes, target)
@@ -122,10 +122,10 @@ def _fitted(image: Image, target: Target, start: Array) -> _Outlines:
     near = np.linalg.norm(shape[:, :2] - start, axis=1) < _MOST_MOVED_PX
     contrast = np.abs(fit.light[:, 0])
     trusted = fit.converged & near & (contrast > _LEAST_CONTRAST * np.sqrt(noise))
-    return _Outlines(shape, variance, trusted, _left(used, fit.residuals) / np.maximum(contrast, 1e-9))
+    return _Outlines(shape, variance, trusted, _shared_residual(used, fit.residuals) / np.maximum(contrast, 1e-9))
 
 
-def _left(used: Patches, residuals: Array) -> Array:
+def _shared_residual(used: Patches, residuals: Array) -> Array:
     """What of residuals, (n, p), neighbours have in common, root of the mean square (n,): noise is each pixel's own."""
     weights = used.weights > 0
     pairs = weights[:, 1:] & weights[:, :-1]
@@ -138,10 +138,10 @@ def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[A
     room = 0.5 * (np.sqrt(2) if target.options["asymmetric"] else 1.0)
     reach = int(np.clip(np.ceil(room * np.linalg.norm(axes, axis=2).max()), _LEAST_REACH_PX, _MOST_REACH_PX))
     middle = np.rint(start)
-    patches = patches_around(image, middle, reach)
+    patches = cut_patches(image, middle, reach)
     pitches = (patches.xy - (start - middle)[:, None]) @ np.linalg.inv(axes)
     own = np.linalg.norm(pitches, axis=2) < room
-    return middle, packed(patches, patches.weights * own)
+    return middle, pack_patches(patches, patches.weights * own)
 
 
 def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Array]:

@@ -10,19 +10,19 @@ import numpy as np
 from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import read_only, read_only_ids
-from basecal.vision.detection import Detection, Image, checked, full_scale
+from basecal.vision.detection import Detection, Image, check_image, full_scale
 from basecal.vision.fit.spot_fit import Spot, fit_spot
 
-_MOST = 8  # candidates: what the choice among them by all views takes
-_SHARE = 0.25  # of the brightest spot's height, that another must reach to be taken for the light as well
-_ABOVE_NOISE = 6.0  # sigmas above the middle: normal noise passes it once in 1e9 pixels
+_MOST_CANDIDATES = 8  # candidates: what the choice among them by all views takes
+_LEAST_HEIGHT_SHARE = 0.25  # of the brightest spot's height, that another must reach to be taken for the light as well
+_NOISE_SIGMAS = 6.0  # sigmas above the middle: normal noise passes it once in 1e9 pixels
 _LEAST_STEP = 0.5  # levels above the middle, where an image has no noise at all
-_SAMPLED = 6  # pixels of the image at half its size between those that tell its middle and noise
+_NOISE_STRIDE = 6  # pixels of the image at half its size between those that tell its middle and noise
 _MAD_SIGMAS = 1.4826  # sigma of a normal distribution over its median absolute deviation
 _LARGEST_PX = 48  # of a spot: larger bright areas are windows and walls
 _LEAST_WIDTH_PX, _MOST_WIDTH_PX = 0.2, 16.0  # sigma of a spot: narrower is a hot pixel, wider a third of the largest
 _MOST_SIGMA_PX = 1.0  # of its place: beyond, it is no measurement
-_APART_PX = 1.0  # between two spots: nearer they are one, found twice
+_LEAST_DISTANCE_PX = 1.0  # between two spots: nearer they are one, found twice
 # A Gaussian is 3.3 sigmas wide at a quarter of its height; five on either side hold all of it and some round it.
 _EXTENT_SIGMAS = 3.3
 _REACH_EXTENTS, _REACH_MORE_PX = 1.4, 3
@@ -40,17 +40,17 @@ def detect(image: Image, target: Target, background: Image | None = None) -> Det
     Raises:
         InputError: if an image is not grey of 8 or 16 bits, or the two differ in shape or type.
     """
-    checked(image)
+    check_image(image)
     if background is not None and (background.shape, background.dtype) != (image.shape, image.dtype):
         raise InputError("the image with the light off differs in size or bits from the one with the light on")
     if not target.is_point:
         return None
     full = full_scale(image)
     difference = image if background is None else np.asarray(cv2.subtract(image, background), dtype=image.dtype)
-    spots = [_fitted(image, background, full, place) for place in _bright(difference)]
+    spots = [_fit_place(image, background, full, place) for place in _bright_spots(difference)]
     apart: list[Spot] = []  # the brightest first; a spot found twice counts once
     for spot in sorted((spot for spot in spots if spot is not None), key=lambda each: -each.brightness):
-        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _APART_PX for other in apart):
+        if all(np.hypot(spot.x - other.x, spot.y - other.y) > _LEAST_DISTANCE_PX for other in apart):
             apart.append(spot)
     if not apart:
         return None
@@ -67,28 +67,28 @@ class _Place(NamedTuple):
     extent: float
 
 
-def _bright(levels: Image) -> list[_Place]:
+def _bright_spots(levels: Image) -> list[_Place]:
     """The brightest spots, roughly, in the image at half its size."""
     half = cv2.resize(levels, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    some = half[::_SAMPLED, ::_SAMPLED]
+    some = half[::_NOISE_STRIDE, ::_NOISE_STRIDE]
     middle = float(np.median(some))
     noise = _MAD_SIGMAS * float(np.median(np.abs(some - middle)))
     top = float(cv2.minMaxLoc(half)[1])
-    threshold = middle + max(_SHARE * (top - middle), _ABOVE_NOISE * noise, _LEAST_STEP)
+    threshold = middle + max(_LEAST_HEIGHT_SHARE * (top - middle), _NOISE_SIGMAS * noise, _LEAST_STEP)
     if top <= threshold:
         return []
     outlines, _ = cv2.findContours((half > threshold).view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     boxes = [cv2.boundingRect(outline) for outline in outlines]
     small = [box for box in boxes if 2 * max(box[2:]) <= _LARGEST_PX]
-    if len(small) > _MOST:
+    if len(small) > _MOST_CANDIDATES:
         small = sorted(small, key=lambda box: -float(half[box[1] : box[1] + box[3], box[0] : box[0] + box[2]].max()))
     return [
         _Place(2 * left + width - 0.5, 2 * top + height - 0.5, 2.0 * max(width, height))
-        for left, top, width, height in small[:_MOST]
+        for left, top, width, height in small[:_MOST_CANDIDATES]
     ]
 
 
-def _fitted(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
+def _fit_place(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
     """The spot at a place; None where it is none."""
     reach = int(np.ceil(_REACH_EXTENTS * place.extent)) + _REACH_MORE_PX
     column, row = round(place.x), round(place.y)

@@ -15,18 +15,20 @@ import numpy as np
 
 from basecal.cell.target import Tags, Target
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.vision.detection import Detection, Image, eight_bit, found
+from basecal.vision.detection import Detection, Image, eight_bit, make_detection
 from basecal.vision.fit.corner_shapes import saddle, wedge
-from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refined
+from basecal.vision.fit.corners import BOARD_ARM_PX, Window, refine_corners
 from basecal.vision.kinds.fiducial import dictionary
-from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best
+from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result
 
-_CORNERS = 4
-_ENOUGH = 0.7  # of the tags: with fewer the picture may be blurred, dark or the tags small, and other ways are tried
+_TAG_CORNERS = 4
+_ENOUGH_SHARE = (
+    0.7  # of the tags: with fewer the picture may be blurred, dark or the tags small, and other ways are tried
+)
 _ARM_PX = 12.0  # along a tag's edges, which end at its corner: half as much bends as of lines that go on both ways
-_ARM = 0.5  # of a tag's side: the other half of an edge belongs to its other corner
-_NEIGHBOUR = 1.5  # pitches between tags that stand side by side or corner to corner
-_GUIDES = 3  # nearest tags that say where one is: the fewer, the less a lens bends what they say
+_ARM_SHARE = 0.5  # of a tag's side: the other half of an edge belongs to its other corner
+_NEIGHBOUR_PITCHES = 1.5  # pitches between tags that stand side by side or corner to corner
+_GUIDE_COUNT = 3  # nearest tags that say where one is: the fewer, the less a lens bends what they say
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -46,15 +48,15 @@ def detect(image: Image, target: Target) -> Detection | None:
     # Programs differ in how wide they print the border: the other width is tried where the usual one gives nothing.
     for border in (target.tags.border, 3 - target.tags.border):
         of = _Look(np.asarray(image), target.tags, dictionary(target.tags.family).markerSize + 2 * border, border)
-        read = best(eight_bit(image), MARKER_WAYS, partial(_quads, of), _ENOUGH * len(of.tags.numbers))
+        read = best_result(eight_bit(image), MARKER_WAYS, partial(_quads, of), _ENOUGH_SHARE * len(of.tags.numbers))
         if read is None:
             continue
-        seen = _fitted(of, np.array(list(read)), np.stack(list(read.values())))
+        seen = _fit_quads(of, np.array(list(read)), np.stack(list(read.values())))
         if target.tags.squares:
-            seen = _grown(of, target, seen)
+            seen = _grow_grid(of, target, seen)
         if seen.trusted.any():
             ids, kept = target.tags.corner_ids[seen.rows], seen.trusted
-            return found(ids[kept], seen.pixels[kept], seen.sigma_px[kept])
+            return make_detection(ids[kept], seen.pixels[kept], seen.sigma_px[kept])
     return None
 
 
@@ -94,36 +96,36 @@ class _Seen:
     sigma_px: Array
     trusted: BoolArray
 
-    def __getitem__(self, which: BoolArray) -> _Seen:
-        return _Seen(self.rows[which], self.pixels[which], self.sigma_px[which], self.trusted[which])
+    def __getitem__(self, rows: BoolArray) -> _Seen:
+        return _Seen(self.rows[rows], self.pixels[rows], self.sigma_px[rows], self.trusted[rows])
 
     @property
-    def sure(self) -> _Seen:
+    def trusted_tags(self) -> _Seen:
         """Those of which all four corners can be trusted."""
         return self[np.asarray(self.trusted.all(axis=1))]
 
-    def joined(self, more: _Seen) -> _Seen:
+    def concatenate(self, others: _Seen) -> _Seen:
         """These tags and more."""
-        rows, pixels = np.concatenate([self.rows, more.rows]), np.concatenate([self.pixels, more.pixels])
-        sigma_px = np.concatenate([self.sigma_px, more.sigma_px])
-        return _Seen(rows, pixels, sigma_px, np.concatenate([self.trusted, more.trusted]))
+        rows, pixels = np.concatenate([self.rows, others.rows]), np.concatenate([self.pixels, others.pixels])
+        sigma_px = np.concatenate([self.sigma_px, others.sigma_px])
+        return _Seen(rows, pixels, sigma_px, np.concatenate([self.trusted, others.trusted]))
 
 
-def _fitted(look: _Look, rows: IntArray, quads: Array) -> _Seen:
+def _fit_quads(look: _Look, rows: IntArray, quads: Array) -> _Seen:
     """Tags whose corners are fitted in the image near `quads`, (k, 4, 2) [px]."""
     axes = look.cells * np.array([_first_cells(quad, look.cells) for quad in quads]).reshape(-1, 2, 2)
     inside, square = look.border / look.cells, look.tags.squares
     if not square:
         # Dark inside and bright outside, for the width of a cell.
-        window = Window(arm_px=_ARM_PX, arm=_ARM, inside=inside, outside=np.inf, before=1 / look.cells)
-        corners = refined(look.image, wedge, quads.reshape(-1, 2), axes, window)
+        window = Window(arm_px=_ARM_PX, arm=_ARM_SHARE, inside=inside, outside=np.inf, before=1 / look.cells)
+        corners = refine_corners(look.image, wedge, quads.reshape(-1, 2), axes, window)
         trusted = corners.trusted
     else:
         # Black squares touch them, dark inside the tag and across; where that is bright it is another place.
-        window = Window(arm_px=BOARD_ARM_PX, arm=_ARM, inside=inside, outside=square, before=square)
-        corners = refined(look.image, saddle, quads.reshape(-1, 2), axes, window)
+        window = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SHARE, inside=inside, outside=square, before=square)
+        corners = refine_corners(look.image, saddle, quads.reshape(-1, 2), axes, window)
         trusted = corners.trusted & (corners.gain < 0)
-    shape = (len(quads), _CORNERS)
+    shape = (len(quads), _TAG_CORNERS)
     pixels, sigma_px = corners.pixels.reshape(*shape, 2), corners.sigma_px.reshape(shape)
     return _Seen(rows, pixels, sigma_px, trusted.reshape(shape))
 
@@ -137,27 +139,27 @@ def _first_cells(quad: Array, cells: int) -> Array:
     return np.asarray(cv2.perspectiveTransform(ends, image_from_square)).reshape(4, 2, 2) - quad[:, None]
 
 
-def _grown(look: _Look, target: Target, read: _Seen) -> _Seen:
+def _grow_grid(look: _Look, target: Target, read: _Seen) -> _Seen:
     """The tags of a flat grid that are sure, and those beside them that are found by that, again and again.
 
     One that was read with a corner amiss is looked for like one that was not read; what is sure of it stays.
     """
-    corners = target.points[target.rows(look.tags.corner_ids.ravel()), :2].reshape(-1, _CORNERS, 2)
+    corners = target.points[target.rows(look.tags.corner_ids.ravel()), :2].reshape(-1, _TAG_CORNERS, 2)
     centres = corners.mean(axis=1)
-    reach = _NEIGHBOUR * (1 + look.tags.squares) * float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
-    seen = read.sure
+    reach = _NEIGHBOUR_PITCHES * (1 + look.tags.squares) * float(np.linalg.norm(corners[0, 1] - corners[0, 0]))
+    seen = read.trusted_tags
     tried = np.zeros(len(corners), dtype=bool)
     tried[seen.rows] = True
     while True:
         apart = np.linalg.norm(centres[:, None] - centres[seen.rows], axis=2)
         beside = np.flatnonzero(~tried & (apart < reach).any(axis=1))
         if not len(beside):
-            return seen.joined(read[~np.isin(read.rows, seen.rows)])
+            return seen.concatenate(read[~np.isin(read.rows, seen.rows)])
         tried[beside] = True
-        guides = np.argsort(apart[beside], axis=1)[:, :_GUIDES]
+        guides = np.argsort(apart[beside], axis=1)[:, :_GUIDE_COUNT]
         known, start = corners[seen.rows], []
         for k, near in zip(beside, guides, strict=True):
             image_from_plane, _ = cv2.findHomography(known[near].reshape(-1, 2), seen.pixels[near].reshape(-1, 2))
             start.append(cv2.perspectiveTransform(corners[k][None], image_from_plane)[0].astype(np.float64))
-        more = _fitted(look, beside, np.stack(start))
-        seen = seen.joined(more.sure)
+        more = _fit_quads(look, beside, np.stack(start))
+        seen = seen.concatenate(more.trusted_tags)

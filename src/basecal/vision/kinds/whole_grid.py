@@ -7,11 +7,11 @@ import numpy as np
 from basecal.geometry import Array
 from basecal.vision.kinds.ways import Grey
 
-_FEWEST = 2  # of a row in the image: one dark spot may be anything
-_SHARE = 0.8  # of a row's places with a disc: one may be covered
+_FEWEST_DISCS = 2  # of a row in the image: one dark spot may be anything
+_DISC_SHARE = 0.8  # of a row's places with a disc: one may be covered
 
 
-def goes_on(image: Grey, grid: Array) -> bool:
+def has_further_row(image: Grey, grid: Array) -> bool:
     """Whether beyond a side of a grid there is another row of discs.
 
     Args:
@@ -30,11 +30,11 @@ def _has_discs(image: Grey, grid: Array, middle: float) -> bool:
     before = 2 * grid[0] - grid[1]
     between = (before[1:] + before[:-1]) / 2
     inside = np.all((before >= 0) & (before <= np.array(image.shape[::-1]) - 1), axis=-1)
-    if inside.sum() < _FEWEST:
+    if inside.sum() < _FEWEST_DISCS:
         return False
     dark = np.mean(_levels(image, before[inside]) < middle)
     bright = np.mean(_levels(image, between) > middle)
-    return bool(dark >= _SHARE and bright >= _SHARE)
+    return bool(dark >= _DISC_SHARE and bright >= _DISC_SHARE)
 
 
 def _levels(image: Grey, places: Array) -> Array:

@@ -9,16 +9,16 @@ import numpy as np
 from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.local_fits import local_fits
-from basecal.accuracy.task.task import placing
+from basecal.accuracy.task.task import base_transforms
 from basecal.cell import Calibration, Cell
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
 
-_MODEL = "what is systematic: robots, lens, fits that differ"
-_CLOCKS = "offsets of clocks"
+_MODEL_SOURCE = "what is systematic: robots, lens, fits that differ"
+_CLOCK_SOURCE = "offsets of clocks"
 
 
-def at_task(
+def add_task_error(
     cell: Cell, calibration: Calibration, settings: Settings, steps: tuple[Solution, Solution, Solution]
 ) -> Calibration:
     """The calibration with its budget, its map and its parts; as it is where no task point is named.
@@ -34,13 +34,15 @@ def at_task(
     point_m = np.array(settings.task_point)
     fitted, as_modelled, by_clocks = steps
     widenings = {
-        _MODEL: as_modelled.covariance - fitted.covariance,
-        _CLOCKS: by_clocks.covariance - as_modelled.covariance,
+        _MODEL_SOURCE: as_modelled.covariance - fitted.covariance,
+        _CLOCK_SOURCE: by_clocks.covariance - as_modelled.covariance,
     }
     found = calibration_budget(cell, calibration, fitted, widenings, point_m)
     return replace(
         calibration,
         budget=found,
         error_map=error_map(cell, calibration, by_clocks, point_m, by_clocks.covariance - fitted.covariance),
-        local=local_fits(fitted, [name for name in placing(cell) if name in calibration.transforms], settings.task_box),
+        local=local_fits(
+            fitted, [name for name in base_transforms(cell) if name in calibration.transforms], settings.task_box
+        ),
     )

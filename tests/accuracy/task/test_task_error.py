@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.task.at_task import at_task
+from basecal.accuracy.task.task_error import add_task_error
 from basecal.errors import InputError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -50,11 +50,11 @@ def test_what_noise_is_not_and_clocks_are_lines_of_the_budget():
     own = calibration[BASE]
     wide = own.covariance + np.diag([4e-6, 1e-6, 0, 0, 0, 0])
     stated = replace(calibration, transforms={**calibration.transforms, BASE: replace(own, covariance=wide)})
-    found = at_task(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every))
+    found = add_task_error(made.cell, stated, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, modelled, every))
     told = {entry.source: entry.rms_m for entry in found.budget}
     assert told["what is systematic: robots, lens, fits that differ"] == pytest.approx(2e-3, rel=1e-3)
     assert told["offsets of clocks"] == pytest.approx(1e-3, rel=1e-3)
-    plain = at_task(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted))
+    plain = add_task_error(made.cell, calibration, Settings(task_point=(0.4, 0.0, 0.3)), (fitted, fitted, fitted))
     assert not {"offsets of clocks", "what is systematic: robots, lens, fits that differ"} & {
         entry.source for entry in plain.budget
     }

@@ -7,7 +7,7 @@ import pytest
 from basecal.exchange.bags.bag import IMAGE, JOINTS, TF
 
 pytest.importorskip("cyclonedds")
-from basecal.acquisition.ros2.heard import heard, survey_of_what_runs
+from basecal.acquisition.ros2.listening import listen_to_topics, survey_of_what_runs
 from basecal.errors import DriverError
 
 NOBODY = 100  # a domain that no test sends in
@@ -15,7 +15,7 @@ NOBODY = 100  # a domain that no test sends in
 
 def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
     """Topics with their types and counts, one picture of each, the URDF, and frames, of which those of /tf move."""
-    bag = heard(ros2_cell.domain, 1.5)
+    bag = listen_to_topics(ros2_cell.domain, 1.5)
     assert {name: bag.topics[name].kind for name in ("/joint_states", "/tf", "/wrist/image_raw")} == {
         "/joint_states": JOINTS,
         "/tf": TF,
@@ -36,4 +36,4 @@ def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
 def test_nobody_there(ros2_cell):
     """In a domain in which nobody sends anything, a line says what to look at."""
     with pytest.raises(DriverError, match=r"nobody sends joint states, tf or pictures in domain \d+: is ROS_DOMAIN_ID"):
-        heard(NOBODY, 0.3)
+        listen_to_topics(NOBODY, 0.3)

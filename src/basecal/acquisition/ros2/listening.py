@@ -13,12 +13,20 @@ from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, PO
 from basecal.exchange.bags.frames import Tree
 from basecal.exchange.bags.survey import Survey, surveyed
 
-_DEPTHS = {TF: 1000, JOINTS: 100, POSE: 10, TEXT: 1, IMAGE: 1, COMPRESSED: 1, CAMERA_INFO: 1}  # messages heard at once
-_KEPT = 500  # messages of a topic: frames of tf come from several nodes
-_LOOK_S = 0.02
+_QUEUE_DEPTHS = {
+    TF: 1000,
+    JOINTS: 100,
+    POSE: 10,
+    TEXT: 1,
+    IMAGE: 1,
+    COMPRESSED: 1,
+    CAMERA_INFO: 1,
+}  # messages heard at once
+_KEPT_MESSAGES = 500  # messages of a topic: frames of tf come from several nodes
+_POLL_S = 0.02
 
 
-def heard(domain: int, listen_s: float) -> Bag:
+def listen_to_topics(domain: int, listen_s: float) -> Bag:
     """What came on all topics of a domain that say something of robots and cameras, one picture of each.
 
     Raises:
@@ -30,14 +38,14 @@ def heard(domain: int, listen_s: float) -> Bag:
     until = time.monotonic() + listen_s
     while time.monotonic() < until:
         for name, offer in discovery.offers().items():
-            if offer.kind in _DEPTHS and name not in listeners:
-                listeners[name] = offer, Listener(domain, offer, _DEPTHS[offer.kind])
+            if offer.kind in _QUEUE_DEPTHS and name not in listeners:
+                listeners[name] = offer, Listener(domain, offer, _QUEUE_DEPTHS[offer.kind])
         for name, (offer, listener) in listeners.items():
             came = listener.messages(0.0)
-            most = _KEPT if _DEPTHS[offer.kind] > 1 else 1
+            most = _KEPT_MESSAGES if _QUEUE_DEPTHS[offer.kind] > 1 else 1
             counts[name] = counts.get(name, 0) + len(came)
             messages[name] = [*messages.get(name, []), *came][:most]
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_S)
     if not listeners:
         raise DriverError(
             f"nobody sends joint states, tf or pictures in domain {domain}: is ROS_DOMAIN_ID the same there, and does "

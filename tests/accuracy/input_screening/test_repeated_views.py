@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.at_the_door.repeated_views import repeated_views
+from basecal.accuracy.input_screening.repeated_views import repeated_views
 from basecal.cell import RobotState
 from basecal.simulation import Scenario, simulate
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.residuals import fitted_again as module
-from basecal.accuracy.residuals.fitted_again import fitted_again, known_views, with_noise_of
+from basecal.accuracy.residuals import evaluation as module
+from basecal.accuracy.residuals.evaluation import evaluate_recording, known_views, with_noise_of
 from basecal.cell import Calibration
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.problem.build import build_problem
@@ -29,24 +29,24 @@ def calibration():
 
 def test_views_without_their_transforms_are_left_out(calibration):
     """A calibration that lacks a mount has no view of what it carries."""
-    assert len(fitted_again(MADE.cell, MADE.recording, calibration).problem.groups) == 1
+    assert len(evaluate_recording(MADE.cell, MADE.recording, calibration).problem.groups) == 1
     lacking = replace(calibration, transforms={})
-    assert fitted_again(MADE.cell, MADE.recording, lacking).problem.groups == ()
+    assert evaluate_recording(MADE.cell, MADE.recording, lacking).problem.groups == ()
 
 
 def test_errors_of_stops_are_found(calibration):
     """Where robots have noise, their errors at the optimum are of the order of one sigma, not zero."""
-    fitted = fitted_again(MADE.cell, MADE.recording, calibration)
+    fitted = evaluate_recording(MADE.cell, MADE.recording, calibration)
     assert 0.1 < np.sqrt(np.mean(fitted.state.stop_errors**2)) < 1.5
 
 
 def test_targets_have_the_shapes_that_were_found(calibration):
     """Points are moved by the coefficients that the calibration holds; those of a target of other points are not."""
-    (stated,) = fitted_again(MADE.cell, MADE.recording, calibration).problem.groups
+    (stated,) = evaluate_recording(MADE.cell, MADE.recording, calibration).problem.groups
     points = stated.measurement.points_in_target
     for shape, moved in (([3.0, 0.0, -2.0], True), ([1.0, 2.0], False)):
         noise = {**calibration.noise, "targets": {"board": {"shape": shape}}}
-        (found,) = fitted_again(MADE.cell, MADE.recording, replace(calibration, noise=noise)).problem.groups
+        (found,) = evaluate_recording(MADE.cell, MADE.recording, replace(calibration, noise=noise)).problem.groups
         expected = points + unit_shifts(points) @ np.array(shape) if moved else points
         np.testing.assert_allclose(found.measurement.points_in_target, expected, atol=1e-15)
         assert moved == bool(np.abs(expected - points).max() > 1e-4)
@@ -57,7 +57,7 @@ def test_a_light_has_no_shape():
     light = simulate(Scenario(samples=12, target="led", camera_mount="fixed", target_mount="fixed"), 1)
     calibration = calibrate(light.cell, light.recording)
     with np.errstate(all="raise"):
-        assert len(fitted_again(light.cell, light.recording, calibration).problem.groups) == 1
+        assert len(evaluate_recording(light.cell, light.recording, calibration).problem.groups) == 1
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_errors_of_stops_are_the_most_probable_ones():
     robots = {name: replace(of, noise=None) for name, of in MADE.cell.robots.items()}
     bare = replace(MADE.cell, robots=robots)
     stated, found, none = (
-        fitted_again(cell, MADE.recording, Calibration("good", transforms=truth, noise={"robots": noise}))
+        evaluate_recording(cell, MADE.recording, Calibration("good", transforms=truth, noise={"robots": noise}))
         for cell, noise in ((MADE.cell, {}), (bare, {"eye": sigmas, "hand": sigmas}), (bare, {}))
     )
     np.testing.assert_allclose(found.state.stop_errors, stated.state.stop_errors, rtol=1e-9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from basecal.accuracy.at_the_door.images import worth_searching
+from basecal.accuracy.input_screening.images import needs_search
 from basecal.cell import Recording
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -14,8 +14,8 @@ def test_images_of_poses_in_metres_are(tmp_path) -> None:
     """Those of poses in millimetres are not, nor is a recording without any."""
     made = simulate(Scenario(samples=4), 1)
     shown = [replace(sample, images={"wrist": "images/wrist/0.png"}) for sample in made.recording.samples]
-    assert not worth_searching(made.cell, made.recording)
-    assert worth_searching(made.cell, Recording(tuple(shown)))
+    assert not needs_search(made.cell, made.recording)
+    assert needs_search(made.cell, Recording(tuple(shown)))
 
     def in_millimetres(state):
         """The pose as a controller that counts in them says it."""
@@ -23,4 +23,4 @@ def test_images_of_poses_in_metres_are(tmp_path) -> None:
         return replace(state, base_from_flange=SE3(pose.rotation, 1e3 * pose.translation))
 
     wrong = [replace(s, robots={name: in_millimetres(of) for name, of in s.robots.items()}) for s in shown]
-    assert not worth_searching(made.cell, Recording(tuple(wrong)))
+    assert not needs_search(made.cell, Recording(tuple(wrong)))

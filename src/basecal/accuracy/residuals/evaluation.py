@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.robot_parameters import kinematics_of
+from basecal.accuracy.robot_parameters import calibrated_kinematics
 from basecal.cell import Calibration, Cell, Recording
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.normal_equations import linearise, retract
@@ -25,7 +25,7 @@ _STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge qua
 
 
 @dataclass(frozen=True, eq=False)
-class FittedAgain:
+class Evaluation:
     """The views whose transforms and lens a calibration knows, and the state that it puts them in.
 
     The errors of the robots' stops, which a calibration does not hold, are the most probable ones at its transforms.
@@ -35,7 +35,7 @@ class FittedAgain:
     state: State
 
 
-def fitted_again(cell: Cell, recording: Recording, calibration: Calibration) -> FittedAgain:
+def evaluate_recording(cell: Cell, recording: Recording, calibration: Calibration) -> Evaluation:
     """A recording at the transforms of a calibration.
 
     Args:
@@ -54,10 +54,10 @@ def fitted_again(cell: Cell, recording: Recording, calibration: Calibration) -> 
     problem, _ = choose_correspondence(problem, state)
     for _ in range(_STOP_ROUNDS if len(problem.stops) else 0):
         state = retract(problem, state, linearise(problem, state), np.zeros(0))
-    return FittedAgain(problem, state)
+    return Evaluation(problem, state)
 
 
-def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> FittedAgain:
+def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> Evaluation:
     """The views whose transforms and lens a calibration knows, by the noise and the targets' shapes that it found.
 
     No stop has an error.
@@ -77,8 +77,8 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> F
     sizes = {name: unit_shifts(points).shape[-1] for name, points in seen.items()}
     shapes = {name: shape for name, shape in shapes.items() if sizes.get(name) == len(shape)}
     problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), shapes)
-    state = State(transforms, cameras, np.zeros((0, 6)), kinematics_of(cell, calibration))
-    return FittedAgain(problem, without_errors(problem, state))
+    state = State(transforms, cameras, np.zeros((0, 6)), calibrated_kinematics(cell, calibration))
+    return Evaluation(problem, without_errors(problem, state))
 
 
 def with_noise_of(group: ViewGroup, calibration: Calibration) -> ViewGroup:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.axis_shift import calibrate_axis_shift, stations_of
+from basecal.accuracy.axis_shift import calibrate_axis_shift, find_pair_stations
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.closed_form_beside import closed_form_beside
+from basecal.accuracy.closed_form_comparison import compare_closed_form
 from basecal.accuracy.fit_details import FitDetails
 from basecal.cell import Calibration, Unknown
 from basecal.estimation.problem.build import build_problem
@@ -41,7 +41,7 @@ def answer(base, **settings):
 
 def test_it_is_the_closed_form_of_the_recording(made):
     """Its estimate is what the method gives by itself, and its distance that from the other answer."""
-    beside = closed_form_beside(made.cell, made.recording, answer(TRUE))
+    beside = compare_closed_form(made.cell, made.recording, answer(TRUE))
     problem, _ = build_problem(made.cell, made.recording)
     alone = calibrate_axis_shift(made.cell, problem, Settings(method="axis-shift"), []).transforms[NAME]
     assert np.array_equal(beside.estimate.mean.matrix, alone.mean.matrix)
@@ -50,33 +50,33 @@ def test_it_is_the_closed_form_of_the_recording(made):
 
 def test_stations_have_their_samples_and_weights(made):
     """Seven samples each, weights that add up to one, and each station's own base."""
-    stations = closed_form_beside(made.cell, made.recording, answer(TRUE)).stations
+    stations = compare_closed_form(made.cell, made.recording, answer(TRUE)).stations
     assert [len(each.samples) for each in stations] == [7] * STATIONS
     assert sum(each.weight for each in stations) == pytest.approx(1)
-    own = stations_of(build_problem(made.cell, made.recording)[0], made.cell)
+    own = find_pair_stations(build_problem(made.cell, made.recording)[0], made.cell)
     assert np.allclose([each.off for each in stations], [(TRUE.inverse() @ each.base()).log() for each in own])
 
 
 def test_with_a_task_point_one_station_is_chosen(made):
     """That whose light was nearest to it."""
-    plain = closed_form_beside(made.cell, made.recording, answer(TRUE)).stations
+    plain = compare_closed_form(made.cell, made.recording, answer(TRUE)).stations
     for place, station in enumerate(plain):
-        beside = closed_form_beside(made.cell, made.recording, answer(TRUE, task_point=station.light.tolist()))
+        beside = compare_closed_form(made.cell, made.recording, answer(TRUE, task_point=station.light.tolist()))
         assert [each.weight for each in beside.stations] == [float(k == place) for k in range(STATIONS)]
 
 
 def test_there_is_none_where_it_says_nothing(made):
     """Of a board, of a calibration by the closed form itself, and of one that is refused."""
     board = simulate(Scenario(samples=8), 1)
-    assert closed_form_beside(board.cell, board.recording, answer(TRUE)) is None
-    assert closed_form_beside(made.cell, made.recording, answer(TRUE, method="axis-shift")) is None
-    assert closed_form_beside(made.cell, made.recording, Calibration("refused")) is None
+    assert compare_closed_form(board.cell, board.recording, answer(TRUE)) is None
+    assert compare_closed_form(made.cell, made.recording, answer(TRUE, method="axis-shift")) is None
+    assert compare_closed_form(made.cell, made.recording, Calibration("refused")) is None
 
 
 def test_the_page_shows_both_methods(made):
     """Both in a table, with each station, of which the one that weighs most is marked."""
     calibration = calibrate(made.cell, made.recording)
-    beside = closed_form_beside(made.cell, made.recording, calibration)
+    beside = compare_closed_form(made.cell, made.recording, calibration)
     html = page(made.cell, made.recording, calibration, FitDetails(closed_form=beside))
     part = html.split("Two methods beside each other")[1].split("</section>")[0]
     assert part.count("<tr><td>") + part.count('<tr class="chosen"><td>') == 2 + STATIONS
@@ -91,11 +91,11 @@ def test_the_base_may_be_that_of_the_eye(made):
     """Where the robot with the light is the reference the inverses are compared, and lights stay where they were."""
     cell = replace(made.cell, reference="hand", bases={"eye": Unknown()})
     calibration = Calibration("good", {"hand_base_from_eye_base": PoseEstimate(TRUE.inverse(), 1e-8 * np.eye(6))})
-    beside = closed_form_beside(cell, made.recording, calibration)
-    plain = closed_form_beside(made.cell, made.recording, answer(TRUE))
+    beside = compare_closed_form(cell, made.recording, calibration)
+    plain = compare_closed_form(made.cell, made.recording, answer(TRUE))
     assert beside.name == "hand_base_from_eye_base"
     np.testing.assert_allclose(beside.estimate.mean.matrix, plain.estimate.mean.inverse().matrix, atol=1e-12)
-    own = stations_of(build_problem(made.cell, made.recording)[0], made.cell)
+    own = find_pair_stations(build_problem(made.cell, made.recording)[0], made.cell)
     for each, other, station in zip(beside.stations, plain.stations, own, strict=True):
         np.testing.assert_allclose(each.off, (TRUE @ station.base().inverse()).log(), atol=1e-12)
         np.testing.assert_allclose(each.light, other.light)

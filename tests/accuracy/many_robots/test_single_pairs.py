@@ -8,7 +8,7 @@ from tests.ends import end, problem_of, views
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check.rewriting import inverted, with_robots
-from basecal.accuracy.many_robots.pairs_alone import _covering, agreed, has_many_robots, pairs_alone
+from basecal.accuracy.many_robots.single_pairs import _covering, has_many_robots, merge_findings, solve_single_pairs
 from basecal.cell import Finding
 from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.problem.build import build_problem
@@ -26,7 +26,7 @@ RING = simulate(Scenario(layout="ring", robots=6, samples=120, board=BOARD, robo
 def pairs():
     problem, _ = build_problem(RING.cell, RING.recording)
     state = State({n: RING.truth[n] for n in problem.unknowns}, RING.cameras, np.zeros((len(problem.stops), 6)))
-    return pairs_alone(RING.cell, RING.recording, problem, state)
+    return solve_single_pairs(RING.cell, RING.recording, problem, state)
 
 
 def test_two_arms_are_looked_at_together():
@@ -59,9 +59,9 @@ def test_what_one_pair_leaves_open_another_may_tell(pairs):
     (first, second) = (pair for pair in pairs if "r1" in pair.robots)
     open_one = Finding("ambiguous-convention", "warning", ("r1",), "")
     wrong = Finding("robot-pose-inverted", "error", ("r1",), "")
-    assert agreed([first, second], [[open_one], []]) == ()
-    assert agreed([first, second], [[open_one], [open_one]]) == (open_one,)
-    assert agreed([first, second], [[wrong], [wrong]]) == (wrong,)
+    assert merge_findings([first, second], [[open_one], []]) == ()
+    assert merge_findings([first, second], [[open_one], [open_one]]) == (open_one,)
+    assert merge_findings([first, second], [[wrong], [wrong]]) == (wrong,)
 
 
 @pytest.mark.slow
@@ -102,9 +102,9 @@ def test_only_pairs_of_the_same_robot_tell_what_one_leaves_open(pairs):
     apart = next(pair for pair in pairs if not pair.robots & first.robots)
     one = Finding("ambiguous-convention", "warning", ("r1",), "")
     other = Finding("ambiguous-convention", "warning", (min(apart.robots),), "")
-    assert agreed([first, apart], [[one], []]) == (one,)
-    assert agreed([first, apart], [[one], [other]]) == (one, other)
-    assert agreed([first, apart, first], [[one], [other], []]) == (other,)
+    assert merge_findings([first, apart], [[one], []]) == (one,)
+    assert merge_findings([first, apart], [[one], [other]]) == (one, other)
+    assert merge_findings([first, apart, first], [[one], [other], []]) == (other,)
 
 
 def of_pair(eye, hand, camera, target, count=1):

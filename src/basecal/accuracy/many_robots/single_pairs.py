@@ -14,12 +14,12 @@ from basecal.cell.cell import WORLD
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 
-TOGETHER = 4
+JOINT_PAIRS = 4
 """So many robots are looked at together: two arms and what stands beside them."""
 
 
 @dataclass(frozen=True, eq=False)
-class PairAlone:
+class SinglePair:
     """A camera and a target as a cell of their own.
 
     Attributes:
@@ -41,10 +41,10 @@ class PairAlone:
 
 def has_many_robots(problem: Problem) -> bool:
     """Whether a cell is looked at pair by pair."""
-    return len(problem.robots) > TOGETHER
+    return len(problem.robots) > JOINT_PAIRS
 
 
-def pairs_alone(cell: Cell, recording: Recording, problem: Problem, state: State) -> list[PairAlone]:
+def solve_single_pairs(cell: Cell, recording: Recording, problem: Problem, state: State) -> list[SinglePair]:
     """Pairs of camera and target, as few as it takes for each robot, camera and target to be in one.
 
     Args:
@@ -58,20 +58,21 @@ def pairs_alone(cell: Cell, recording: Recording, problem: Problem, state: State
         for each in sample.observations:
             seen.setdefault((each.camera, each.target), []).append(position)
     return [
-        _alone(cell, recording, group, seen[group.camera, group.target], state) for group in _covering(problem.groups)
+        _solve_pair(cell, recording, group, seen[group.camera, group.target], state)
+        for group in _covering(problem.groups)
     ]
 
 
-def agreed(pairs: Sequence[PairAlone], found: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
+def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
     """The findings of pairs, each once; of what one pair leaves open only that which all pairs of a robot do.
 
     Args:
         pairs: The pairs.
-        found: The findings of each.
+        findings: The findings of each.
     """
-    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in found]
+    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in findings]
     kept: dict[tuple[str, tuple[str, ...]], Finding] = {}
-    for pair, of in zip(pairs, found, strict=True):
+    for pair, of in zip(pairs, findings, strict=True):
         for finding in of:
             about = pair.robots.intersection(finding.about)
             others = [names for other, names in zip(pairs, opened, strict=True) if about & other.robots]
@@ -90,7 +91,7 @@ def _covering(groups: Sequence[ViewGroup]) -> Iterator[ViewGroup]:
         yield groups[most]
 
 
-def _alone(cell: Cell, recording: Recording, group: ViewGroup, seen: Sequence[int], state: State) -> PairAlone:
+def _solve_pair(cell: Cell, recording: Recording, group: ViewGroup, numbers: Sequence[int], state: State) -> SinglePair:
     bases = {name: unknown for name, unknown in cell.bases.items() if name in group.robots}
     if group.eye.robot is not None and group.eye.base is not None and group.hand.base is not None:
         # How the two stand to each other is all that the pair tells.
@@ -108,7 +109,7 @@ def _alone(cell: Cell, recording: Recording, group: ViewGroup, seen: Sequence[in
             robots={name: of for name, of in sample.robots.items() if name in group.robots},
             observations=tuple(o for o in sample.observations if (o.camera, o.target) == (group.camera, group.target)),
         )
-        for sample in (recording.samples[k] for k in seen)
+        for sample in (recording.samples[k] for k in numbers)
     )
     own = replace(
         state,
@@ -117,4 +118,4 @@ def _alone(cell: Cell, recording: Recording, group: ViewGroup, seen: Sequence[in
         stop_errors=state.stop_errors[:0],
         robots={name: of for name, of in state.robots.items() if name in group.robots},
     )
-    return PairAlone(alone, replace(recording, samples=tuple(samples)), own)
+    return SinglePair(alone, replace(recording, samples=tuple(samples)), own)

@@ -7,24 +7,30 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.clocks.correction import (
+    apply_remaining_step,
+    clock_findings,
+    clock_offsets,
+    line_times,
+    remaining_step,
+)
 from basecal.accuracy.clocks.search import Clocked
-from basecal.accuracy.clocks.settle import clock_findings, clock_offsets, clocks_left, line_times, settled
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.cell import Clock, Recording, RollingShutter
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import Solution, solve_packed
-from basecal.estimation.streams.rolling_shutter import line_of
-from basecal.estimation.streams.streams import streams_of, synchronised
+from basecal.estimation.streams.rolling_shutter import line_time_name
+from basecal.estimation.streams.streams import recording_streams, synchronise
 from stream_cells import MOUNT, Streamed, pictured, streamed
 
 NAME = "arm_flange_from_wrist"
 
 
 def solved(made: Streamed, offset_s: float) -> tuple[Clocked, Solution]:
-    streams = streams_of(made.cell, made.recording)
+    streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": offset_s}
-    of = Clocked(streams, offsets, synchronised(streams, offsets))
+    of = Clocked(streams, offsets, synchronise(streams, offsets))
     return of, solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
 
 
@@ -32,10 +38,10 @@ def test_the_answer_moves_to_the_optimum_of_the_offset() -> None:
     """Two milliseconds aside, and moved, it is where solving at the optimum has it."""
     made = streamed()
     at, optimum = solved(made, 0.03)
-    best_s = 0.03 + float(clocks_left(at, optimum).step_s[0])
+    best_s = 0.03 + float(remaining_step(at, optimum).step_s[0])
     _, optimum = solved(made, best_s)
     aside, solution = solved(made, best_s + 2e-3)
-    moved = settled(solution, clocks_left(aside, solution))
+    moved = apply_remaining_step(solution, remaining_step(aside, solution))
     before, after = (
         (optimum.state.transforms[NAME].inverse() @ s.state.transforms[NAME]).log() for s in (solution, moved)
     )
@@ -44,18 +50,18 @@ def test_the_answer_moves_to_the_optimum_of_the_offset() -> None:
 
 def test_its_covariance_holds_that_of_the_offset() -> None:
     of, solution = solved(streamed(), 0.03)
-    left = clocks_left(of, solution)
-    wider = settled(solution, left).covariance - solution.covariance
+    left = remaining_step(of, solution)
+    wider = apply_remaining_step(solution, left).covariance - solution.covariance
     np.testing.assert_allclose(wider, left.covariance[0, 0] * left.by_offsets @ left.by_offsets.T, atol=1e-18)
     assert np.trace(wider) > 0.05 * np.trace(solution.covariance)
 
 
 def test_offsets_that_were_found_or_stated_are_told() -> None:
     of, solution = solved(streamed(), 0.03)
-    (clock,) = clock_offsets(of, clocks_left(of, solution)).values()
+    (clock,) = clock_offsets(of, remaining_step(of, solution)).values()
     assert clock.offset_s == pytest.approx(0.03, abs=3.3 * clock.sigma_s)
     of, solution = solved(streamed(clock=Clock(offset_s=0.03)), 0.03)
-    assert {n: (c.offset_s, c.sigma_s) for n, c in clock_offsets(of, clocks_left(of, solution)).items()} == {
+    assert {n: (c.offset_s, c.sigma_s) for n, c in clock_offsets(of, remaining_step(of, solution)).items()} == {
         "wrist": (0.03, 0.0)
     }
 
@@ -70,7 +76,7 @@ def test_a_clock_that_nothing_shows_is_said_and_not_told() -> None:
 
 def test_a_prior_that_is_contradicted_is_named() -> None:
     of, solution = solved(streamed(clock=Clock("prior", 0.01, 1e-3)), 0.029)
-    (finding,) = clock_findings(of, clocks_left(of, solution))
+    (finding,) = clock_findings(of, remaining_step(of, solution))
     assert (finding.code, finding.severity) == ("prior-contradicted", "warning")
     assert "clock of wrist" in finding.message
 
@@ -136,10 +142,10 @@ def said(known: Clock, offset_s: float, step_s: float, seen: bool = True, name: 
 
 def test_offsets_are_told_with_the_step_that_is_left() -> None:
     """With their sigmas; as they stand where they were stated, and not at all where they are 0 or not seen."""
-    offsets = {"a": 0.03, "b": 0.2, "c": 0.0, "d": 0.4, line_of("wrist"): 1e-5, line_of("other"): 3e-5}
+    offsets = {"a": 0.03, "b": 0.2, "c": 0.0, "d": 0.4, line_time_name("wrist"): 1e-5, line_time_name("other"): 3e-5}
     streams = SimpleNamespace(cell=SimpleNamespace(cameras={"wrist": None, "other": None, "third": None}))
     left = ClockStep(
-        ("a", "b", line_of("wrist")), np.array([2e-3, 0.0, -1e-6]), np.diag([4e-8, 1.0, 9e-16]),
+        ("a", "b", line_time_name("wrist")), np.array([2e-3, 0.0, -1e-6]), np.diag([4e-8, 1.0, 9e-16]),
         np.zeros((6, 3)), np.array([True, False, True]),
     )  # fmt: skip
     of = SimpleNamespace(streams=streams, offsets_s=offsets)
@@ -166,7 +172,7 @@ def test_an_offset_contradicts_its_prior_at_four_sigmas(step_s: float, contradic
 
 def test_line_times_are_told_in_microseconds() -> None:
     """Of the camera whose they are: contradicted, or held where nothing moves."""
-    name = line_of("wrist")
+    name = line_time_name("wrist")
     (found,) = said(Clock("prior", 2e-5, 1e-6), 2.5e-5, 1e-6, name=name)
     assert found[:3] == ("warning", "prior-contradicted", "wrist")
     assert "The line time of wrist is 26.00 us, 6.0 sigma from its prior of 20.00 us." in found[3]

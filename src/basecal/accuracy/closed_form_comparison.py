@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.accuracy.axis_shift import calibrate_axis_shift, chosen, stations_of
+from basecal.accuracy.axis_shift import calibrate_axis_shift, choose_base, find_pair_stations
 from basecal.cell import Calibration, Cell, Recording
 from basecal.errors import NotObservable
 from basecal.estimation.problem.build import build_problem
@@ -14,9 +14,9 @@ from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, PoseEstimate
 
 
-def difference(one: SE3, other: SE3) -> Array:
+def difference(pose: SE3, other: SE3) -> Array:
     """A transform against another, (6,) along and about the axes of what that other places [m, rad]."""
-    return np.asarray((one.inverse() @ other).log())
+    return np.asarray((pose.inverse() @ other).log())
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class StationBeside:
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedFormBeside:
+class ClosedFormComparison:
     """The closed form beside another answer.
 
     Attributes:
@@ -58,7 +58,7 @@ class ClosedFormBeside:
         return difference(self.other.mean, self.estimate.mean)
 
 
-def closed_form_beside(cell: Cell, recording: Recording, calibration: Calibration) -> ClosedFormBeside | None:
+def compare_closed_form(cell: Cell, recording: Recording, calibration: Calibration) -> ClosedFormComparison | None:
     """The closed form beside a calibration; None where it is one itself, or the recording has no programmed shifts.
 
     Args:
@@ -73,14 +73,14 @@ def closed_form_beside(cell: Cell, recording: Recording, calibration: Calibratio
     problem, _ = build_problem(cell, recording)
     try:
         closed = calibrate_axis_shift(cell, problem, settings, [])
-        stations = stations_of(problem, cell)
+        stations = find_pair_stations(problem, cell)
     except NotObservable:
         return None
     name, estimate = next(iter(closed.transforms.items()))
     other = calibration.transforms.get(name)
     if other is None:
         return None
-    _, weights = chosen(stations, settings)
+    _, weights = choose_base(stations, settings)
     inverted = problem.groups[0].hand.robot == cell.reference
     said = []
     for station, weight in zip(stations, weights, strict=True):
@@ -88,4 +88,4 @@ def closed_form_beside(cell: Cell, recording: Recording, calibration: Calibratio
         light = (base @ station.hand_base_from_light).translation
         off = difference(other.mean, base.inverse() if inverted else base)
         said.append(StationBeside(tuple(int(n) for n in station.samples), light, off, float(weight)))
-    return ClosedFormBeside(name, estimate, other, tuple(said))
+    return ClosedFormComparison(name, estimate, other, tuple(said))

@@ -11,13 +11,13 @@ from basecal.geometry import Array
 from basecal.geometry.rotation import lengths
 
 # Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
-_TOO_FAR_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
-_TOO_LARGE_M = 20.0  # [m] of a target's longest side
-_TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; some wrists turn without end, but not two joints
-_BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
+_LARGEST_DISTANCE_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
+_LARGEST_TARGET_M = 20.0  # [m] of a target's longest side
+_LARGEST_JOINT_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; some wrists turn without end, but not two joints
+_LIMIT_EXCESS_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
 
 
-_IN_METRES = ("Divide lengths by 1000: they are in metres.",)
+_DIVIDE_ADVICE = ("Divide lengths by 1000: they are in metres.",)
 
 
 def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
@@ -25,7 +25,12 @@ def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
 
     Only what its size alone decides is told; all else is left to the test of conventions, which fits.
     """
-    return [*_degrees(cell, recording), *_millimetres(recording), *_of_views(recording), *_of_targets(cell, recording)]
+    return [
+        *_degrees(cell, recording),
+        *_millimetres(recording),
+        *_view_findings(recording),
+        *_target_findings(cell, recording),
+    ]
 
 
 def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
@@ -43,10 +48,10 @@ def _is_in_degrees(robot: Robot, recording: Recording) -> bool:
     if robot.chain is None or not len(joints):
         return False
     most = np.abs(joints).max(axis=0)
-    beyond = int(np.sum(most > _TURNS_RAD))
+    beyond = int(np.sum(most > _LARGEST_JOINT_RAD))
     in_radians = np.radians(joints)
-    within = np.all(in_radians >= robot.chain.lower - _BEYOND_LIMIT_RAD) and np.all(
-        in_radians <= robot.chain.upper + _BEYOND_LIMIT_RAD
+    within = np.all(in_radians >= robot.chain.lower - _LIMIT_EXCESS_RAD) and np.all(
+        in_radians <= robot.chain.upper + _LIMIT_EXCESS_RAD
     )
     return bool(beyond >= min(2, joints.shape[1]) and within)
 
@@ -62,26 +67,26 @@ def _millimetres(recording: Recording) -> Iterator[Finding]:
         for name, state in sample.robots.items():
             if state.base_from_flange is not None:
                 reaches.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
-    far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _TOO_FAR_M}
+    far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _LARGEST_DISTANCE_M}
     if far:
         who = " and ".join(far)
         what = f"The poses of {who} are in millimetres: a flange is {max(far.values()):.0f} m from its base."
-        yield Finding("length-unit", "error", tuple(far), what, _IN_METRES)
+        yield Finding("length-unit", "error", tuple(far), what, _DIVIDE_ADVICE)
 
 
-def _of_views(recording: Recording) -> Iterator[Finding]:
+def _view_findings(recording: Recording) -> Iterator[Finding]:
     seen = [o for s in recording.samples for o in s.observations]
     kinds = {
         "The observed poses": [o.camera_from_target.translation for o in seen if isinstance(o, PoseObservation)],
         "The observed 3-D points": [o.points_in_camera.mean(0) for o in seen if isinstance(o, PointObservation)],
     }
     for who, places in kinds.items():
-        if places and (distance := float(np.median(lengths(np.array(places))))) > _TOO_FAR_M:
+        if places and (distance := float(np.median(lengths(np.array(places))))) > _LARGEST_DISTANCE_M:
             what = f"{who} are in millimetres: a target is {distance:.0f} m away."
-            yield Finding("length-unit", "error", (), what, _IN_METRES)
+            yield Finding("length-unit", "error", (), what, _DIVIDE_ADVICE)
 
 
-def _of_targets(cell: Cell, recording: Recording) -> Iterator[Finding]:
+def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
     pixels = {o.target for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)}
     searched = bool(any(s.images for s in recording.samples))
     for name, entry in cell.targets.items():
@@ -89,6 +94,6 @@ def _of_targets(cell: Cell, recording: Recording) -> Iterator[Finding]:
         if shape is None or shape.is_point or not (name in pixels or searched):
             continue
         size = float(np.ptp(shape.points, axis=0).max())
-        if size > _TOO_LARGE_M:
+        if size > _LARGEST_TARGET_M:
             what = f"The size of {name} is in millimetres: it is stated to be {size:.0f} m wide."
-            yield Finding("board-size", "error", (name,), what, _IN_METRES)
+            yield Finding("board-size", "error", (name,), what, _DIVIDE_ADVICE)

@@ -9,9 +9,9 @@ from basecal.cell import Cell, Finding, PixelObservation, PointObservation, Pose
 from basecal.cell.recording import Sample
 from basecal.geometry import Array
 
-_READ_BACK = 5e-3  # [m, rad]: a robot that stands still is read back within
+_READ_BACK_TOLERANCE = 5e-3  # [m, rad]: a robot that stands still is read back within
 _FEWEST_NUMBERS = 8  # of a view: with fewer, two may be the same by rounding
-_SHOWN = 5  # pairs of samples in a sentence
+_SHOWN_PAIRS = 5  # pairs of samples in a sentence
 
 
 def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
@@ -26,33 +26,33 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
             key = (seen.camera, seen.target, numbers)
             earlier = first.setdefault(key, sample)
             carriers = {cell.cameras[seen.camera].on, cell.targets[seen.target].on}
-            if earlier is not sample and _stands_elsewhere(sample, earlier, carriers):
+            if earlier is not sample and _has_moved(sample, earlier, carriers):
                 pairs.append((earlier.sample, sample.sample))
     if not pairs:
         return []
-    listed = ", ".join(f"{list_samples(pair).replace(', ', ' and ')}" for pair in pairs[:_SHOWN])
-    more = f" and {len(pairs) - _SHOWN} more pairs" if len(pairs) > _SHOWN else ""
+    listed = ", ".join(f"{list_samples(pair).replace(', ', ' and ')}" for pair in pairs[:_SHOWN_PAIRS])
+    more = f" and {len(pairs) - _SHOWN_PAIRS} more pairs" if len(pairs) > _SHOWN_PAIRS else ""
     what = f"The same image or view is there twice under other poses, at {listed}{more}."
     about = tuple(str(number) for number in dict.fromkeys(number for pair in pairs for number in pair))
     return [Finding("repeated-view", "warning", about, what, ("Pair poses and images anew, or remove the copies.",))]
 
 
-def _numbers(seen: object) -> bytes | None:
+def _numbers(observation: object) -> bytes | None:
     """All that a view says, as bytes; None where it is too little to be told from another."""
-    if isinstance(seen, PixelObservation) and seen.pixels.size >= _FEWEST_NUMBERS:
-        return seen.ids.tobytes() + seen.pixels.tobytes()
-    if isinstance(seen, PointObservation) and seen.points_in_camera.size >= _FEWEST_NUMBERS:
-        return seen.ids.tobytes() + seen.points_in_camera.tobytes()
-    if isinstance(seen, PoseObservation):
-        return bytes(seen.camera_from_target.matrix.tobytes())
+    if isinstance(observation, PixelObservation) and observation.pixels.size >= _FEWEST_NUMBERS:
+        return observation.ids.tobytes() + observation.pixels.tobytes()
+    if isinstance(observation, PointObservation) and observation.points_in_camera.size >= _FEWEST_NUMBERS:
+        return observation.ids.tobytes() + observation.points_in_camera.tobytes()
+    if isinstance(observation, PoseObservation):
+        return bytes(observation.camera_from_target.matrix.tobytes())
     return None
 
 
-def _stands_elsewhere(sample: Sample, other: Sample, robots: set[str]) -> bool:
+def _has_moved(sample: Sample, other: Sample, robots: set[str]) -> bool:
     """Whether one of these robots stands elsewhere, by more than robots are read back anew."""
     shared = [name for name in robots if name in sample.robots and name in other.robots]
     states = [(_state(sample, name), _state(other, name)) for name in shared]
-    return any(one.shape != two.shape or bool(np.abs(one - two).max() > _READ_BACK) for one, two in states)
+    return any(one.shape != two.shape or bool(np.abs(one - two).max() > _READ_BACK_TOLERANCE) for one, two in states)
 
 
 def _state(sample: Sample, name: str) -> Array:

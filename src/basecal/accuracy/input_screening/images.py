@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from basecal.accuracy.at_the_door.units import impossible_units
+from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell import Cell, Recording
 
 
-def worth_searching(cell: Cell, recording: Recording) -> bool:
+def needs_search(cell: Cell, recording: Recording) -> bool:
     """Whether a recording has images, and units that leave the verdict open."""
     return any(sample.images for sample in recording.samples) and not impossible_units(cell, recording)

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from basecal.accuracy.at_the_door import quick_look as module
-from basecal.accuracy.at_the_door.quick_look import looked_at, quick_look
 from basecal.accuracy.input_check.rewriting import inverted, scaled, shifted, with_robots
+from basecal.accuracy.input_screening import quick_look as module
+from basecal.accuracy.input_screening.quick_look import preview_samples, quick_look
 from basecal.cell import Finding, Recording
 from basecal.cell.cell import Intrinsics
 from basecal.simulation import Scenario, simulate
@@ -28,16 +28,16 @@ def codes(recording, is_whole=False):
 
 def test_rows_of_samples_are_taken():
     """Three rows of six, the first and the last sample among them, with robots two samples beside; of few all are."""
-    taken = looked_at(made().recording).samples
+    taken = preview_samples(made().recording).samples
     assert [s.sample for s in taken if s.observations] == [*range(6), *range(27, 33), *range(54, 60)]
     assert [s.sample for s in taken if s.robots] == [*range(8), *range(25, 35), *range(52, 60)]
     few = Recording(made().recording.samples[:18])
-    assert looked_at(few) is few
+    assert preview_samples(few) is few
 
 
 def test_a_cell_in_order():
     """Nothing is found, and the error is that of the pixels."""
-    look = quick_look(made().cell, looked_at(made().recording))
+    look = quick_look(made().cell, preview_samples(made().recording))
     assert (look.views, look.findings, look.untold) == (18, (), "")
     assert look.error is not None
     number, unit = look.error.split()
@@ -48,12 +48,12 @@ def test_a_cell_in_order():
 def test_inverted_poses():
     """The robot is named."""
     wrong = with_robots(made().recording, {"hand": inverted})
-    assert codes(looked_at(wrong)) == [("robot-pose-inverted", "error", ("hand",))]
+    assert codes(preview_samples(wrong)) == [("robot-pose-inverted", "error", ("hand",))]
 
 
 def test_pictures_that_are_late():
     """The robots that views belong to stand beside them."""
-    found = codes(looked_at(shifted(made().recording, None, -2)))
+    found = codes(preview_samples(shifted(made().recording, None, -2)))
     assert {code for code, _, _ in found} == {"pairing-shifted"}
 
 
@@ -80,7 +80,7 @@ def test_too_little_to_tell():
 def test_streams():
     """Clocks are found first; all lines of robots are kept."""
     made = streamed()
-    few = looked_at(made.recording)
+    few = preview_samples(made.recording)
     stamps = [s.stamp_s for s in made.recording.samples if s.observations]
     kept = [s.stamp_s for s in few.samples if s.observations]
     assert len(kept) == 40

@@ -6,25 +6,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.at_the_door.units import impossible_units
-from basecal.accuracy.clocks.search import clocked
+from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT
 from basecal.estimation.solve import solve_packed
-from basecal.estimation.streams.streams import streams_of
+from basecal.estimation.streams.streams import recording_streams
 
 # Rows are spread, for arms may take turns to move; beside them robots alone stay, for pictures may be that much late.
-_ROWS = 3
-_IN_A_ROW = 6
-_BESIDE = 2
-_CLOCKED = 40  # views of streams: offsets of clocks are found beside all else
-_FEWEST = 5  # samples, below which conventions are not tested
+_ROW_COUNT = 3
+_ROW_SAMPLES = 6
+_NEIGHBOUR_COUNT = 2
+_STREAM_VIEWS = 40  # views of streams: offsets of clocks are found beside all else
+_FEWEST_SAMPLES = 5  # samples, below which conventions are not tested
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +44,21 @@ class QuickLook:
     untold: str = ""
 
 
-def looked_at(recording: Recording) -> Recording:
+def preview_samples(recording: Recording) -> Recording:
     """The samples that a quick look takes, rows that are spread over the recording, and robots beside them."""
     samples = recording.samples
     views = [k for k, sample in enumerate(samples) if sample.observations or sample.images]
     if any(not samples[k].robots for k in views):  # streams: robots are needed all along
-        spread = np.linspace(0, len(views) - 1, min(len(views), _CLOCKED)).astype(int)
+        spread = np.linspace(0, len(views) - 1, min(len(views), _STREAM_VIEWS)).astype(int)
         passed_over = set(views) - {views[k] for k in spread}
         return replace(recording, samples=tuple(s for k, s in enumerate(samples) if k not in passed_over))
-    if len(views) <= _ROWS * _IN_A_ROW:
+    if len(views) <= _ROW_COUNT * _ROW_SAMPLES:
         return recording
-    starts = np.linspace(0, len(views) - _IN_A_ROW, _ROWS).astype(int)
-    kept = {views[start + k] for start in starts for k in range(_IN_A_ROW)}
-    near = sorted({j for k in kept for j in range(k - _BESIDE, k + _BESIDE + 1)} & set(range(len(samples))))
+    starts = np.linspace(0, len(views) - _ROW_SAMPLES, _ROW_COUNT).astype(int)
+    kept = {views[start + k] for start in starts for k in range(_ROW_SAMPLES)}
+    near = sorted(
+        {j for k in kept for j in range(k - _NEIGHBOUR_COUNT, k + _NEIGHBOUR_COUNT + 1)} & set(range(len(samples)))
+    )
     few = (samples[k] if k in kept else replace(samples[k], observations=(), images={}, background={}) for k in near)
     return replace(recording, samples=tuple(few))
 
@@ -66,25 +68,25 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
 
     Args:
         cell: As it was imported.
-        recording: What `looked_at` took of it, with what its images show.
+        recording: What `preview_samples` took of it, with what its images show.
         is_whole: Whether that is all of it, so that doubts will not be dispelled by the rest.
     """
     if units := impossible_units(cell, recording):
         return QuickLook(len(recording.samples), tuple(units))
     try:
-        streams = streams_of(cell, recording)
+        streams = recording_streams(cell, recording)
         lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
         if streams is not None and any(lens.status == "free" for lens in lenses):
             return QuickLook(
                 0, untold="clocks and a lens that is not known are found together: basecal calibrate tells"
             )
-        samples = recording if streams is None else clocked(streams, DEFAULT).recording
-        return _looked(cell, samples, is_whole)
+        samples = recording if streams is None else search_offsets(streams, DEFAULT).recording
+        return _preview(cell, samples, is_whole)
     except (BasecalError, np.linalg.LinAlgError) as error:
         return QuickLook(0, untold=str(error))
 
 
-def _looked(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
+def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     """What samples by one clock say.
 
     Raises:
@@ -92,8 +94,8 @@ def _looked(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     """
     problem, _ = build_problem(cell, recording)
     views = len({int(sample) for group in problem.groups for sample in group.sample})
-    if views < _FEWEST:
-        return QuickLook(views, untold=f"{_FEWEST} with the robots' poses are needed")
+    if views < _FEWEST_SAMPLES:
+        return QuickLook(views, untold=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
     stated = replace(DEFAULT, robot_noise="stated")
     plain = solve_packed(problem, cell, stated)
     explained = is_as_of_arms(with_noise(plain, DEFAULT))

@@ -11,17 +11,17 @@ from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.cell import ClockOffset, Finding, LineTime
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.solve import Solution
-from basecal.estimation.streams.rolling_shutter import line_of
+from basecal.estimation.streams.rolling_shutter import line_time_name
 
-_PULLED = 4.0  # sigmas of its prior by which an offset contradicts it, as for all priors
+_CONTRADICTED_SIGMAS = 4.0  # sigmas of its prior by which an offset contradicts it, as for all priors
 
 
-def clocks_left(clocked: Clocked, solution: Solution) -> ClockStep:
+def remaining_step(search: Clocked, solution: Solution) -> ClockStep:
     """The step that the answer, made of what agrees and with its noise, still asks of the clocks."""
-    return clock_step(clocked.streams, clocked.synchronised, clocked.offsets_s, solution)
+    return clock_step(search.streams, search.synchronised, search.offsets_s, solution)
 
 
-def settled(solution: Solution, left: ClockStep) -> Solution:
+def apply_remaining_step(solution: Solution, left: ClockStep) -> Solution:
     """The answer at the optimum of the offsets, to first order, and its covariance with theirs.
 
     With C the covariance where the offsets are known, G how the answer goes with them, and V their own covariance, it
@@ -33,42 +33,46 @@ def settled(solution: Solution, left: ClockStep) -> Solution:
     return replace(solution, state=state, covariance=covariance)
 
 
-def clock_offsets(clocked: Clocked, left: ClockStep) -> dict[str, ClockOffset]:
+def clock_offsets(search: Clocked, left: ClockStep) -> dict[str, ClockOffset]:
     """Offsets by device, of those that were estimated and seen, or stated and not 0."""
-    lines = {line_of(camera) for camera in clocked.streams.cell.cameras}
-    return {name: ClockOffset(*value) for name, value in _found(clocked, left).items() if name not in lines}
+    lines = {line_time_name(camera) for camera in search.streams.cell.cameras}
+    return {name: ClockOffset(*value) for name, value in _estimated_offsets(search, left).items() if name not in lines}
 
 
-def line_times(clocked: Clocked, left: ClockStep) -> dict[str, LineTime]:
+def line_times(search: Clocked, left: ClockStep) -> dict[str, LineTime]:
     """Line times by camera, likewise."""
-    found = _found(clocked, left)
-    return {name: LineTime(*found[line_of(name)]) for name in clocked.streams.cell.cameras if line_of(name) in found}
+    found = _estimated_offsets(search, left)
+    return {
+        name: LineTime(*found[line_time_name(name)])
+        for name in search.streams.cell.cameras
+        if line_time_name(name) in found
+    }
 
 
-def _found(clocked: Clocked, left: ClockStep) -> dict[str, tuple[float, float]]:
-    """Offsets, and line times by `line_of`, with their sigmas."""
-    found = {name: (offset, 0.0) for name, offset in clocked.offsets_s.items() if offset}
+def _estimated_offsets(search: Clocked, left: ClockStep) -> dict[str, tuple[float, float]]:
+    """Offsets, and line times by `line_time_name`, with their sigmas."""
+    found = {name: (offset, 0.0) for name, offset in search.offsets_s.items() if offset}
     for k, name in enumerate(left.clocks):
         found.pop(name, None)
         if left.seen[k]:
-            found[name] = (clocked.offsets_s[name] + float(left.step_s[k]), float(np.sqrt(left.covariance[k, k])))
+            found[name] = (search.offsets_s[name] + float(left.step_s[k]), float(np.sqrt(left.covariance[k, k])))
     return found
 
 
-def clock_findings(clocked: Clocked, left: ClockStep) -> list[Finding]:
+def clock_findings(search: Clocked, left: ClockStep) -> list[Finding]:
     """What is to be said of the clocks and line times that were estimated."""
     findings = []
-    cameras = {line_of(camera): camera for camera in clocked.streams.cell.cameras}
+    cameras = {line_time_name(camera): camera for camera in search.streams.cell.cameras}
     for k, name in enumerate(left.clocks):
-        known = clocked.streams.clocks[name]
-        offset = clocked.offsets_s[name] + float(left.step_s[k])
+        known = search.streams.clocks[name]
+        offset = search.offsets_s[name] + float(left.step_s[k])
         device, is_line = cameras.get(name, name), name in cameras
         which = f"The line time of {device}" if is_line else f"The clock of {device}"
         if not left.seen[k]:
-            at = f"{1e6 * clocked.offsets_s[name]:.1f} us" if is_line else f"{clocked.offsets_s[name]:.3f} s"
+            at = f"{1e6 * search.offsets_s[name]:.1f} us" if is_line else f"{search.offsets_s[name]:.3f} s"
             why = f"Nothing moves enough while it records: it is held at {at}, and nothing depends on it."
             findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
-        elif known.sigma_s is not None and abs(offset - known.offset_s) > _PULLED * known.sigma_s:
+        elif known.sigma_s is not None and abs(offset - known.offset_s) > _CONTRADICTED_SIGMAS * known.sigma_s:
             is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
             stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
             sigmas = abs(offset - known.offset_s) / known.sigma_s
