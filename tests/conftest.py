@@ -2,11 +2,14 @@
 
 import gc
 import os
+import tempfile
 
 import numpy as np
 import pytest
 
 from basecal.simulation.arms import six_axis
+
+os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="basecal-tests-")  # what these tests allow, no user did
 
 gc.disable()  # until all is collected: nearly all that is made meanwhile stays
 

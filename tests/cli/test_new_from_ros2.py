@@ -15,7 +15,10 @@ def test_a_cell_of_what_runs(tmp_path, capsys):
     """It has the robot with its URDF, the camera with its lens, and drivers with which it can be captured at once."""
     with ros2(100, 30, 320, 240) as process:
         domain = process.domain
-        assert main(["new", str(tmp_path / "c"), "--from", "ros2", "--domain", str(domain), "--target", "led"]) == 0
+        words = ["new", str(tmp_path / "c"), "--from", "ros2", "--domain", str(domain), "--target", "led"]
+        assert main(words) == 2
+        assert f"connects to ROS 2 in domain {domain}" in capsys.readouterr().err
+        assert main([*words, "--yes"]) == 0
     said = capsys.readouterr().out
     assert "/joint_states  sensor_msgs/msg/JointState" in said
     assert (

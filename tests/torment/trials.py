@@ -25,6 +25,7 @@ from basecal.studies.study_file import read_study
 from torment import besides, disks, system_calls
 from torment.cells import KINDS, calibration, cell_text, made, write
 from torment.damage import HOSTILE_TEXTS, damaged, places
+from torment.exports import EXPORTS
 from torment.outcome import Fell, of_command, of_reader
 from torment.writes import write_fault
 
@@ -240,4 +241,5 @@ WHOLE: dict[str, Trial] = {
     "compare": compare_damaged,
     "plan": plan_damaged,
     "study, run": study_damaged,
+    **EXPORTS,
 }

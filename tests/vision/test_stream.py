@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import socket
+import time
+
 import cv2
 import numpy as np
+import pytest
 
 from basecal.vision.stream import open_stream
 
@@ -16,7 +21,7 @@ def video(path):
     for level in LEVELS:
         writer.write(np.full((48, 64, 3), level, dtype=np.uint8))
     writer.release()
-    return str(path)
+    return path
 
 
 def test_a_film_is_read_to_its_end(tmp_path):
@@ -31,4 +36,24 @@ def test_a_film_is_read_to_its_end(tmp_path):
 
 def test_nothing_is_opened_where_there_is_nothing(tmp_path):
     """A path without a film gives None, not an error."""
-    assert open_stream(str(tmp_path / "none.avi")) is None
+    assert open_stream(tmp_path / "none.avi") is None
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    """A pipe with a film's name is no film; a playlist that names an address reaches nothing."""
+    os.mkfifo(tmp_path / "film.avi")
+    assert open_stream(tmp_path / "film.avi") is None
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.5)
+        address = f"http://127.0.0.1:{server.getsockname()[1]}/a.ts"
+        (tmp_path / "a.m3u8").write_text(f"#EXTM3U\n#EXTINF:10,\n{address}\n#EXT-X-ENDLIST\n")
+        assert open_stream(tmp_path / "a.m3u8") is None
+        with pytest.raises(TimeoutError):
+            server.accept()
+
+
+def test_an_address_that_never_answers(tmp_path):
+    """Nothing comes by UDP: given up within seconds."""
+    began_s = time.monotonic()
+    assert open_stream("udp://127.0.0.1:5999") is None
+    assert time.monotonic() - began_s < 15

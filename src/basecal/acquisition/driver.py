@@ -33,6 +33,14 @@ within 0.3 s. `none`: it finishes its move.
 """
 
 
+@dataclass(frozen=True)
+class Secret:
+    """A secret that a driver signs on with: the environment variable that holds it, and whose it is, in words."""
+
+    variable: str
+    owner: str
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """Where a robot says it is: `state`, with the time `stamp_s` at which it was there [s]."""
@@ -69,12 +77,14 @@ class Place:
         cell: The cell it is in.
         folder: The cell's folder.
         options: What stands beside `kind` in its `driver:`.
+        allow_plaintext: Whether the user allowed to send a password without encryption; no cell can.
     """
 
     name: str
     cell: Cell
     folder: Path
     options: Mapping[str, Any] = field(default_factory=dict)
+    allow_plaintext: bool = False
 
 
 @runtime_checkable
@@ -191,12 +201,16 @@ class DriverKind:
         open_camera: Opens a camera; None if it is for robots only.
         stop_guarantee: What stops an arm when this computer is silent.
         needs_own_process: Whether an arm gets a process of its own: all but those that ask a person or simulate.
+        reaches: What it reaches outside of the cell's folder, a line for a person, or "" if nothing.
+        secret: What it signs on with.
     """
 
     open_robot: Callable[[Place], Robot] | None = None
     open_camera: Callable[[Place], Camera] | None = None
     stop_guarantee: StopGuarantee = "none"
     needs_own_process: bool = True
+    reaches: Callable[[Place], str] | None = None
+    secret: Callable[[Place], Secret | None] | None = None
 
     def robot(self, place: Place) -> Robot:
         """Open a robot.

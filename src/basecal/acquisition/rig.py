@@ -47,7 +47,7 @@ class Rig:
 
 
 @contextmanager
-def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
+def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterator[Rig]:
     """The rig of a cell, closed at the end; if that is an error or a signal, all robots stop first.
 
     Each robot's driver runs in a process of its own, unless it declares that it needs none. SIGTERM and SIGHUP end the
@@ -57,7 +57,7 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
         DatasetError: if a driver is not known, lacks the face that is asked of it, or an option is wrong.
         DriverError: if a robot or camera does not answer, or all arms were stopped.
     """
-    places = _places(cell, folder, "robots")
+    places = _places(cell, folder, "robots", allow_plaintext)
     alone = {name: place for name, (kind, place) in places.items() if kind.needs_own_process}
     here = {name: opener for name, opener in places.items() if name not in alone}
     supervisor: list[Arms] = []
@@ -71,7 +71,7 @@ def open_rig(cell: Cell, folder: Path) -> Iterator[Rig]:
             motion = ArmMotion()
             cameras = {
                 name: feed_camera(name, kind.camera(place), motion)
-                for name, (kind, place) in _places(cell, folder, "cameras").items()
+                for name, (kind, place) in _places(cell, folder, "cameras", allow_plaintext).items()
             }
             here_closes = [*(robot.close for robot in robots.values()), *(camera.close for camera in cameras.values())]
             opened.callback(_call_in_parallel, here_closes, _CLOSE_TIMEOUT_S)
@@ -130,7 +130,16 @@ def _call_in_parallel(calls: list[Callable[[], None]], most_s: float) -> None:
         thread.join(max(until - time.monotonic(), 0.0))
 
 
-def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"]) -> _Openers:
+def openers(cell: Cell, folder: Path) -> list[tuple[DriverKind, Place]]:
+    """Drivers and places of all robots and cameras, none of them opened.
+
+    Raises:
+        DatasetError: if a driver is not known, or is for the others only.
+    """
+    return [*_places(cell, folder, "robots").values(), *_places(cell, folder, "cameras").values()]
+
+
+def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"], allow_plaintext: bool = False) -> _Openers:
     """Drivers and places of all robots or cameras that have a driver, by name.
 
     Raises:
@@ -141,7 +150,7 @@ def _places(cell: Cell, folder: Path, section: Literal["robots", "cameras"]) -> 
     for name, thing in things.items():
         if thing.driver is not None:
             kind = _kind(thing.driver, f"{section}.{name}.driver.kind", folder, section)
-            found[name] = (kind, Place(name, cell, folder, thing.driver.options))
+            found[name] = (kind, Place(name, cell, folder, thing.driver.options, allow_plaintext))
     return found
 
 

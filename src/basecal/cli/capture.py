@@ -12,6 +12,7 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_plan, say_ways
 from basecal.cli.capture_view import CaptureView, capture_view
+from basecal.cli.connecting import ASKING, Connecting, allowed_rig
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, task_of
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import pasted, print_json, say
@@ -83,6 +84,7 @@ def capture(
     dry_run: bool = False,
     more: bool = False,
     moving: Moving = _USUAL,
+    connecting: Connecting = ASKING,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
     stop_on_disagreement: bool = False,
     web: bool = False,
@@ -91,7 +93,8 @@ def capture(
 ) -> int:
     """Make a recording: send the arms, wait until all is still, look, and note.
 
-    The drivers of robots and cameras stand in cell.yaml (docs/data_format.md).
+    The drivers of robots and cameras stand in cell.yaml (docs/data_format.md);
+    what they connect to is asked once.
     Begin with the target in the picture. Without --go nothing moves: it says
     what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
     where it was when it is started again. One that is finished records nothing
@@ -138,18 +141,17 @@ def capture(
         dry_run: Check the whole plan as --go does, ask the controllers, and print each way; nothing moves.
         more: Record other samples after a plan that is finished.
         moving: How arms may move.
+        connecting: What the cell may reach.
         seed: Another number makes another plan.
         stop_on_disagreement: Wait for the check of each sample, and end the capture at a disagreement that lasts.
         web: Show the capture as a page as well, on this machine alone; the extra web.
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
-    from basecal.acquisition.rig import open_rig
-
     task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
     _refuse_unused(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
     sketch, count, limits = _sketch(cell), samples or _SAMPLES, moving.limits
-    with ExitStack() as shown, open_rig(sketch.cell, cell) as rig:  # an error stops the arms before all else
+    with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
         replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
         shifts = ShiftsForTask(task, samples) if task and replanned is None else None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from basecal.cli.connecting import ASKING, Connecting, allow_drivers
 from basecal.cli.terminal import print_json, say
 from basecal.errors import InputError, UsageError, nearest
 
@@ -27,6 +28,7 @@ def driver_check(
     camera: bool = False,
     go: bool = False,
     cut: bool = False,
+    connecting: Connecting = ASKING,
     json: bool = False,
 ) -> int:
     """Measure what the driver of a robot or camera promises.
@@ -53,12 +55,13 @@ def driver_check(
         camera: The driver named is that of a camera.
         go: Move the arm a little and measure how it stops.
         cut: Ask for the connection to be cut and restored, and measure the outage.
+        connecting: What the cell may reach.
         json: Print the measurements as JSON.
     """
     if (Path(device) / "cell.yaml").is_file():
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")
-        place = _place_in_cell(Path(device), name)
+        place = _place_in_cell(Path(device), name, connecting)
     else:
         place = _place_of_kind(device, option or [], camera)
     promises = _measured(place, go, cut, quiet=json)
@@ -67,7 +70,7 @@ def driver_check(
     return 1 if any(each.holds is False for each in promises) else 0
 
 
-def _place_in_cell(folder: Path, name: str) -> Place:
+def _place_in_cell(folder: Path, name: str, connecting: Connecting) -> Place:
     from basecal.acquisition.driver import Place
     from basecal.cell.files import read_cell
 
@@ -77,7 +80,8 @@ def _place_in_cell(folder: Path, name: str) -> Place:
     if name not in things:
         known = ", ".join(things) or "none"
         raise UsageError(f"no robot or camera {name!r} with a driver{nearest(name, things)}; there are: {known}")
-    return Place(name, cell, folder, things[name].options)
+    allow_drivers(cell, folder, connecting, name)
+    return Place(name, cell, folder, things[name].options, connecting.allow_plaintext)
 
 
 def _place_of_kind(kind: str, options: list[str], is_camera: bool) -> Place:

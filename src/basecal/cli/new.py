@@ -36,6 +36,7 @@ def new(
     from_: Annotated[Literal["ros2"] | None, Parameter(name="--from")] = None,
     robot: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     domain: Annotated[int | None, Parameter(validator=validators.Number(gte=0, lte=232))] = None,
+    yes: bool = False,
 ) -> int:
     """Write a working cell.yaml to fill in, and an empty recording.
 
@@ -64,6 +65,7 @@ def new(
         from_: What runs, and is looked at.
         robot: NAME=BASE,FLANGE, frames of tf and links of the URDF, or NAME=/TOPIC of PoseStamped; with --from.
         domain: Of DDS; that of ROS_DOMAIN_ID, else 0, where not said; with --from.
+        yes: Connect without a question; with --from.
     """
     from basecal.cell.files import cell_from_dict, read_recording
     from basecal.cell.format.writing import make_folder, open_new
@@ -74,13 +76,13 @@ def new(
     if target == "pose" and is_described(shape):
         raise CycloptsError(msg="--target pose is seen as poses, and has no sizes: leave them away")
     fields = target_fields(target, shape) if is_described(shape) else None
-    if (robot or domain is not None) if from_ is None else (names or robots is not None):
-        raise CycloptsError(msg="--robot and --domain go with --from ros2, --robots and --names without it")
+    if (robot or domain is not None or yes) if from_ is None else (names or robots is not None):
+        raise CycloptsError(msg="--robot, --domain and --yes go with --from ros2, --robots and --names without it")
     if from_ is None:
         text = cell_text(names or robots or 2, target, shape=fields)
         found = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
     else:
-        found = ros2_cell(domain, paired("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
+        found = ros2_cell(cell, yes, domain, paired("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
     start_cell(cell, found.text, found.urdfs)
     _warn_of_alike_targets(found.cell)
     samples = cell / "recording" / "samples.jsonl"

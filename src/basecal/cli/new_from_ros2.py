@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from basecal.cli.connecting import allow_places
 from basecal.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -28,10 +29,19 @@ class NewCell:
     urdfs: Mapping[str, str] = field(default_factory=dict)
 
 
-def ros2_cell(domain: int | None, robots: Mapping[str, str], fields: Mapping[str, Any] | None, target: str) -> NewCell:
+def ros2_cell(
+    cell: Path,
+    yes: bool,
+    domain: int | None,
+    robots: Mapping[str, str],
+    fields: Mapping[str, Any] | None,
+    target: str,
+) -> NewCell:
     """A cell with drivers and lenses.
 
     Args:
+        cell: Its folder.
+        yes: Whether to listen without a question.
         domain: Of DDS; None for that of the environment.
         robots: `BASE,FLANGE` or a topic, by robot; by the usual names where empty.
         fields: Of the target; None for those of an example.
@@ -40,8 +50,9 @@ def ros2_cell(domain: int | None, robots: Mapping[str, str], fields: Mapping[str
     Raises:
         DriverError: if nobody sends anything.
         InputError: if no robot is found in it.
+        UsageError: if nobody allows it to listen.
     """
-    from basecal.acquisition.ros2.dds import choose_domain
+    from basecal.acquisition.ros2.dds import choose_domain, domain_words
     from basecal.acquisition.ros2.listening import listen_to_topics, survey_of_what_runs
     from basecal.cell.files import cell_from_dict
     from basecal.cell.format.yaml_text import yaml_text
@@ -49,6 +60,7 @@ def ros2_cell(domain: int | None, robots: Mapping[str, str], fields: Mapping[str
     from basecal.exchange.bags.entry import bag_entry, urdf_name
     from basecal.exchange.bags.sources import Asked, ByJoints
 
+    allow_places(cell, [domain_words(choose_domain(domain))], yes)
     bag = listen_to_topics(choose_domain(domain), LISTEN_S)
     say(f"messages heard in {LISTEN_S:g} s:")
     for topic in sorted(bag.topics.values()):

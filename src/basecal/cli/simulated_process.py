@@ -45,13 +45,14 @@ def run_process(
     from basecal.simulation.running.clock import Clock
     from basecal.simulation.running.faults import read_faults
     from basecal.simulation.running.plant import Plant
-    from basecal.simulation.running.protocol import ADDRESS_FILE, Address, new_token, write_address
+    from basecal.simulation.running.protocol import Address, new_token, remove_address, write_address
     from basecal.simulation.running.server import CellServer
 
     world = _world(folder, target, seed, read_faults(fault))
     with_mujoco = _draws_surroundings(renderer)
     with CellServer(Plant(world, Clock(speed), with_mujoco), new_token(), port) as server:
-        write_address(folder, Address(port=server.port, token=server.token, pid=os.getpid()))
+        address = Address(port=server.port, token=server.token, pid=os.getpid())
+        write_address(folder, address)
         _say_where(folder, server.port, with_mujoco, json)
         if until_eof:
             threading.Thread(target=_end_with_input, args=(server,), daemon=True).start()
@@ -60,7 +61,7 @@ def run_process(
         finally:
             server.refuse_requests()
             server.plant.close()
-            (folder / ADDRESS_FILE).unlink(missing_ok=True)
+            remove_address(folder, address)
     return 0
 
 

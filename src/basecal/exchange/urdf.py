@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from basecal.errors import InputError
+from basecal.exchange.exports.quoting import xml_comment
 from basecal.geometry import SE3, Array
 from basecal.geometry.euler import rpy_of_rotation
 from basecal.kinematics import SerialChain, parse_chain, path_joint_names
@@ -45,7 +46,7 @@ def corrected_urdf(
         flange_link: Its tip.
         offsets: (n,) joint offsets [rad]; none where None.
         links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; none where None.
-        note: Where it comes from, written as a comment into it, without two hyphens in a row.
+        note: Where it comes from, written as a comment into it.
 
     Raises:
         DatasetError: if the URDF cannot be used.
@@ -53,7 +54,7 @@ def corrected_urdf(
         InputError: if there are more or fewer errors than joints, or the tip is moved and no fixed joint follows the
             last one, where that could be written.
     """
-    from xml.etree.ElementTree import Comment, tostring
+    from xml.etree.ElementTree import tostring
 
     chain = parse_chain(text, base_link, flange_link)
     for name, errors, size in (("joint offsets", offsets, chain.n), ("link parameters", links, chain.n + 1)):
@@ -77,7 +78,7 @@ def corrected_urdf(
             )
         _move(by_name[last], tip_move)
     if note is not None:
-        root.insert(0, Comment(f" {note} "))
+        root.insert(0, xml_comment(note))
     return tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
 

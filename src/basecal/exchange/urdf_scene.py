@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from basecal.errors import FrameNotFound, InputError
+from basecal.exchange.exports.quoting import xml_comment
 from basecal.exchange.urdf import exactly, parsed_urdf
 from basecal.geometry import SE3
 from basecal.geometry.euler import rpy_of_rotation
@@ -193,8 +194,8 @@ def _set_origin(joint: Element, parent_from_child: SE3) -> None:
 
 
 def _written(root: Element, remarks: Sequence[str]) -> str:
-    from xml.etree.ElementTree import Comment, tostring
+    from xml.etree.ElementTree import tostring
 
     for place, line in enumerate(remarks):
-        root.insert(place, Comment(f" {line.replace('--', '- -')} "))
+        root.insert(place, xml_comment(line))
     return tostring(root, encoding="unicode", xml_declaration=True) + "\n"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -42,11 +44,16 @@ class Stream:
         self.capture.release()
 
 
-def open_stream(source: int | str) -> Stream | None:
-    """The camera of that number, or the file or address of that name; None where OpenCV cannot open it."""
-    is_address = isinstance(source, str) and "://" in source
+def open_stream(source: int | str | Path) -> Stream | None:
+    """The camera of that number, the film or device of that path, or the address; None if OpenCV cannot open it."""
     capture = cv2.VideoCapture()
-    if not (is_address and capture.open(source, cv2.CAP_FFMPEG, _TIMEOUTS)) and not capture.open(source):
-        capture.release()
-        return None
-    return Stream(capture)
+    if isinstance(source, int):
+        is_open = capture.open(source)
+    elif isinstance(source, str):
+        is_open = capture.open(source, cv2.CAP_FFMPEG, _TIMEOUTS)
+    else:
+        is_open = (source.is_file() or source.is_char_device()) and capture.open(os.path.abspath(source))
+    if is_open:
+        return Stream(capture)
+    capture.release()
+    return None

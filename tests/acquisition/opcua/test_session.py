@@ -6,6 +6,7 @@ import socket
 import threading
 
 import pytest
+from pydantic import ValidationError
 
 from basecal.acquisition.opcua.nodes import axes_of_devices
 from basecal.acquisition.opcua.options import OpcuaOptions
@@ -16,10 +17,10 @@ from shared.needed import needed
 needed("asyncua", "opcua")
 
 
-def session(port, **options):
+def session(port, allow_plaintext=True, **options):
     """One that reads the axes."""
     said = OpcuaOptions(url=f"opc.tcp://127.0.0.1:{port}/robot", reconnect_s=1.0, **options)
-    return Session("eye", said, lambda client: axes_of_devices(client, "eye", None))
+    return Session("eye", said, lambda client: axes_of_devices(client, "eye", None), allow_plaintext)
 
 
 def test_values_that_a_server_has_none_of(opcua_robot):
@@ -36,11 +37,28 @@ def test_values_that_a_server_has_none_of(opcua_robot):
 def test_no_permission(opcua_robot, monkeypatch):
     """A user whom the server does not know is refused in one line; with the right password values come."""
     with pytest.raises(DriverError, match="eye: no permission: the server refuses this user"):
-        session(opcua_robot.port, user="cell", password_in="NO_SUCH_VARIABLE")
-    monkeypatch.setenv("CELL_PASSWORD", "secret")
-    read = session(opcua_robot.port, user="cell", password_in="CELL_PASSWORD")
+        session(opcua_robot.port, user="cell", password_in="BASECAL_NO_SUCH")
+    monkeypatch.setenv("BASECAL_CELL", "secret")
+    read = session(opcua_robot.port, user="cell", password_in="BASECAL_CELL")
     assert len(read.read().numbers) == 6
     read.close()
+
+
+def test_a_password_is_not_sent_in_plain_text(opcua_robot, monkeypatch):
+    """A server that takes no encrypted password gets none, unless the user allowed it on the command line."""
+    monkeypatch.setenv("BASECAL_OPCUA_PASSWORD", "secret")
+    with pytest.raises(DriverError, match=r"without encryption only.*add --allow-plaintext"):
+        session(opcua_robot.port, allow_plaintext=False, user="cell")
+    read = session(opcua_robot.port, user="cell")
+    assert len(read.read().numbers) == 6
+    read.close()
+
+
+@pytest.mark.parametrize("variable", ["AWS_SECRET_ACCESS_KEY", "HOME", "BASECAL_", "basecal_x"])
+def test_secrets_of_others_are_not_read(variable):
+    """A cell names none but this program's own variables."""
+    with pytest.raises(ValidationError, match="password_in"):
+        OpcuaOptions(url="opc.tcp://stranger", user="me", password_in=variable)
 
 
 def test_another_program_at_the_port():

@@ -15,6 +15,7 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, checked_options
+from basecal.acquisition.reaching import path_reached
 from basecal.errors import DatasetError, DriverError
 from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image, read_bytes
@@ -73,6 +74,15 @@ class FolderCamera:
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+def reaches(place: Place) -> str:
+    """The folder, if it is outside of the cell's.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    return path_reached(place.folder, place.folder / checked_options(place, FolderOptions).path, "folder")
 
 
 def open_camera(place: Place) -> FolderCamera:

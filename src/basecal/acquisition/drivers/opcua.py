@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.acquisition.driver import Place, Reading, checked_options
+from basecal.acquisition.driver import Place, Reading, Secret, checked_options
 from basecal.acquisition.links.reconnecting import ReconnectingRobot
 from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_of
 from basecal.acquisition.opcua.options import OpcuaOptions
@@ -26,8 +26,8 @@ class OpcuaRobot(ReconnectingRobot):
 
     repeats_stamps = True  # many servers stamp a value when it changes
 
-    def __init__(self, name: str, options: OpcuaOptions, joints: int) -> None:
-        self._options, self._joints = options, joints
+    def __init__(self, name: str, options: OpcuaOptions, joints: int, allow_plaintext: bool) -> None:
+        self._options, self._joints, self._allow_plaintext = options, joints, allow_plaintext
         self._scale: Array = np.ones(joints)
         super().__init__(name, options.reconnect_s, options.rate_hz)
 
@@ -37,7 +37,7 @@ class OpcuaRobot(ReconnectingRobot):
         Raises:
             DriverError: if the server does not answer, refuses, or lacks the nodes.
         """
-        self._session = Session(self.name, self._options, self._found)
+        self._session = Session(self.name, self._options, self._found, self._allow_plaintext)
 
     def disconnect(self) -> None:
         """Sign off."""
@@ -73,6 +73,27 @@ class OpcuaRobot(ReconnectingRobot):
         return Reading(values.stamp_s, RobotState(joints_rad=values.numbers * self._scale))
 
 
+def reaches(place: Place) -> str:
+    """The server, and who signs on.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    options = checked_options(place, OpcuaOptions)
+    signs_on = "" if options.user is None else f" as {options.user!r} with the password in {options.password_in}"
+    return f"{options.url}{signs_on}"
+
+
+def secret(place: Place) -> Secret | None:
+    """The password, if a user signs on.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    options = checked_options(place, OpcuaOptions)
+    return None if options.user is None else Secret(options.password_in, f"{options.user!r} at {options.url}")
+
+
 def open_robot(place: Place) -> OpcuaRobot:
     """A robot, with a session of its own.
 
@@ -86,4 +107,5 @@ def open_robot(place: Place) -> OpcuaRobot:
     if chain is None and options.pose is None:
         message = "joints need urdf, base_link and flange_link of the robot; without them name the nodes of its `pose`"
         raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"robots.{place.name}.driver")
-    return OpcuaRobot(place.name, options, 0 if chain is None else len(chain.joint_names))
+    joints = 0 if chain is None else len(chain.joint_names)
+    return OpcuaRobot(place.name, options, joints, place.allow_plaintext)

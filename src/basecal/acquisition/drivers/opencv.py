@@ -12,13 +12,14 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, checked_options
+from basecal.acquisition.reaching import path_reached
 from basecal.errors import DriverError
 from basecal.fields.values import Entry
 from basecal.vision.stream import Stream, open_stream
 
 
 class OpencvOptions(Entry):
-    """`source`: the number of a device, a path, or an address."""
+    """`source`: the number of a device, a path from the cell's folder, or an address."""
 
     source: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = 0
 
@@ -47,6 +48,24 @@ class OpencvCamera:
         self._stream.close()
 
 
+def reaches(place: Place) -> str:
+    """The device or the address, or a path that is outside of the cell's folder.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    source = _source(place)
+    if isinstance(source, Path):
+        return path_reached(place.folder, source, "film or device")
+    return f"camera {source} of this computer" if isinstance(source, int) else source
+
+
+def _source(place: Place) -> int | str | Path:
+    """The number of a device, an address, or a path."""
+    source = checked_options(place, OpencvOptions).source
+    return source if isinstance(source, int) or "://" in source else place.folder / source
+
+
 def open_camera(place: Place) -> OpencvCamera:
     """The stream, opened.
 
@@ -54,8 +73,9 @@ def open_camera(place: Place) -> OpencvCamera:
         DatasetError: if an option is wrong.
         DriverError: if OpenCV cannot open it.
     """
-    source = checked_options(place, OpencvOptions).source
+    source = _source(place)
     stream = open_stream(source)
     if stream is None:
-        raise DriverError(f"{place.name}: OpenCV cannot open {source!r}; is it plugged in, and used by nobody else?")
-    return OpencvCamera(place.name, stream, isinstance(source, str) and Path(source).is_file())
+        name = str(source) if isinstance(source, Path) else source
+        raise DriverError(f"{place.name}: OpenCV cannot open {name!r}; is it plugged in, and used by nobody else?")
+    return OpencvCamera(place.name, stream, isinstance(source, Path) and source.is_file())

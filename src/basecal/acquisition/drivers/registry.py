@@ -18,49 +18,53 @@ GROUP = "basecal.drivers"
 def _simulated() -> DriverKind:
     from basecal.acquisition.drivers import simulated as module
 
-    return DriverKind(module.open_robot, module.open_camera, module.STOP_GUARANTEE, module.NEEDS_OWN_PROCESS)
+    return DriverKind(
+        module.open_robot, module.open_camera, module.STOP_GUARANTEE, module.NEEDS_OWN_PROCESS, module.reaches
+    )
 
 
 def _replay() -> DriverKind:
     from basecal.acquisition.drivers import replay as module
 
-    return DriverKind(module.open_robot, module.open_camera, needs_own_process=module.NEEDS_OWN_PROCESS)
+    return DriverKind(
+        module.open_robot, module.open_camera, needs_own_process=module.NEEDS_OWN_PROCESS, reaches=module.reaches
+    )
 
 
 def _folder() -> DriverKind:
     from basecal.acquisition.drivers import folder as module
 
-    return DriverKind(open_camera=module.open_camera)
+    return DriverKind(open_camera=module.open_camera, reaches=module.reaches)
 
 
 def _typed() -> DriverKind:
     from basecal.acquisition.drivers import typed as module
 
-    return DriverKind(module.open_robot, needs_own_process=module.NEEDS_OWN_PROCESS)
+    return DriverKind(module.open_robot, needs_own_process=module.NEEDS_OWN_PROCESS, reaches=module.reaches)
 
 
 def _opencv() -> DriverKind:
     from basecal.acquisition.drivers import opencv as module
 
-    return DriverKind(open_camera=module.open_camera)
+    return DriverKind(open_camera=module.open_camera, reaches=module.reaches)
 
 
 def _ur() -> DriverKind:
     from basecal.acquisition.drivers import ur as module
 
-    return DriverKind(module.open_robot, stop_guarantee=module.STOP_GUARANTEE)
+    return DriverKind(module.open_robot, stop_guarantee=module.STOP_GUARANTEE, reaches=module.reaches)
 
 
 def _opcua() -> DriverKind:
     from basecal.acquisition.drivers import opcua as module
 
-    return DriverKind(module.open_robot)
+    return DriverKind(module.open_robot, reaches=module.reaches, secret=module.secret)
 
 
 def _ros2() -> DriverKind:
     from basecal.acquisition.drivers import ros2 as module
 
-    return DriverKind(module.open_robot, module.open_camera)
+    return DriverKind(module.open_robot, module.open_camera, reaches=module.reaches)
 
 
 DRIVERS: Mapping[str, Callable[[], DriverKind]] = {
@@ -98,4 +102,6 @@ def offered_driver(module: ModuleType) -> DriverKind:
         getattr(module, "open_camera", None),
         getattr(module, "STOP_GUARANTEE", "none"),
         bool(getattr(module, "NEEDS_OWN_PROCESS", True)),
+        getattr(module, "reaches", None),
+        getattr(module, "secret", None),
     )

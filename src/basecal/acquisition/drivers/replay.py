@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
+from basecal.acquisition.reaching import path_reached
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, DriverError
@@ -151,6 +152,15 @@ class ReplayCamera:
         """Nothing is held."""
 
 
+def reaches(place: Place) -> str:
+    """The recording, if it is outside of the cell's folder.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    return path_reached(place.folder, _recording(place), "recording")
+
+
 def open_robot(place: Place) -> ReplayRobot:
     """A robot of a recording.
 
@@ -169,8 +179,12 @@ def open_camera(place: Place) -> ReplayCamera:
     return ReplayCamera(place.name, _tape_with(place, "cameras"))
 
 
+def _recording(place: Place) -> Path:
+    return place.folder / checked_options(place, ReplayOptions).recording
+
+
 def _tape_with(place: Place, section: str) -> Tape:
-    tape = _tape((place.folder / checked_options(place, ReplayOptions).recording).resolve())
+    tape = _tape(_recording(place).resolve())
     if place.name not in getattr(tape.cell, section):
         message = f"{tape.folder} has no {section[:-1]} {place.name!r}"
         raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"{section}.{place.name}.driver.recording")

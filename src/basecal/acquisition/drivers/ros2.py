@@ -14,7 +14,7 @@ from pydantic import Field
 from basecal.acquisition.driver import Picture, Place, Reading, checked_options
 from basecal.acquisition.freshness import Waits
 from basecal.acquisition.plausible import check_reading
-from basecal.acquisition.ros2.dds import choose_domain
+from basecal.acquisition.ros2.dds import choose_domain, domain_words
 from basecal.acquisition.ros2.states import StatesByFrames, StatesByTopic
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.errors import BasecalError, DatasetError, DriverError
@@ -106,6 +106,16 @@ class Ros2Camera:
 
     def close(self) -> None:
         """Nothing is held that the next one could not use as well."""
+
+
+def reaches(place: Place) -> str:
+    """The domain of DDS.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        InputError: if ROS_DOMAIN_ID is no number of a domain.
+    """
+    return domain_words(choose_domain(checked_options(place, Ros2Options).domain))
 
 
 def open_robot(place: Place) -> Ros2Robot:

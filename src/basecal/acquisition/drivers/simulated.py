@@ -13,7 +13,14 @@ from basecal.cell import RobotState
 from basecal.cell.schema.errors import problems_of
 from basecal.errors import DriverError
 from basecal.fields.values import Entry, Number
-from basecal.simulation.running.protocol import MOST_JOINTS, Address, Connection, connect, read_address
+from basecal.simulation.running.protocol import (
+    MOST_JOINTS,
+    Address,
+    Connection,
+    connect,
+    place_words,
+    read_address,
+)
 from basecal.vision.image_file import grey_image
 
 _Answer = TypeVar("_Answer", bound=Entry)
@@ -129,6 +136,16 @@ class SimulatedCamera:
         self._cell.close()
 
 
+def reaches(place: Place) -> str:
+    """The port of this computer at which the cell listens.
+
+    Raises:
+        DatasetError: if an option is wrong.
+        DriverError: if no cell runs.
+    """
+    return place_words(_address(place))
+
+
 def open_robot(place: Place) -> SimulatedRobot:
     """An arm, with a line to its cell.
 
@@ -150,7 +167,11 @@ def open_camera(place: Place) -> SimulatedCamera:
 
 
 def _connected(place: Place) -> Connection:
+    return connect(_address(place))
+
+
+def _address(place: Place) -> Address:
     options = checked_options(place, SimulatedOptions)
     if options.port is not None and options.token is not None:
-        return connect(Address(port=options.port, token=options.token, pid=0))
-    return connect(read_address(place.folder))
+        return Address(port=options.port, token=options.token, pid=0)
+    return read_address(place.folder)

@@ -149,6 +149,15 @@ def _written(to: RobotState) -> list[float]:
     return [float(number) for number in CONTROLLERS["ur"].written(to.base_from_flange)]
 
 
+def reaches(place: Place) -> str:
+    """The controller.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    return f"the UR controller at {checked_options(place, UrOptions).host}"
+
+
 def open_robot(place: Place) -> UrWatched | UrMoved | UrLed:
     """A controller; it gives joints where the cell has its URDF, else the pose of its tool centre point.
 

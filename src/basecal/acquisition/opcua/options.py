@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from basecal.acquisition.reaching import SECRET
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.fields.values import Entry, known_names
 
@@ -23,19 +24,19 @@ class OpcuaOptions(Entry):
         pose: Nodes of the pose of the flange, or one that holds its numbers.
         notation: The controller whose convention the pose's numbers follow.
         user: Who signs on, where not everybody may.
-        password_in: Name of the environment variable that holds the password.
+        password_in: Name of the environment variable that holds the password, one of ours.
         rate_hz: How often the nodes are read.
         reconnect_s: How long a connection that is lost is tried again.
     """
 
-    url: Annotated[str, Field(pattern=r"^opc\.tcp://[^/:\s]+(:\d{1,5})?(/\S*)?$")]
+    url: Annotated[str, Field(pattern=r"^opc\.tcp://[^/:@\s]+(:\d{1,5})?(/\S*)?$")]
     device: str | None = None
     joints: list[Path] | Path | None = None
     unit: Literal["rad", "deg"] | None = None
     pose: list[Path] | Path | None = None
     notation: Annotated[str, known_names("notation", tuple(CONTROLLERS))] | None = None
     user: str | None = None
-    password_in: str | None = None
+    password_in: Annotated[str, Field(pattern=SECRET)] = "BASECAL_OPCUA_PASSWORD"
     rate_hz: Annotated[float, Field(ge=20, le=500)] = 50.0
     reconnect_s: Annotated[float, Field(ge=0, le=3600)] = 10.0
 

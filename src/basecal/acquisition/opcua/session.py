@@ -37,7 +37,9 @@ class Values:
 class Session:
     """Nodes of a server, read again and again until the session is lost."""
 
-    def __init__(self, name: str, options: OpcuaOptions, nodes: Callable[[Any], Sequence[Any]]) -> None:
+    def __init__(
+        self, name: str, options: OpcuaOptions, nodes: Callable[[Any], Sequence[Any]], allow_plaintext: bool = False
+    ) -> None:
         self._name, self._options, self._find = name, options, nodes
         try:
             from asyncua.sync import Client
@@ -47,7 +49,9 @@ class Session:
         client = Client(options.url, timeout=_ANSWER_S)
         if options.user is not None:
             client.set_user(options.user)
-            client.set_password(os.environ.get(options.password_in or "", ""))
+            client.set_password(os.environ.get(options.password_in, ""))
+            if not allow_plaintext:
+                _forbid_plaintext(name, client.aio_obj)
         try:
             _answered(self._name, client.connect)
         except DriverError:
@@ -82,6 +86,23 @@ class Session:
         """Sign off."""
         with suppress(Exception):  # whatever it is, the session is given up
             self._client.disconnect()
+
+
+def _forbid_plaintext(name: str, client: Any) -> None:
+    """Let a client give up before it sends a password that the server does not let it encrypt."""
+    from asyncua.crypto.security_policies import SecurityPolicyNone
+
+    policy_of = client.server_policy
+
+    def encrypting_policy(token_type: Any) -> Any:
+        """The policy by which the client encrypts what it signs on with."""
+        policy = policy_of(token_type)
+        if policy.SecurityPolicyUri in (None, "", SecurityPolicyNone.URI):
+            why = "the server takes the password without encryption only, and everybody in the network can read it"
+            raise DriverError(f"{name}: {why}; to send it all the same, add --allow-plaintext")
+        return policy
+
+    client.server_policy = encrypting_policy
 
 
 def _answered(name: str, ask: Callable[[], Given]) -> Given:

@@ -79,6 +79,11 @@ def choose_domain(stated: int | None) -> int:
     return int(said)
 
 
+def domain_words(domain: int) -> str:
+    """What is reached by a domain, in words."""
+    return f"ROS 2 in domain {domain}, by DDS on all networks of this computer"
+
+
 _LAST_DOMAIN = 232  # beyond which ports of DDS would be beyond 65535
 
 

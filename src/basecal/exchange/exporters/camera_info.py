@@ -9,6 +9,7 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.exchange.exports.cameras import exported_camera, only_camera
 from basecal.exchange.exports.exporter import Exporter
+from basecal.exchange.exports.quoting import yaml_word
 from basecal.exchange.exports.remarks import comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros_lenses import ros_lens
@@ -35,7 +36,7 @@ def exported(wanted: Wanted) -> str:
         *comments(wanted.remarks, "#"),
         f"image_width: {camera.size_px[0]}",
         f"image_height: {camera.size_px[1]}",
-        f"camera_name: {json.dumps(name)}",
+        f"camera_name: {yaml_word(name)}",
         *_matrix("camera_matrix", matrix),
         f"distortion_model: {model}",
         *_matrix("distortion_coefficients", distortion[None]),

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-from io import StringIO
-
 from basecal.exchange.exports.exporter import Exporter
+from basecal.exchange.exports.quoting import csv_row
 from basecal.exchange.exports.wanted import Wanted
 
 _HEADER = (
@@ -16,15 +14,14 @@ _HEADER = (
 
 def exported(wanted: Wanted) -> str:
     """Comma-separated values below a header; the last column says where they come from, since CSV has no comments."""
-    text = StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(_HEADER)
+    rows = [csv_row(_HEADER)]
     for one in wanted.transforms:
         mean, estimate = one.estimate.mean, one.estimate
         numbers = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
         written = [repr(float(number) + 0.0) for number in numbers]
-        table.writerow([one.name, one.parent, one.child, *written, one.status, "; ".join(wanted.remarks)])
-    return text.getvalue()
+        origin = [one.status, "; ".join(wanted.remarks)]
+        rows.append(csv_row([one.name, one.parent, one.child], [*written, *origin]))
+    return "\n".join(rows) + "\n"
 
 
 EXPORTER = Exporter("a row for each transform", exported, is_pasted=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from basecal.exchange.exports.exporter import Exporter
+from basecal.exchange.exports.quoting import xml_comment
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
@@ -17,7 +18,7 @@ def exported(wanted: Wanted) -> str:
     """
     model = Element("mujoco", model="basecal")
     for line in comments([*wanted.remarks, *(about(one, "m") for one in wanted.transforms)], ""):
-        model.append(Comment(f"{line.replace('--', '- -')} "))
+        model.append(xml_comment(line.strip()))
     world = SubElement(model, "worldbody")
     for place in places(wanted.transforms):
         _add(world, place)

@@ -6,6 +6,7 @@ import json
 
 from basecal.errors import InputError
 from basecal.exchange.exports.exporter import Exporter
+from basecal.exchange.exports.quoting import yaml_word
 from basecal.exchange.exports.remarks import about, comments
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros2 import ros_covariance
@@ -30,7 +31,7 @@ def exported(wanted: Wanted) -> str:
             *comments([*wanted.remarks, about(one, "m, quaternion x, y, z, w"), f"child frame: {one.child}"], "#"),
             *comments([axes], "#"),
             "header:",
-            f"  frame_id: {json.dumps(one.parent)}",
+            f"  frame_id: {yaml_word(one.parent)}",
             "pose:",
             "  pose:",
             f"    position: {json.dumps(position)}",

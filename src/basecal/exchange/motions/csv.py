@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from basecal.exchange.exports.quoting import csv_row
 from basecal.exchange.motions.way import Motion, Way
 
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
@@ -13,7 +14,7 @@ def written(way: Way) -> str:
     for name in way.robots:
         joints = way.joint_names(name) if way.has_joints(name) else ()
         head += [f"{name}_{column}" for column in (*(f"{joint}_rad" for joint in joints), *_POSE)]
-    rows = [",".join(head)]
+    rows = [csv_row(head)]
     for sample in way.samples:
         row = [str(sample.sample)]
         for name in way.robots:

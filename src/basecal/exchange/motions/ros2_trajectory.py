@@ -6,6 +6,7 @@ sample from its time for as long as the plan holds.
 
 from __future__ import annotations
 
+from basecal.exchange.exports.quoting import yaml_word
 from basecal.exchange.motions.way import Motion, Way
 
 
@@ -20,7 +21,7 @@ def written(way: Way) -> str:
 
 def _goal(way: Way, robot: str) -> str:
     names = way.joint_names(robot)
-    lines = ["trajectory:", f"  joint_names: [{', '.join(names)}]", "  points:"]
+    lines = ["trajectory:", f"  joint_names: [{', '.join(map(yaml_word, names))}]", "  points:"]
     still = ", ".join(["0.0"] * len(names))
     for number, joints, arrival_s in zip(way.numbers, way.joints(robot), way.arrivals_s, strict=True):
         positions = ", ".join(f"{float(joint):.9g}" for joint in joints)

@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 from pydantic import Field, ValidationError
 
 from basecal.bounded_file import read_bounded
+from basecal.cell.format.consent import allow, withdraw
 from basecal.cell.format.writing import write_private
 from basecal.errors import DatasetError, DriverError, InputError
 from basecal.fields.values import Entry
@@ -48,14 +49,26 @@ def new_token() -> str:
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
+def place_words(address: Address) -> str:
+    """What is reached at an address, in words."""
+    return f"a simulated cell at {HOST}:{address.port}"
+
+
 def write_address(folder: Path, address: Address) -> Path:
-    """Path of the file that says how to reach a running cell.
+    """Path of the file that says how to reach a running cell; no command asks before it does.
 
     Raises:
         InputError: if it cannot be written.
     """
     write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", within=folder)
+    allow(folder, [place_words(address)])
     return folder / ADDRESS_FILE
+
+
+def remove_address(folder: Path, address: Address) -> None:
+    """Remove the file of a cell that runs no more."""
+    (folder / ADDRESS_FILE).unlink(missing_ok=True)
+    withdraw(folder, place_words(address))
 
 
 def read_address(folder: Path) -> Address:

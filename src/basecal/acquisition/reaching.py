@@ -1,0 +1,42 @@
+"""What drivers reach outside of a cell's folder, stated before any of them is opened.
+
+A driver states it by `reaches(place)`; one without that function is stated with all its options.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from basecal.acquisition.driver import DriverKind, Place, Secret
+
+SECRET = r"^BASECAL_[A-Z0-9_]+$"
+"""Names of the environment variables that may hold a secret: no other program's are read."""
+
+
+def places_reached(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
+    """What drivers reach outside of the cell's folder, a line each.
+
+    Raises:
+        DatasetError: if an option is wrong.
+    """
+    found = [_all_options(place) if kind.reaches is None else kind.reaches(place) for kind, place in openers]
+    return [line for line in dict.fromkeys(found) if line]
+
+
+def secrets_needed(openers: Iterable[tuple[DriverKind, Place]]) -> list[Secret]:
+    """Secrets that drivers sign on with, and the environment does not hold."""
+    found = [kind.secret(place) for kind, place in openers if kind.secret is not None]
+    return [secret for secret in found if secret is not None and secret.variable not in os.environ]
+
+
+def _all_options(place: Place) -> str:
+    options = ", ".join(f"{key}: {value}" for key, value in place.options.items())
+    return f"whatever the driver of {place.name!r} reaches with {options or 'no options'}"
+
+
+def path_reached(folder: Path, path: Path, noun: str) -> str:
+    """What a driver reaches by a path: nothing if it stays inside a folder, also by its links."""
+    is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+    return "" if is_inside else f"the {noun} {path}"

@@ -1,0 +1,59 @@
+"""What the drivers of a cell may reach outside its folder, as the user of this computer allowed it."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.writing import write_private
+from basecal.errors import DatasetError, InputError
+
+_LARGEST = 2**22  # bytes
+
+
+def is_allowed(folder: Path, place: str) -> bool:
+    """Whether the user allowed a cell to reach a place, named in the words in which it was asked."""
+    return place in _allowed().get(os.path.realpath(folder), [])
+
+
+def allow(folder: Path, places: Iterable[str]) -> None:
+    """Remember that the user allows a cell to reach places; it is asked again if that cannot be written."""
+    known, cell = _allowed(), os.path.realpath(folder)
+    known[cell] = sorted({*known.get(cell, []), *places})
+    with suppress(InputError, RuntimeError):
+        write_private(_file(), json.dumps(known) + "\n")
+
+
+def withdraw(folder: Path, place: str) -> None:
+    """Forget that the user allowed a place."""
+    known, cell = _allowed(), os.path.realpath(folder)
+    left = [each for each in known.pop(cell, []) if each != place]
+    with suppress(InputError, RuntimeError):
+        write_private(_file(), json.dumps({**known, cell: left} if left else known) + "\n")
+
+
+def _file() -> Path:
+    """The file, outside of all cells.
+
+    Raises:
+        RuntimeError: if the user has no home.
+    """
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(state) / "basecal" / "allowed.json"
+
+
+def _allowed() -> dict[str, list[str]]:
+    """Allowed places by cell."""
+    try:
+        found = json.loads(read_bounded(_file(), _LARGEST))
+    except (DatasetError, RuntimeError, ValueError):
+        return {}
+    return {
+        cell: [place for place in places if isinstance(place, str)]
+        for cell, places in (found.items() if isinstance(found, dict) else ())
+        if isinstance(places, list)
+    }

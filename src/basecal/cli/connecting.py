@@ -1,0 +1,98 @@
+"""What a command is about to connect to: said, and asked once for each cell and place."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from getpass import getpass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cyclopts import Parameter
+
+from basecal.cli.terminal import is_terminal, say
+from basecal.errors import UsageError, printable
+
+if TYPE_CHECKING:
+    from basecal.acquisition.driver import Secret
+    from basecal.acquisition.rig import Rig
+    from basecal.cell import Cell
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Connecting:
+    """What a cell may reach outside its folder.
+
+    Attributes:
+        yes: Connect to what the cell names without a question.
+        allow_plaintext: Send passwords also to servers that take them without encryption only.
+    """
+
+    yes: bool = False
+    allow_plaintext: bool = False
+
+
+ASKING = Connecting()
+"""What holds if nothing is said on the command line."""
+
+
+def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> AbstractContextManager[Rig]:
+    """The rig of a cell, after it was asked for; see `open_rig`.
+
+    Raises:
+        DatasetError: if a driver is not known, or an option is wrong.
+        UsageError: if nobody allows what it reaches, or a password is missing.
+    """
+    from basecal.acquisition.rig import open_rig
+
+    allow_drivers(cell, folder, connecting)
+    return open_rig(cell, folder, connecting.allow_plaintext)
+
+
+def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | None = None) -> None:
+    """Ask for what the drivers of a cell, or that of one robot or camera, reach, and for the passwords they need.
+
+    Raises:
+        DatasetError: if a driver is not known, or an option is wrong.
+        UsageError: if nobody allows it, or a password is missing.
+    """
+    from basecal.acquisition.reaching import places_reached, secrets_needed
+    from basecal.acquisition.rig import openers
+
+    found = [opener for opener in openers(cell, folder) if name in (None, opener[1].name)]
+    allow_places(folder, places_reached(found), connecting.yes)
+    for secret in secrets_needed(found):
+        os.environ[secret.variable] = _typed_secret(secret)
+
+
+def allow_places(folder: Path, places: Sequence[str], yes: bool) -> None:
+    """Say what is connected to, and ask if the user did not allow it before.
+
+    Raises:
+        UsageError: if the user refuses, or cannot be asked.
+    """
+    from basecal.cell.format.consent import allow, is_allowed
+
+    new = [place for place in places if not is_allowed(folder, place)]
+    if not new:
+        return
+    for place in new:
+        say(f"{folder} connects to {place}", sys.stderr)
+    if yes:
+        return
+    if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
+        raise UsageError(f"the cell connects to {'; '.join(map(printable, new))}. Add --yes to allow it")
+    print("Connect? [y/N] ", end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise UsageError("not connected")
+    allow(folder, new)
+
+
+def _typed_secret(secret: Secret) -> str:
+    if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
+        raise UsageError(f"the password of {printable(secret.owner)} is missing: put it into {secret.variable}")
+    return getpass(f"password of {printable(secret.owner)}: ")

@@ -1,0 +1,135 @@
+"""What a cell connects to is said and asked, whoever wrote the cell."""
+
+from __future__ import annotations
+
+import io
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from basecal.cli import connecting, main
+
+CELL = """schema: basecal/cell/1
+reference: eye
+robots:
+  eye: {driver: %s}
+cameras:
+  wrist:
+    on: eye
+    mount: {status: free, guess: {t_m: [0, 0, 0.1], rpy_deg: [0, 0, 0]}}
+    size_px: [640, 480]
+    driver: %s
+targets:
+  light: {on: world, mount: {status: free, guess: {t_m: [1, 0, 0], rpy_deg: [0, 0, 0]}}, kind: led}
+"""
+
+
+class Stranger:
+    """A server of somebody else's: whether anybody came."""
+
+    def __init__(self) -> None:
+        self.socket = socket.create_server(("127.0.0.1", 0))
+        self.port = self.socket.getsockname()[1]
+        self.came = 0
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                line, _ = self.socket.accept()
+            except OSError:
+                return
+            self.came += 1
+            line.close()
+
+
+@pytest.fixture
+def stranger() -> Iterator[Stranger]:
+    """A server that listens while a test lasts."""
+    server = Stranger()
+    yield server
+    server.socket.close()
+
+
+def write(folder: Path, robot: dict[str, object], camera: dict[str, object]) -> Path:
+    """A cell with these drivers."""
+    (folder / "cell.yaml").write_text(CELL % (json.dumps(robot), json.dumps(camera)))
+    return folder
+
+
+TYPED = {"kind": "typed"}
+
+
+def drivers(port: int) -> dict[str, tuple[dict[str, object], dict[str, object]]]:
+    """Drivers of robot and camera that would reach a port."""
+    here = {"kind": "folder", "path": "."}
+    return {
+        "opcua": ({"kind": "opcua", "url": f"opc.tcp://127.0.0.1:{port}", "pose": "a", "notation": "ur"}, here),
+        "simulated": ({"kind": "simulated", "port": port, "token": "x"}, here),
+        "opencv": (TYPED, {"kind": "opencv", "source": f"http://127.0.0.1:{port}/a"}),
+        "folder": (TYPED, {"kind": "folder", "path": "/"}),
+        "device": (TYPED, {"kind": "opencv", "source": 0}),
+        "link": (TYPED, {"kind": "folder", "path": "link"}),
+        "ros2": ({"kind": "ros2", "topic": "/a", "domain": 77}, here),
+        "ur": ({"kind": "ur", "host": "127.0.0.1"}, here),
+    }
+
+
+@pytest.mark.parametrize("kind", drivers(0))
+def test_nothing_is_reached_without_a_word(
+    tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    """Without a terminal and without --yes a cell that reaches something outside itself is refused with 2."""
+    (tmp_path / "link").symlink_to("/")
+    folder = write(tmp_path, *drivers(stranger.port)[kind])
+    assert main(["capture", str(folder)]) == 2
+    said = capsys.readouterr().err
+    assert "Add --yes" in said
+    assert not stranger.came
+
+
+def test_a_secret_of_another_program_is_not_sent(
+    tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cell that asks for one is refused, --yes or not; its own is asked for if the environment lacks it."""
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "hush")
+    robot, camera = drivers(stranger.port)["opcua"]
+    folder = write(tmp_path, {**robot, "user": "me", "password_in": "AWS_SECRET_ACCESS_KEY"}, camera)
+    assert main(["capture", str(folder), "--yes"]) == 3
+    assert "robots.eye.driver.password_in" in capsys.readouterr().err
+    write(tmp_path, {**robot, "user": "me"}, camera)
+    assert main(["capture", str(folder), "--yes"]) == 2
+    assert "is missing: put it into BASECAL_OPCUA_PASSWORD" in capsys.readouterr().err
+    assert not stranger.came
+
+
+def test_it_is_asked_once_for_each_place(
+    tmp_path: Path, stranger: Stranger, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A no connects to nothing; a yes is remembered for this cell and this place, and for no other."""
+    folder = write(tmp_path, *drivers(stranger.port)["simulated"])
+    monkeypatch.setattr(connecting, "is_terminal", lambda stream: True)
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\ny\n"))
+    assert main(["capture", str(folder)]) == 2
+    assert not stranger.came
+    assert main(["capture", str(folder)]) == 3
+    assert stranger.came
+    monkeypatch.setattr(connecting, "is_terminal", lambda stream: False)
+    capsys.readouterr()
+    assert main(["capture", str(folder)]) == 3
+    assert "connects to" not in capsys.readouterr().err
+    other = Stranger()
+    write(tmp_path, *drivers(other.port)["simulated"])
+    assert main(["capture", str(folder)]) == 2
+    assert not other.came
+
+
+def test_what_stays_in_the_cell_is_not_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A folder of the cell and typed poses are used at once."""
+    folder = write(tmp_path, {"kind": "typed"}, {"kind": "folder", "path": "pictures"})
+    main(["capture", str(folder)])
+    assert "connects to" not in capsys.readouterr().err
