@@ -9,7 +9,6 @@ from typing import get_args
 
 import pytest
 
-from basecal.accuracy.findings.registry import ANSWER_CHECKS, INPUT_CHECKS
 from basecal.acquisition.drivers.registry import DRIVERS
 from basecal.cell.targets.registry import TARGETS, TargetKindName
 from basecal.effects.registry import EFFECTS
@@ -100,10 +99,3 @@ def test_every_module_is_registered(folder: str, face: str, table: Mapping[str, 
 def test_names_of_targets_are_those_of_the_table() -> None:
     """What checks names takes the names that there are, in their order."""
     assert get_args(TargetKindName) == tuple(TARGETS)
-
-
-def test_every_check_is_registered() -> None:
-    """Each module of a finding has a check that a line of the tables names."""
-    modules = {path.stem for path in (SOURCE / "accuracy" / "findings").glob("*.py")}
-    homes = {check.__module__.rpartition(".")[2] for check in (*INPUT_CHECKS, *ANSWER_CHECKS)}
-    assert modules - {"__init__", "registry", "evidence"} == homes

@@ -1,0 +1,83 @@
+"""The examples of CONTRIBUTING.md are true: each makes its kind in a copy of the tree, and its commands run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+STEP = re.compile(
+    r"^(?P<how>New file|In|At the end of|Try it)(?: `(?P<path>\S+?)`)?(?:, after `(?P<line>[^\n]+)`)?[^`\n]*:\n\n"
+    r"```\w*\n(?P<block>.*?)^```$",
+    re.DOTALL | re.MULTILINE,
+)
+
+
+class Step(NamedTuple):
+    """What is done: to which file, after which of its lines, and with which lines."""
+
+    how: str
+    path: str | None
+    line: str | None
+    block: str
+
+
+def examples() -> dict[str, list[Step]]:
+    """The steps of each kind, by the heading of its section."""
+    sections = re.split(r"\n### (?=An? )", TEXT)[1:]
+    return {each.partition("\n")[0]: [Step(*found.groups()) for found in STEP.finditer(each)] for each in sections}
+
+
+def take(step: Step, tree: Path) -> None:
+    """Do what a step says."""
+    if step.how == "Try it":
+        programs = {".venv/bin/python": sys.executable, "basecal": f"{sys.executable} -m basecal"}
+        path = os.pathsep.join(str(tree / each) for each in ("src", "tests", "."))
+        for line in step.block.splitlines():
+            program, _, rest = line.partition(" ")
+            command = f"{programs.get(program, program)} {rest}"
+            ended = subprocess.run(
+                command, shell=True, cwd=tree, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True
+            )
+            assert ended.returncode == 0, f"{line}\n{ended.stdout}\n{ended.stderr}"
+        return
+    assert step.path is not None
+    path = tree / step.path
+    if step.how == "New file":
+        assert not path.exists()
+        path.write_text(step.block, encoding="utf-8")
+        return
+    text = path.read_text(encoding="utf-8")
+    if step.how == "At the end of":
+        path.write_text(text + step.block, encoding="utf-8")
+        return
+    assert text.count(f"\n{step.line}\n") == 1, step.line
+    path.write_text(text.replace(f"\n{step.line}\n", f"\n{step.line}\n{step.block}"), encoding="utf-8")
+
+
+@pytest.mark.parametrize("kind", examples())
+def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
+    """By the files and lines that it names, and nothing else."""
+    for name in ("src", "tests", "docs"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__", "data", "assets"))
+    for name in ("pyproject.toml", "README.md", "CONTRIBUTING.md", "mkdocs.yml"):
+        shutil.copy(ROOT / name, tmp_path / name)
+    steps = examples()[kind]
+    assert steps[0].how == "New file"
+    assert steps[-1].how == "Try it"
+    for step in steps:
+        take(step, tmp_path)
+
+
+def test_every_kind_has_an_example() -> None:
+    """Whatever has a table."""
+    kinds = {"An exporter", "An importer", "A finding", "An effect", "A target", "A lens", "A driver"}
+    assert examples().keys() == kinds
