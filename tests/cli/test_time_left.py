@@ -13,7 +13,7 @@ from basecal.cli.time_left import _SHARES, TimeLeft
 class Clock:
     """Seconds that pass when they are told to."""
 
-    now = 100.0
+    time_s = 100.0
 
     def __call__(self) -> float:
         return self.time_s
@@ -71,5 +71,5 @@ def test_parts_of_a_stage_are_shown(clock: Clock) -> None:
 
 def test_stages_of_calibrate_have_shares():
     """Each that every calibration has; those of streams and of a task are not counted."""
-    named = {stage.name for stage in (*READING_STAGES, *SOLVING_STAGES, *JUDGING_STAGES)} - {""}
+    named = {stage.name for stage in (*READING_STAGES, *SOLVING_STAGES, *JUDGING_STAGES)} - {None}
     assert named - _SHARES.keys() == {"clocks", "task"}

@@ -13,6 +13,7 @@ from basecal.accuracy.stages import concluding, judging, reading, solving
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.estimation.settings import DEFAULT, LOG, Settings
+from basecal.estimation.stages import StageName
 
 _LOG_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
 
@@ -23,26 +24,26 @@ class Stage(NamedTuple):
     A stage without a name counts the time of its parts.
     """
 
-    name: str
+    name: StageName | None
     run: Callable[[Case], Case]
 
 
 READING_STAGES = (
-    Stage("", reading.place_task),
+    Stage(None, reading.place_task),
     Stage("clocks", reading.estimate_clocks),
     Stage("problem", reading.screen_units),
     Stage("problem", reading.pack_problem),
     Stage("problem", reading.check_input),
-    Stage("", reading.shift_axes),
+    Stage(None, reading.shift_axes),
 )
 SOLVING_STAGES = (
-    Stage("", solving.solve_all),
+    Stage(None, solving.solve_all),
     Stage("conventions", solving.screen_conventions),
-    Stage("", solving.leave_outliers_out),
-    Stage("", solving.widen_lenses),
+    Stage(None, solving.leave_outliers_out),
+    Stage(None, solving.widen_lenses),
 )
 JUDGING_STAGES = (
-    Stage("", solving.refuse_unexplained),
+    Stage(None, solving.refuse_unexplained),
     Stage("stated sigmas", judging.screen_stated_sigmas),
     Stage("robot model", judging.choose_kinematics),
     Stage("systematic errors", judging.find_systematic_error),

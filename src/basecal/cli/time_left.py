@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from basecal.estimation.stages import StageName
 
 # How long each stage takes of 100 that the solution and all its tests take, in their order; a mean over cells of 30 to
 # 300 samples, whose stages differ by a factor of three from it. A stage that is not listed counts as nothing.
-_SHARES = {
+_SHARES: Mapping[StageName, int] = {
     "problem": 1,
     "start": 4,
     "descent": 1,
@@ -52,7 +56,7 @@ class TimeLeft:
 
     def seconds(self) -> float | None:
         """How long all stages take still [s]; None where too little is known."""
-        done = sum(_SHARES.get(stage, 0) for stage in self._seen)
+        done = sum(share for stage, share in _SHARES.items() if stage in self._seen)
         before = self._stage_began - self._began
         if not done or before < _SOONEST_S:
             return None

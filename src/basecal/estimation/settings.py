@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
-from basecal.estimation.stages import Stages
+from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
 Method = Literal["maximum-likelihood", "axis-shift"]
@@ -51,7 +51,7 @@ class Settings:
         """The settings as plain values, for files."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
 
-    def stage(self, name: str) -> AbstractContextManager[None]:
+    def stage(self, name: StageName) -> AbstractContextManager[None]:
         """A part of the work: it is logged as it begins, and its time is counted where that is asked for."""
         LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)

@@ -5,6 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Literal
+
+StageName = Literal[
+    "clocks",
+    "problem",
+    "start",
+    "descent",
+    "observability",
+    "noise",
+    "conventions",
+    "outliers",
+    "stated sigmas",
+    "robot model",
+    "systematic errors",
+    "certificate",
+    "cross-validation",
+    "findings",
+    "task",
+    "report",
+]
+"""Stages of a calibration, and of its report."""
 
 
 class Stages:
@@ -32,7 +53,7 @@ class Stages:
             self._tell(f"{self._running}, {done} of {total}")
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
+    def stage(self, name: StageName) -> Iterator[None]:
         """Count what is done inside as time of a stage; within another stage it is part of that one."""
         if self._running:
             yield
