@@ -15,7 +15,6 @@ from basecal.accuracy.stated_sigmas import (
     _judge_sigma,
     _stop_squares,
     _view_squares,
-    _without_sigmas,
     contradicted_sigmas,
     without_contradicted,
 )
@@ -216,12 +215,12 @@ def test_points_keep_how_they_compare():
     seen = group.measurement
     stated = np.zeros_like(seen.stated)
     stated[0, :3] = 0.5, 4.0, 8.0
-    found = _without_sigmas(replace(seen, stated=stated))
+    found = replace(seen, stated=stated).without_sigmas()
     expected = np.ones_like(stated)
     expected[0, :3] = 0.125, 1.0, 2.0
     np.testing.assert_array_equal(found.relative, expected)
     assert not found.stated.any()
-    np.testing.assert_array_equal(_without_sigmas(replace(seen, stated=0 * stated)).relative, 1.0)
+    np.testing.assert_array_equal(replace(seen, stated=0 * stated).without_sigmas().relative, 1.0)
 
 
 def made_of(**changed):
@@ -235,11 +234,9 @@ def test_poses_and_points_in_space_state_nothing_any_more(target):
     """All else stays."""
     (group,) = build_problem(*made_of(target=target))[0].groups
     assert group.measurement.stated.any()
-    found = _without_sigmas(group.measurement)
+    found = group.measurement.without_sigmas()
     assert not found.stated.any()
     assert found.weight is group.measurement.weight
-    other = SimpleNamespace()
-    assert _without_sigmas(other) is other
 
 
 def opened(monkeypatch, found, robot_noise):

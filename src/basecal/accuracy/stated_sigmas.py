@@ -20,10 +20,7 @@ from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrated, solve_from
 from basecal.estimation.view.common_error import without_motion
-from basecal.estimation.view.measurement import Measurement, ViewInformation
-from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
-from basecal.estimation.view.poses import PoseMeasurement
+from basecal.estimation.view.measurement import ViewInformation
 from basecal.numerics.spectral import spectrum
 
 _FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
@@ -146,7 +143,7 @@ def without_contradicted(
     cameras = {f.about for f in small if not f.of_robot}
     robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in small}}
     groups = (
-        replace(g, measurement=_without_sigmas(g.measurement)) if everything or g.camera in cameras else g
+        replace(g, measurement=g.measurement.without_sigmas()) if everything or g.camera in cameras else g
         for g in solution.problem.groups
     )
     problem = replace(solution.problem.with_groups(groups), held=False)
@@ -158,16 +155,3 @@ def without_contradicted(
     # Views that were left out stood in stops of other numbers, whose errors the others do not tell.
     left_out = robust.left_out.with_groups(group.without_stops() for group in robust.left_out.groups)
     return replace(robust, solution=replace(estimated, disputed=solution.disputed), left_out=left_out)
-
-
-def _without_sigmas(measurement: Measurement) -> Measurement:
-    """The same with no sigma stated; how points of a view compare with one another is kept."""
-    if isinstance(measurement, PixelMeasurement):
-        # 1 / sigma of points over that of the median point; 1 where none was stated.
-        stated = measurement.stated
-        middle = float(np.median(stated[stated > 0])) if np.any(stated > 0) else 1.0
-        shares = np.where(stated > 0, stated / middle, 1.0)
-        return replace(measurement, relative=shares, stated=np.zeros_like(stated))
-    if isinstance(measurement, PoseMeasurement | PointMeasurement):
-        return replace(measurement, stated=np.zeros_like(measurement.stated))
-    return measurement

@@ -12,7 +12,6 @@ from basecal.estimation.outliers.inlier_mask import (
     all_inliers,
     at_stops_of,
     inlier_problem,
-    masked,
     of_samples,
     point_count,
     without_points,
@@ -63,9 +62,9 @@ def test_points_that_are_not_kept_were_not_seen():
     np.testing.assert_array_equal(fewer.measurement.stated, np.where(kept, group.measurement.stated, 0.0))
     assert len(fewer.readings) == 2
     np.testing.assert_array_equal(fewer.readings[1].seen[1, -5:], False)
-    assert masked(group.measurement, np.ones_like(kept)) is group.measurement
+    assert group.measurement.masked(np.ones_like(kept)) is group.measurement
     poses = pose_problem(np.zeros((2, 6)), np.ones(6))[0].groups[0].measurement
-    assert masked(poses, np.zeros((2, 1), dtype=bool)) is poses
+    assert poses.masked(np.zeros((2, 1), dtype=bool)) is poses
 
 
 def test_inliers_alone():

@@ -121,7 +121,7 @@ def test_points_are_weighted_by_themselves():
     found = _weighted(group, weights).measurement.weight
     np.testing.assert_allclose(found, group.measurement.weight * [0.5, 1.0, 0.0, 2.0, 1.0])
     (poses,) = pose_problem(np.zeros((3, 6)), SIGMA)[0].groups
-    assert _weighted(poses, np.ones((3, 1))) is poses
+    assert _weighted(poses, np.ones((3, 1))).measurement is poses.measurement
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

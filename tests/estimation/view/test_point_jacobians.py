@@ -10,7 +10,6 @@ import pytest
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.points import PointMeasurement
-from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Camera
 
 LENS = Camera("pinhole", [500.0, 510.0, 320.0, 240.0, -0.1, 0.05, 1e-3, 0.0, 0.0])
@@ -65,9 +64,3 @@ def test_points_not_seen_say_nothing(rng):
         point_jacobians(unweighted, at, LENS, False).seen, measurement.seen & (np.arange(6) != 2)
     )
     assert not ahead.residual[~measurement.seen].any()
-
-
-def test_measured_poses_have_no_points():
-    """None, whatever the lens."""
-    stated = np.ones((2, 6))
-    assert point_jacobians(PoseMeasurement(SE3.identity((2,)), stated, stated), SE3.identity((2,)), None, False) is None

@@ -19,7 +19,7 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import PointJacobians, point_jacobians
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, scaled_spectrum, spectrum
 
@@ -136,20 +136,17 @@ def studentized_points(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
 
 def judged_by_view(measurement: Measurement) -> BoolArray:
     """Which views, (n,), have so many points that each is judged by the rest of its view."""
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return np.zeros(len(measurement.equations()), dtype=bool)
-    return np.asarray(measurement.seen.sum(-1) >= _OWN_POINTS)
+    return np.asarray(measurement.point_counts() >= _OWN_POINTS)
 
 
 def _point_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     group = model.problem.groups[k]
     predicted = model.state.camera_from_target(group, model.problem.stops)
     has_columns = group.camera in model.problem.columns
-    rows = point_jacobians(group.measurement, predicted, model.state.cameras.get(group.camera), has_columns)
-    n = len(group)
-    if rows is None or rows.residual.shape[1] < 2:
-        p = 1 if rows is None else rows.residual.shape[1]
-        return MahalanobisSquared(np.full((n, p), np.nan), np.zeros((n, p), dtype=np.int64))
+    n, measurement = len(group), group.measurement
+    if not isinstance(measurement, SeenPoints) or len(measurement.points_in_target) < 2:
+        return MahalanobisSquared(np.full((n, 1), np.nan), np.zeros((n, 1), dtype=np.int64))
+    rows = point_jacobians(measurement, predicted, model.state.cameras.get(group.camera), has_columns)
     own = judged_by_view(group.measurement)
     if own.all():
         return _by_own_view(rows)

@@ -19,11 +19,10 @@ from basecal.estimation.least_squares.studentized import (
 from basecal.estimation.noise.estimate import residual_counts
 from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import Points, Prior, RansacViews, explained, view_ransac
+from basecal.estimation.outliers.view_ransac import Prior, RansacViews, explained, view_ransac
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.estimation.view.view_pose import refined
 from basecal.geometry import BoolArray, Camera, IntArray
 
@@ -118,7 +117,7 @@ def _in_stops(group: ViewGroup, bad: BoolArray) -> BoolArray:
 
 def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
     """Whether a view of which these points are left, (n, p), still has enough of them."""
-    if not isinstance(group.measurement, PixelMeasurement | PointMeasurement):
+    if not isinstance(group.measurement, SeenPoints):
         return np.ones(len(group), dtype=bool)
     seen = group.measurement.seen
     left: BoolArray = (seen & points).sum(1) >= _LEAST_SHARE * seen.sum(1)
@@ -132,7 +131,7 @@ def _readmitted(
     views, points = list(kept.views), list(kept.points)
     for k, group in enumerate(problem.groups):
         measurement = group.measurement
-        if not isinstance(measurement, PixelMeasurement | PointMeasurement) or measurement.seen.shape[1] < 2:
+        if not isinstance(measurement, SeenPoints) or measurement.seen.shape[1] < 2:
             continue
         some = np.flatnonzero(~kept.views[k] & ~judged_by_view(measurement) & ~_in_stops(group, bad_stop))
         if not len(some):
@@ -140,7 +139,7 @@ def _readmitted(
         prior = _prior(model, k, some, scale.variance)
         few = measurement.take(some)
         camera = model.state.cameras.get(group.camera)
-        limit = float(of_points.limit(np.array(2 if isinstance(measurement, PixelMeasurement) else 3)))
+        limit = float(of_points.limit(np.array(measurement.coordinates)))
         found = view_ransac(few, prior.camera_from_target, camera, limit, prior)
         tension = prior.tension(found.camera_from_target)[0] * scale.variance
         left, all_points = found.points.sum(1), few.seen.sum(1)
@@ -153,7 +152,7 @@ def _readmitted(
     return InlierMask(tuple(views), tuple(points))
 
 
-def _agrees_with_itself(few: Points, found: RansacViews, camera: Camera | None, limit: float) -> BoolArray:
+def _agrees_with_itself(few: SeenPoints, found: RansacViews, camera: Camera | None, limit: float) -> BoolArray:
     """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
     alone = explained(few, refined(few, found.camera_from_target, camera).camera_from_target, camera, limit)
     return np.asarray(alone.points.sum(1) == few.seen.sum(1))

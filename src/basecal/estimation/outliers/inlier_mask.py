@@ -12,7 +12,7 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import Array, BoolArray, IntArray
 
 
@@ -54,7 +54,7 @@ def all_inliers(problem: Problem) -> InlierMask:
 
 def point_count(measurement: Measurement) -> int:
     """How many points a view may have; 1 where poses are measured."""
-    return len(measurement.points_in_target) if isinstance(measurement, PixelMeasurement | PointMeasurement) else 1
+    return len(measurement.points_in_target) if isinstance(measurement, SeenPoints) else 1
 
 
 def without_points(problem: Problem, points: Sequence[BoolArray]) -> Problem:
@@ -84,20 +84,8 @@ def of_samples(problem: Problem, numbers: IntArray) -> Problem:
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
 
 
-def masked(measurement: Measurement, points: BoolArray) -> Measurement:
-    """The measurement as if points (n, p) that are not kept had not been seen."""
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement) or points.all():
-        return measurement
-    return replace(
-        measurement,
-        seen=measurement.seen & points,
-        stated=np.where(points, measurement.stated, 0.0),
-        weight=np.where(points, measurement.weight, 0.0),
-    )
-
-
 def _without(group: ViewGroup, points: BoolArray) -> ViewGroup:
-    measurement = masked(group.measurement, points)
+    measurement = group.measurement.masked(points)
     if group.half_turn is None or not isinstance(measurement, PixelMeasurement) or points.all():
         return replace(group, measurement=measurement)
     return replace(group, measurement=measurement, readings=(measurement, half_turned(measurement)))

@@ -8,13 +8,13 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.estimation.outliers.classify import Classification
-from basecal.estimation.outliers.inlier_mask import InlierMask, masked
+from basecal.estimation.outliers.inlier_mask import InlierMask
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
-from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
@@ -98,8 +98,7 @@ def _alone(one: ViewGroup, state: State, near: SE3) -> SE3 | None:
     if isinstance(measurement, PoseMeasurement):
         return measurement.measured_camera_from_target[0]
     fewest = FEWEST_POINTS if isinstance(measurement, PixelMeasurement) else _FEWEST_3D_POINTS
-    assert isinstance(measurement, PixelMeasurement | PointMeasurement)
-    if measurement.seen.sum() < fewest:
+    if measurement.point_counts().sum() < fewest:
         return None
     return refined(measurement, near, state.cameras.get(one.camera), _STEPS).camera_from_target[0]
 
@@ -109,7 +108,7 @@ class _LostPoints:
     """Views that are kept, but for some of their points: `rows` (n,) in their group, `lost` and `used` (n, p)."""
 
     rows: IntArray
-    measurement: PixelMeasurement | PointMeasurement
+    measurement: SeenPoints
     lost: BoolArray
     used: BoolArray
 
@@ -117,7 +116,7 @@ class _LostPoints:
 def _with_lost_points(group: ViewGroup, views: BoolArray, points: BoolArray) -> _LostPoints | None:
     """The views of a group that lost points, by its views (n,) and points (n, p) that are kept; None without any."""
     measurement = group.measurement
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+    if not isinstance(measurement, SeenPoints):
         return None
     lost = measurement.seen & ~points & views[:, None]
     rows = np.flatnonzero(lost.any(-1))
@@ -151,9 +150,8 @@ def _ids_by_view(ids: IntArray, recorded: ViewGroup, group: ViewGroup) -> IntArr
 
 def _distances(few: _LostPoints, predicted: SE3, lens: Camera | None) -> Array:
     """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
-    left = masked(few.measurement, few.used)
+    left = few.measurement.masked(few.used)
     pose = refined(left, predicted, lens, _STEPS).camera_from_target if (left.equations() >= 6).all() else predicted
     rows = point_jacobians(few.measurement, pose, lens, False)
-    assert rows is not None
     weight = np.where(few.measurement.weight > 0, few.measurement.weight, 1.0)
     return np.where(rows.seen, np.linalg.norm(rows.residual, axis=-1) / weight, np.inf)

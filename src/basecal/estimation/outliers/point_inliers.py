@@ -13,12 +13,12 @@ from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
 from basecal.estimation.outliers.inlier_mask import all_inliers, point_count
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import FEW_POINTS, Points, largest_agreement, near_fits, subset_fits
+from basecal.estimation.outliers.view_ransac import FEW_POINTS, largest_agreement, near_fits, subset_fits
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.first_state import lenses
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import SE3, BoolArray, Camera, IntArray
 
 _SCALE_ROUNDS = 4  # rounds of scale and inliers in turn, at most
@@ -43,6 +43,9 @@ def points_within(problem: Problem, state: State, suspects: list[IntArray], cell
         alone = replace(state, cameras=lenses(problem, cell))
         found.append(_points_by(problem, alone, suspects))
     return min(found, key=lambda f: f[0])[1]
+
+
+_Fits = Callable[[SeenPoints, SE3, Camera | None], SE3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,7 @@ def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tupl
 def _unclear(group: ViewGroup, kept: BoolArray, suspects: IntArray) -> IntArray:
     """Suspect views of few points, and those of which many points do not agree."""
     measurement = group.measurement
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+    if not isinstance(measurement, SeenPoints):
         return suspects[:0]
     seen = measurement.seen[suspects]
     share = (seen & kept[suspects]).sum(1) / np.maximum(seen.sum(1), 1)
@@ -105,11 +108,15 @@ def _agreed(
 
 
 def _hypotheses(
-    group: ViewGroup, views: IntArray, problem: Problem, state: State, fits: Callable[[Points, SE3, Camera | None], SE3]
+    group: ViewGroup,
+    views: IntArray,
+    problem: Problem,
+    state: State,
+    fits: _Fits,
 ) -> list[_Hypotheses]:
     """Poses that some views may have; none where there are no such views."""
     measurement = group.measurement
-    if not len(views) or not isinstance(measurement, PixelMeasurement | PointMeasurement):
+    if not len(views) or not isinstance(measurement, SeenPoints):
         return []
     near = state.camera_from_target(group, problem.stops)[views]
     return [_Hypotheses(views, fits(measurement.take(views), near, state.cameras.get(group.camera)))]
@@ -121,10 +128,9 @@ def _agreeing_points(
     """Which points of a group's views, (n, p), agree with the rest of their view, and all points' squares."""
     measurement = group.measurement
     kept = np.ones((len(group), point_count(measurement)), dtype=bool)
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+    if not isinstance(measurement, SeenPoints):
         return kept, MahalanobisSquared(np.zeros(0), np.zeros(0, dtype=np.int64))
-    freedoms = 2 if isinstance(measurement, PixelMeasurement) else 3
-    limit = float(scale.limit(np.array(freedoms)))
+    limit = float(scale.limit(np.array(measurement.coordinates)))
     squares = [np.zeros(0)]
     for of in hypotheses:
         few = measurement.take(of.views)
@@ -133,4 +139,4 @@ def _agreeing_points(
         # Of all points, not of those within the limit: a limit that is too tight must not confirm itself.
         squares.append(found.squares[few.seen])
     every = np.concatenate(squares)
-    return kept, MahalanobisSquared(every, np.full(len(every), freedoms))
+    return kept, MahalanobisSquared(every, np.full(len(every), measurement.coordinates))

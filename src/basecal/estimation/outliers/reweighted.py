@@ -18,9 +18,8 @@ from basecal.estimation.least_squares.studentized import MahalanobisSquared, jud
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.point_jacobians import point_jacobians
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import Array
 
 _GROWTH = 1.6  # of the control parameter in each round
@@ -71,23 +70,19 @@ def _weights(ratio: Array, control: float) -> Array:
 
 
 def _weighted(group: ViewGroup, weights: Array) -> ViewGroup:
-    measurement = group.measurement
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return group
-    return replace(group, measurement=replace(measurement, weight=measurement.weight * np.sqrt(weights)))
+    return replace(group, measurement=group.measurement.reweighted(weights))
 
 
 def _point_misfits(problem: Problem, state: State, group: ViewGroup) -> MahalanobisSquared:
     """Of points of views that have two and more and are not judged by the rest of their view; else no freedoms."""
     measurement = group.measurement
     nothing = MahalanobisSquared(np.zeros((len(group), 1)), np.zeros((len(group), 1), dtype=np.int64))
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
+    if not isinstance(measurement, SeenPoints):
         return nothing
     few = ~judged_by_view(measurement)
     if not few.any() or len(measurement.points_in_target) < 2:
         return nothing
     predicted = state.camera_from_target(group, problem.stops)
     rows = point_jacobians(measurement, predicted, state.cameras.get(group.camera), False)
-    assert rows is not None
     value = np.where(measurement.seen & ~rows.seen, np.inf, np.sum(rows.residual**2, -1))
     return MahalanobisSquared(value, measurement.seen * few[:, None] * rows.residual.shape[-1])

@@ -46,7 +46,6 @@ from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
 
 _ROUNDS = 12  # of leaving out and taking back, at most
 _FREE_ROUNDS = 6  # after these nothing is taken back: no circle
@@ -257,5 +256,4 @@ def _sample_count(problem: Problem) -> int:
 
 
 def _point_count(problem: Problem) -> int:
-    measurements = [g.measurement for g in problem.groups]
-    return sum(int(m.seen.sum()) for m in measurements if isinstance(m, PixelMeasurement | PointMeasurement))
+    return sum(int(group.measurement.point_counts().sum()) for group in problem.groups)

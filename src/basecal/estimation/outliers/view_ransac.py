@@ -13,11 +13,10 @@ from itertools import combinations
 
 import numpy as np
 
-from basecal.estimation.outliers.inlier_mask import masked
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.estimation.view.view_pose import refined, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.numerics.spectral import dimension
@@ -33,8 +32,6 @@ _STEPS = 6  # of one from the points that agree, which starts near
 _SEED = 20240229
 # So many points at once: arrays of a few megabytes.
 _CHUNK_POINTS = 50_000
-
-Points = PixelMeasurement | PointMeasurement
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +109,7 @@ class _WithPrior:
 class _Views:
     """Views by one camera, (n,), and where they should be."""
 
-    measurement: Points
+    measurement: SeenPoints
     camera: Camera | None
     prior: Prior | None
 
@@ -123,7 +120,7 @@ class _Views:
 
     def fitted(self, start: SE3, points: BoolArray, steps: int) -> SE3:
         """Poses fitted to some of the points, (n, p), and to the prior, (n,)."""
-        few = masked(self.measurement, points)
+        few = self.measurement.masked(points)
         return refined(
             few if self.prior is None else _WithPrior(few, self.prior), start, self.camera, steps
         ).camera_from_target
@@ -131,13 +128,8 @@ class _Views:
     def at(self, pose: SE3, limit: float) -> RansacViews:
         """What points agree with poses, (n,)."""
         # Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not.
-        of, in_camera = self.measurement, self.measurement.points_in_target @ pose.rotation.mT
-        in_camera = in_camera + pose.translation[:, None]
-        if isinstance(of, PixelMeasurement):
-            assert self.camera is not None
-            off = self.camera.project(in_camera) - of.pixels
-        else:
-            off = in_camera - of.points_in_camera
+        of = self.measurement
+        off = of.residuals(pose, self.camera)
         squares = np.sum(off**2, -1) * of.weight**2
         checked = np.isfinite(squares) & (of.weight > 0)
         squares = np.where(of.seen, np.where(checked, squares, np.inf), 0.0)
@@ -147,7 +139,7 @@ class _Views:
 
 
 def view_ransac(
-    measurement: Points, near: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
+    measurement: SeenPoints, near: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
     """The largest agreement within each view.
 
@@ -162,19 +154,19 @@ def view_ransac(
 
 
 def explained(
-    measurement: Points, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
+    measurement: SeenPoints, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
     """What views' points agree on at given poses, (n,); the arguments are those of `view_ransac`."""
     return _Views(measurement, camera, prior).at(pose, limit)
 
 
-def near_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
+def near_fits(measurement: SeenPoints, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
     """Poses that each view may have, (2, n): `near`, and from there fitted to all points."""
     fitted = _Views(measurement, camera, prior).fitted(near, measurement.seen, _FIRST_STEPS)
     return _reshaped(_joined([near, fitted]), (2, len(near)))
 
 
-def subset_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
+def subset_fits(measurement: SeenPoints, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
     """Poses that each view may have, (m, n): `near_fits`, and from there fitted to subsets of the points."""
     views = _Views(measurement, camera, prior)
     found = [_reshaped(near_fits(measurement, near, camera, prior), (-1,))]
@@ -191,7 +183,7 @@ def subset_fits(measurement: Points, near: SE3, camera: Camera | None, prior: Pr
 
 
 def largest_agreement(
-    measurement: Points, poses: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
+    measurement: SeenPoints, poses: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
     """Of the poses that each view may have, (m, n), the one that explains most, fitted to the points that agree.
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
-from basecal.estimation.view.measurement import Noise, ViewInformation, at_most_six, of_batch_rows
+from basecal.estimation.view.measured_points import MeasuredPoints
+from basecal.estimation.view.measurement import Noise, ViewInformation
 from basecal.estimation.view.moments import UPPER
-from basecal.estimation.view.target_points import TargetPoints
-from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.array import to_front
 
 _FIRST, _SECOND = np.array(UPPER).T
@@ -17,7 +18,7 @@ _SAME = np.where(_FIRST == _SECOND, 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class BearingMeasurement(TargetPoints):
+class BearingMeasurement(MeasuredPoints):
     """Directions to a target's points, for starts: defined behind the camera too, and free of the lens's folds.
 
     Attributes:
@@ -27,6 +28,8 @@ class BearingMeasurement(TargetPoints):
 
     bearings_in_camera: Array
     weight: Array
+    coordinates = 2
+    axes = MappingProxyType({"bearings_in_camera": 3, "weight": 2})
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
@@ -53,19 +56,6 @@ class BearingMeasurement(TargetPoints):
     def with_noise(self, noise: Noise) -> BearingMeasurement:
         """See `Measurement`; its weights are its own."""
         return self
-
-    def noisier(self, factor: float) -> BearingMeasurement:
-        """See `Measurement`."""
-        return replace(self, weight=self.weight / factor)
-
-    def of_batch(self, rows: Rows) -> BearingMeasurement:
-        """See `Measurement`."""
-        bearings, weight = of_batch_rows(self.bearings_in_camera, rows, 3), of_batch_rows(self.weight, rows, 2)
-        return replace(self, bearings_in_camera=bearings, weight=weight)
-
-    def equations(self) -> IntArray:
-        """See `Measurement`."""
-        return at_most_six(2 * np.count_nonzero(self.weight, axis=-1))
 
     def counts(self) -> dict[str, int]:
         """See `Measurement`: two free coordinates a direction."""

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 
 
 class ViewInformation(NamedTuple):
@@ -66,6 +66,22 @@ class Measurement(Protocol):
 
     def noisier(self, factor: float) -> Measurement:
         """The same with all sigmas in use, stated or not, so many times as large."""
+        ...
+
+    def masked(self, points: BoolArray) -> Measurement:
+        """The same as if points (n, p) that are not kept had not been seen; poses stay."""
+        ...
+
+    def reweighted(self, weights: Array) -> Measurement:
+        """The same with squared residuals of points (n, p) that count so many times; those of poses stay."""
+        ...
+
+    def without_sigmas(self) -> Measurement:
+        """The same with no sigma stated; how points of a view compare with one another is kept."""
+        ...
+
+    def point_counts(self) -> IntArray:
+        """How many points each view shows, (n,); 0 of poses."""
         ...
 
     def take(self, views: Rows) -> Measurement:

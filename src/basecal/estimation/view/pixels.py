@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -10,13 +12,12 @@ from basecal.estimation.view.common_error import without_common_shift
 from basecal.estimation.view.measurement import (
     Noise,
     ViewInformation,
-    at_most_six,
-    of_batch_rows,
     sums_of_squares,
 )
 from basecal.estimation.view.moments import UPPER, dot
-from basecal.estimation.view.target_points import TargetPoints, needed, spread_out
-from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
+from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.target_points import needed, spread_out
+from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.array import to_back, to_front
 from basecal.geometry.lens import Projection
 
@@ -26,7 +27,7 @@ _CHUNK_LENS_POINTS = 12000
 
 
 @dataclass(frozen=True, eq=False)
-class PixelMeasurement(TargetPoints):
+class PixelMeasurement(SeenPoints):
     """Pixels of a target's points.
 
     Attributes:
@@ -44,6 +45,20 @@ class PixelMeasurement(TargetPoints):
     weight: Array
     common_px: float = 0.0
     relative: Array | None = None
+    coordinates = 2
+    noise_field = "pixel_px"
+    axes = MappingProxyType({"pixels": 3, "seen": 2, "stated": 2, "weight": 2, "relative": 2})
+
+    def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
+        """See `SeenPoints`."""
+        return needed(camera).project(self.in_camera(camera_from_target)) - self.pixels
+
+    def with_derivatives(
+        self, points_in_camera: Array, camera: Camera | None, lens: bool
+    ) -> tuple[Array, Array, Array | None]:
+        """See `SeenPoints`."""
+        pixels, by_point, by_lens = needed(camera).project_with_derivatives(points_in_camera, lens)
+        return pixels - self.pixels, by_point, by_lens
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the cost is infinite where a seen point lies behind the camera.
@@ -158,14 +173,7 @@ class PixelMeasurement(TargetPoints):
 
     def residual_px(self, camera_from_target: SE3, camera: Camera) -> Array:
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
-        residual = camera.project(self.in_camera(camera_from_target)) - self.pixels
-        return np.where(self.seen[..., None], residual, np.nan)
-
-    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
-        """See `Measurement`."""
-        unstated = self.weight * (self.stated == 0)
-        residual = np.nan_to_num(self.residual_px(camera_from_target, needed(camera))) * unstated[..., None]
-        return {"pixel_px": float(np.sum(residual**2))}
+        return np.where(self.seen[..., None], self.residuals(camera_from_target, camera), np.nan)
 
     def thinned(self, most: int, paired: bool = False) -> PixelMeasurement:
         """The same views of at most `most` of the points, spread over the target.
@@ -185,7 +193,7 @@ class PixelMeasurement(TargetPoints):
         relative = None if self.relative is None else self.relative[:, rows]
         return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)
 
-    def with_noise(self, noise: Noise) -> PixelMeasurement:
+    def with_noise(self, noise: Noise) -> Self:
         """See `Measurement`."""
         unstated = self.seen & (self.stated == 0)
         relative = 1.0 if self.relative is None else self.relative
@@ -195,22 +203,13 @@ class PixelMeasurement(TargetPoints):
         """See `Measurement`."""
         return replace(self, weight=self.weight / factor, common_px=self.common_px * factor)
 
-    def of_batch(self, rows: Rows | int) -> PixelMeasurement:
+    def without_sigmas(self) -> Self:
         """See `Measurement`."""
-        seen = self.seen[rows] if self.seen.ndim > 2 else self.seen
-        pixels, stated = of_batch_rows(self.pixels, rows, 3), of_batch_rows(self.stated, rows, 2)
-        weight = of_batch_rows(self.weight, rows, 2)
-        relative = None if self.relative is None else of_batch_rows(self.relative, rows, 2)
-        return replace(self, pixels=pixels, seen=seen, stated=stated, weight=weight, relative=relative)
-
-    def equations(self) -> IntArray:
-        """See `Measurement`."""
-        return at_most_six(2 * np.count_nonzero(self.seen, axis=-1))
-
-    def counts(self) -> dict[str, int]:
-        """See `Measurement`."""
-        stated = int(np.count_nonzero(self.stated))
-        return {"stated": 2 * stated, "pixel_px": 2 * (int(np.count_nonzero(self.seen)) - stated)}
+        # 1 / sigma of points over that of the median point; 1 where none was stated.
+        stated = self.stated > 0
+        middle = float(np.median(self.stated[stated])) if stated.any() else 1.0
+        shares = np.where(stated, self.stated / middle, 1.0)
+        return replace(self, relative=shares, stated=np.zeros_like(self.stated))
 
 
 def _planes(derivative: Array) -> Array:

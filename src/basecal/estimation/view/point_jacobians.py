@@ -6,10 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.view.measurement import Measurement
-from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
-from basecal.estimation.view.target_points import needed
+from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 
@@ -29,20 +26,11 @@ class PointJacobians:
 
 
 def point_jacobians(
-    measurement: Measurement, camera_from_target: SE3, camera: Camera | None, lens: bool
-) -> PointJacobians | None:
-    """Each point of views about `camera_from_target`, (n,); None where what was measured are poses."""
-    if not isinstance(measurement, PixelMeasurement | PointMeasurement):
-        return None
-    points = camera_from_target.translation[:, None] + measurement.points_in_target @ np.swapaxes(
-        camera_from_target.rotation, -1, -2
-    )
-    if isinstance(measurement, PointMeasurement):
-        off, by_lens = points - measurement.points_in_camera, None
-        by_point: Array = np.broadcast_to(np.eye(3), (*points.shape, 3))
-    else:
-        pixels, by_point, by_lens = needed(camera).project_with_derivatives(points, lens)
-        off = pixels - measurement.pixels
+    measurement: SeenPoints, camera_from_target: SE3, camera: Camera | None, lens: bool
+) -> PointJacobians:
+    """Each point of views about `camera_from_target`, (n,)."""
+    points = measurement.in_camera(camera_from_target)
+    off, by_point, by_lens = measurement.with_derivatives(points, camera, lens)
     seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
     weight = np.where(seen, measurement.weight, 0.0)[..., None]
     # Derivative of f(camera_from_target @ p) by the pose's tangent, (n, p, d, 6), from df/dp, (n, p, d, 3).

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
-from basecal.estimation.view.measurement import Noise, ViewInformation, at_most_six, of_batch_rows, sums_of_squares
+from basecal.estimation.view.measurement import Noise, ViewInformation, sums_of_squares
 from basecal.estimation.view.moments import UPPER
-from basecal.estimation.view.target_points import TargetPoints
-from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
+from basecal.estimation.view.seen_points import SeenPoints
+from basecal.geometry import SE3, Array, BoolArray, Camera
 
 
 @dataclass(frozen=True, eq=False)
-class PointMeasurement(TargetPoints):
+class PointMeasurement(SeenPoints):
     """A target's points in 3-D.
 
     Attributes:
@@ -27,44 +29,29 @@ class PointMeasurement(TargetPoints):
     seen: BoolArray
     stated: Array
     weight: Array
+    coordinates = 3
+    noise_field = "point_m"
+    axes = MappingProxyType({"points_in_camera": 3, "seen": 2, "stated": 2, "weight": 2})
 
-    def _error(self, camera_from_target: SE3) -> Array:
+    def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
+        """See `SeenPoints`."""
         return self.in_camera(camera_from_target) - self.points_in_camera
+
+    def with_derivatives(
+        self, points_in_camera: Array, camera: Camera | None, lens: bool
+    ) -> tuple[Array, Array, Array | None]:
+        """See `SeenPoints`."""
+        return points_in_camera - self.points_in_camera, np.broadcast_to(np.eye(3), (*points_in_camera.shape, 3)), None
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
-        error = self._error(camera_from_target)
+        error = self.residuals(camera_from_target, camera)
         residual = [error[..., i] * self.weight for i in range(3)]
         weight2 = np.broadcast_to(self.weight * self.weight, error.shape[:-1])
         squares = (weight2 * float(i == j) for i, j in UPPER)
         forces = (r * self.weight for r in residual)
         return self.information(sums_of_squares(residual), forces, squares, camera_from_target.rotation)
 
-    def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
-        """See `Measurement`."""
-        unstated = self.weight * (self.stated == 0)
-        return {"point_m": float(np.sum((self._error(camera_from_target) * unstated[..., None]) ** 2))}
-
-    def with_noise(self, noise: Noise) -> PointMeasurement:
+    def with_noise(self, noise: Noise) -> Self:
         """See `Measurement`."""
         return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
-
-    def noisier(self, factor: float) -> PointMeasurement:
-        """See `Measurement`."""
-        return replace(self, weight=self.weight / factor)
-
-    def of_batch(self, rows: Rows) -> PointMeasurement:
-        """See `Measurement`."""
-        seen = self.seen[rows] if self.seen.ndim > 2 else self.seen
-        points, stated = of_batch_rows(self.points_in_camera, rows, 3), of_batch_rows(self.stated, rows, 2)
-        weight = of_batch_rows(self.weight, rows, 2)
-        return replace(self, points_in_camera=points, seen=seen, stated=stated, weight=weight)
-
-    def equations(self) -> IntArray:
-        """See `Measurement`."""
-        return at_most_six(3 * np.count_nonzero(self.seen, axis=-1))
-
-    def counts(self) -> dict[str, int]:
-        """See `Measurement`."""
-        stated = int(np.count_nonzero(self.stated))
-        return {"stated": 3 * stated, "point_m": 3 * (int(np.count_nonzero(self.seen)) - stated)}

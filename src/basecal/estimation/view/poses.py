@@ -12,8 +12,9 @@ from basecal.estimation.view.measurement import (
     information_of,
     of_batch_rows,
 )
-from basecal.geometry import SE3, Array, Camera, IntArray, Rows
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
+from basecal.numerics.batch import take
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,23 @@ class PoseMeasurement:
 
     def take(self, views: Rows) -> PoseMeasurement:
         """See `Measurement`."""
-        return PoseMeasurement(self.measured_camera_from_target[views], self.stated[views], self.weight[views])
+        return take(self, views)
+
+    def masked(self, points: BoolArray) -> PoseMeasurement:
+        """See `Measurement`."""
+        return self
+
+    def reweighted(self, weights: Array) -> PoseMeasurement:
+        """See `Measurement`."""
+        return self
+
+    def without_sigmas(self) -> PoseMeasurement:
+        """See `Measurement`."""
+        return replace(self, stated=np.zeros_like(self.stated))
+
+    def point_counts(self) -> IntArray:
+        """See `Measurement`."""
+        return np.zeros(self.weight.shape[:-1], dtype=np.int64)
 
     def of_batch(self, rows: Rows) -> PoseMeasurement:
         """See `Measurement`."""
