@@ -13,6 +13,7 @@ import numpy as np
 
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.noise.mixed_model import Layout, MixedModel, Moments
+from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array
 
@@ -69,12 +70,14 @@ def made_up(
     layout = Layout(
         np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), BLOCKS, ROWS, COLUMNS, in_common, {}, ()
     )
-    shift_and_turn = np.repeat([0, 1], 3)
-    error_robot = np.array([[*shift_and_turn, 4], [*(shift_and_turn + 2), -1]])
-    column_robot = np.array([-1] * UNKNOWNS + [*(shift_and_turn + 2), 2, 3])
+    open_views = [key for key in OPEN if key in parts]
+    sigmas, first = SigmaPlaces.in_turn(open_views, ("eye", "hand"), ("left",), True), len(open_views)
+    of_eye, of_hand = first + np.repeat([0, 1], 3), first + np.repeat([2, 3], 3)
+    of_errors = np.array([[*of_eye, first + 4], [*of_hand, -1]])
+    of_columns = np.array([-1] * UNKNOWNS + [*of_hand, first + 7, first + 8])
     model = MixedModel(
-        {key: of.moments() for key, of in parts.items()}, UNKNOWNS, prior, gradient, 0.7, column_robot, error_robot,
-        np.arange(COLUMNS) >= 9, {}, ("eye", "hand"), ("left",), layout, ("eye", "hand", "hand"),
+        {key: of.moments() for key, of in parts.items()}, UNKNOWNS, prior, gradient, 0.7, sigmas, of_columns, of_errors,
+        {}, layout, ("eye", "hand", "hand"),
     )  # fmt: skip
     return model, parts
 
@@ -111,14 +114,8 @@ class Written:
 def written(model: MixedModel, parts: dict[tuple[str, str], Part], sigmas: Array) -> Written:
     """At sigmas (k,): of open parts, robots' shifts and turns, jitter, errors in common."""
     keys = [key for key in OPEN if key in parts]
-    first = len(keys)
     weights = {key: sigmas[keys.index(key)] ** -2.0 if key in keys else 1.0 for key in parts}
-    of_columns = [
-        1.0 if of < 0 else sigmas[first + of + (5 if shared else 0)]
-        for of, shared in zip(model.column_robot, model.common, strict=True)
-    ]
-    of_errors = [1.0 if of < 0 else sigmas[first + of] for of in model.error_robot.ravel()]
-    scales = np.array([*of_columns, *of_errors])
+    scales = np.append(sigmas, 1.0)[np.concatenate([model.of_columns, model.of_errors.ravel()])]
     count = len(scales)
     information, gradient = np.eye(count), np.zeros(count)
     information[:COLUMNS, :COLUMNS], gradient[:COLUMNS] = model.prior, model.prior_gradient

@@ -11,8 +11,8 @@ from scipy.stats import multivariate_normal, norm
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors, SharedPrior
 from basecal.estimation.noise.hyperpriors import LogNormals, hyperpriors
 from basecal.estimation.noise.mixed_model import mixed_model
-from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
+from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.simulation import Scenario, simulate
@@ -74,7 +74,7 @@ def _cost(prior, first):
 def test_a_view_is_expected_to_be_off_by_more_than_its_points_scatter():
     """By 1.1 to 5 times is within a standard deviation, as on real rigs; a fiftieth or forty times is three off."""
     model = _model()
-    (key,) = open_parts(model)
+    (key,) = model.sigmas.views
     squares, freedoms = model.white[key]
     assert freedoms > 100
     scatter = np.sqrt(squares / freedoms)
@@ -86,7 +86,7 @@ def test_a_view_is_expected_to_be_off_by_more_than_its_points_scatter():
 def test_exact_points_leave_a_view_a_thousandth_of_a_pixel():
     """Where points do not scatter at all, as only made-up ones do, their view is expected off by 0.001 to 0.005 px."""
     model = _model()
-    (key,) = open_parts(model)
+    (key,) = model.sigmas.views
     exact = hyperpriors(replace(model, white={key: (0.0, 200.0)}), REACH_M)
     assert 1e-3 < np.exp(exact.start[0]) < 5e-3
 
@@ -135,7 +135,7 @@ def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
     """Of views by their scatter, arms by reach and turns alike, errors in common, written out one by one."""
     model = _model(SharedErrors.in_every_coordinate(np.ones((8, 1))))
     common = SharedPrior((2.5, 3.0), "", is_over_stop, (lever, 1.7), tie=1.4)
-    (key,) = open_parts(model)
+    (key,) = model.sigmas.views
     model = replace(model, white={key: (9.0, 100.0)})
     prior = hyperpriors(model, {"eye": 0.5, "hand": 0.02}, common)
     logs = prior.start + rng.standard_normal(9)
@@ -157,16 +157,22 @@ def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
 def test_twenty_freedoms_tell_how_points_scatter(freedoms, mean, factor):
     """Of fewer what detectors have counts, within a factor of five."""
     model = _model()
-    (key,) = open_parts(model)
+    (key,) = model.sigmas.views
     prior = hyperpriors(replace(model, white={key: (freedoms, freedoms)}), REACH_M)
     assert np.exp(prior.start[0]) == pytest.approx(mean)
     assert _cost(prior, mean * factor) == pytest.approx(1.0)
     assert _cost(prior, mean / factor) == pytest.approx(1.0)
 
 
+def _with_jitter(model, *cameras):
+    """The model with open jitter of these cameras."""
+    of = model.sigmas
+    return replace(model, sigmas=SigmaPlaces.in_turn(list(of.views), list(of.stops), cameras, bool(of.shared)))
+
+
 def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
     """Within a factor of five, whatever arms have."""
-    model = replace(_model(), shaken=("wrist",))
+    model = _with_jitter(_model(), "wrist")
     prior = hyperpriors(model, REACH_M, None)
     plain = hyperpriors(_model(), REACH_M)
     assert len(prior.start) == 6
@@ -180,7 +186,7 @@ def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
     shared = SharedErrors.in_every_coordinate(np.ones((8, 1)))
     common = SharedPrior((2.5, 2.0), "")
     plain = hyperpriors(_model(shared), REACH_M, common)
-    prior = hyperpriors(replace(_model(shared), shaken=("left", "right")), REACH_M, common)
+    prior = hyperpriors(_with_jitter(_model(shared), "left", "right"), REACH_M, common)
     np.testing.assert_allclose(np.exp(prior.start), [*np.exp(plain.start[:5]), 2e-4, 2e-4, *np.exp(plain.start[5:])])
     off = 0.3 * np.arange(11.0)
     without = np.delete(off, [5, 6])

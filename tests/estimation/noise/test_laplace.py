@@ -14,7 +14,7 @@ from basecal.estimation.noise import laplace
 from basecal.estimation.noise.hyperpriors import LogNormals, hyperpriors
 from basecal.estimation.noise.laplace import SigmaPosterior, integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
-from basecal.estimation.noise.reml import columns_given, open_parts, posterior, sigmas_of
+from basecal.estimation.noise.reml import columns_given, posterior
 from basecal.estimation.noise.robot_noise import stops_made
 from quick import quick
 
@@ -76,7 +76,7 @@ def test_moments_are_of_the_whole_posterior():
     for robot in ROBOTS:
         first = model.layout.common[robot][0]
         own = np.diag(products)[first : first + 6]
-        expected = squares[sigmas_of(model, robot).start + 2 * len(ROBOTS) :][:2].repeat(3)
+        expected = squares[model.sigmas.shared[robot]].repeat(3)
         assert np.all(own < 1.05 * expected)
         assert own.max() > 0.5 * expected.max()
 
@@ -121,7 +121,7 @@ def test_sigmas_stay_within_what_devices_have():
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
     vague = replace(prior, sigma=30 * prior.sigma)
     least = sigma_posterior(model, vague).logs - vague.start
-    views = len(open_parts(model))
+    views = len(model.sigmas.views)
     np.testing.assert_allclose(least[:views], -np.log(20.0), atol=1e-9)
     assert np.all(least[views:] < -np.log(20.0))
     assert np.all(least[views:] > -np.log(400.0) - 1e-9)

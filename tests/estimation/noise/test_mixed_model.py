@@ -63,7 +63,7 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     modes = {name: rng.standard_normal((stops_made(problem, name), 2)) for name in ROBOTS}
     shared = {name: SharedErrors.in_every_coordinate(of) for name, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
-    errors, columns = rng.standard_normal(model.error_robot.shape), rng.standard_normal(len(model.prior))
+    errors, columns = rng.standard_normal(model.of_errors.shape), rng.standard_normal(len(model.prior))
     found, layout = model.stop_errors(errors, columns), model.layout
     number = dict.fromkeys(ROBOTS, 0)
     tied = 0
@@ -78,7 +78,7 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     assert (tied > 0) == (arms == "halves")
     assert len(model.prior) == problem.width + 6 * tied + 24
     np.testing.assert_array_equal(np.diag(model.prior)[problem.width :], 1.0)
-    assert model.common.sum() == 24
+    assert np.isin(model.of_columns, [of.start + k for of in model.sigmas.shared.values() for k in (0, 1)]).sum() == 24
 
 
 OWN = ([0, 1, 2, 3], [-1] * 4)
@@ -204,21 +204,21 @@ def test_sigmas_scale_what_they_are_of():
     problem, _ = shaken(problem, 6)
     shared = SharedErrors(np.ones((2, 6, 3)), np.array([False, True, True]))
     model = mixed_model(problem, state, ("hand",), {"hand": shared})
-    shift_and_turn = [0] * 3 + [1] * 3
-    assert model.column_robot.tolist() == [-1] * 6 + shift_and_turn + [0, 1, 1]
-    assert model.common.tolist() == [False] * 12 + [True] * 3
-    none = [-1] * 6
-    assert model.error_robot.tolist() == [[*none, *none, 2]] * 5 + [[*none, *shift_and_turn, 2]]
+    v, none = len(model.sigmas.views), [-1] * 6
+    shift_and_turn = [v] * 3 + [v + 1] * 3
+    assert model.of_columns.tolist() == none + shift_and_turn + [v + 3, v + 4, v + 4]
+    assert model.of_errors.tolist() == [[*none, *none, v + 2]] * 5 + [[*none, *shift_and_turn, v + 2]]
     of_both = mixed_model(problem, state, ROBOTS, {"hand": shared})
-    assert of_both.column_robot.tolist() == [-1] * 6 + [2] * 3 + [3] * 3 + [2, 3, 3]
-    assert of_both.error_robot.tolist() == [[*shift_and_turn, *none, 4]] * 5 + [[*shift_and_turn, 2, 2, 2, 3, 3, 3, 4]]
+    of_hand = [v + 2] * 3 + [v + 3] * 3
+    assert of_both.of_columns.tolist() == none + of_hand + [v + 7, v + 8, v + 8]
+    assert of_both.of_errors.tolist() == [[*shift_and_turn, *none, v + 4]] * 5 + [[*shift_and_turn, *of_hand, v + 4]]
     (group,) = problem.groups
     second = with_hand(with_eye(replace(group, camera="another"), stop=np.full(6, -1)), stop=np.full(6, -1))
     of_two = replace(problem.with_groups([group, second]), open_jitter=frozenset({"another", "camera"}))
     found = mixed_model(of_two, state, ROBOTS)
-    assert found.shaken == ("another", "camera")
-    assert found.error_robot[:, 12].tolist() == [5] * 6 + [4] * 6
-    assert (of_both.robots, of_both.shaken, of_both.robot_of_stop) == (ROBOTS, ("camera",), problem.stops.robot)
+    another, camera = (found.sigmas.jitter[name] for name in ("another", "camera"))
+    assert found.of_errors[:, 12].tolist() == [camera] * 6 + [another] * 6
+    assert (tuple(of_both.sigmas.stops), of_both.robot_of_stop) == (ROBOTS, problem.stops.robot)
 
 
 def test_what_is_known_beforehand_is_that_of_the_state():

@@ -11,7 +11,7 @@ from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWN
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
-from basecal.estimation.noise.reml import _inverse, _lost, columns_given, open_parts, posterior, sigma_count, sigmas_of
+from basecal.estimation.noise.reml import _inverse, _lost, columns_given, posterior
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
@@ -98,7 +98,7 @@ def test_slope_is_the_derivative(arms, smooth):
     modes = {robot: rng.standard_normal((stops_made(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
     shared = {robot: SharedErrors.in_every_coordinate(of) for robot, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
-    logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(sigma_count(model))
+    logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(model.sigmas.count)
     steps = 1e-4 * np.eye(len(logs))
     differences = [(posterior(model, logs + h).value - posterior(model, logs - h).value) / 2e-4 for h in steps]
     np.testing.assert_allclose(posterior(model, logs).slope(), differences, rtol=1e-3, atol=1e-3)
@@ -168,7 +168,7 @@ def test_stamps_that_jitter_are_noise_along_the_motion(is_open, exact):
     )
     problem = replace(problem, **of_jitter)
     model = mixed_model(problem, state, robots)
-    assert model.shaken == (("wrist",) if is_open else ())
+    assert list(model.sigmas.jitter) == (["wrist"] if is_open else [])
     sigmas = np.log([[1e-3, 2e-3, 5e-4, 1e-3, 2e-3], [3e-3, 1e-3, 5e-4, 4e-3, 1e-3 if is_open else 2e-3]])
     if is_open is None:
         motion = np.zeros_like(motion)
@@ -218,25 +218,14 @@ def test_jitter_of_views_that_do_not_move_is_not_open():
     assert open_jitter(problem.with_groups([moving])) == ("wrist",)
     assert open_jitter(problem.with_groups([moving.take(np.zeros(0, dtype=int))])) == ()
     assert open_jitter(replace(problem.with_groups([moving]), open_jitter=frozenset())) == ()
-    assert mixed_model(problem, state, ROBOTS).shaken == ()
+    assert not mixed_model(problem, state, ROBOTS).sigmas.jitter
 
 
 @pytest.fixture(params=[(*OPEN, ALL_STATED), OPEN[:1], (ALL_STATED,)], ids=["parts", "open", "stated"])
 def of_numbers(request, rng):
     """A made-up model, its parts written out, and sigmas: one part alone goes by sums over blocks."""
     model, parts = made_up(rng, request.param)
-    return model, parts, np.exp(0.5 * rng.standard_normal(9 + len(open_parts(model))))
-
-
-def test_sigmas_are_counted_in_their_order(of_numbers):
-    """Those of parts, then a shift and a turn of each robot, jitter, and the same of errors in common if any."""
-    model, _, sigmas = of_numbers
-    first = sum(key in OPEN for key in model.parts)
-    assert open_parts(model) == list(OPEN[:first])
-    assert sigma_count(model) == len(sigmas) == first + 4 + 1 + 4
-    assert (sigmas_of(model, "eye"), sigmas_of(model, "hand")) == (slice(first, first + 2), slice(first + 2, first + 4))
-    assert sigma_count(replace(model, common=np.zeros(COLUMNS, dtype=bool))) == first + 5
-    assert sigma_count(replace(model, shaken=())) == first + 8
+    return model, parts, np.exp(0.5 * rng.standard_normal(9 + len(model.sigmas.views)))
 
 
 def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
@@ -286,14 +275,14 @@ def test_slope_and_average_information_are_written_out(of_numbers):
     np.testing.assert_allclose(found.slope(), slope, rtol=1e-5, atol=1e-5)
     general = replace(found, blocks=replace(found.blocks, lost=np.ones(BLOCKS)))
     np.testing.assert_allclose(general.slope(), found.slope(), rtol=1e-7, atol=1e-7)
-    at, keys = written(model, parts, sigmas), open_parts(model)
+    at, keys = written(model, parts, sigmas), list(model.sigmas.views)
     mean = at.mean
     v, squares = np.zeros((len(sigmas), len(mean))), np.zeros(len(sigmas))
     for i, key in enumerate(keys):
         scaled = parts[key].both * at.scales
         left = parts[key].residual + scaled @ mean
         v[i], squares[i] = at.weights[key] * scaled.T @ left, at.weights[key] * left @ left
-    which = np.concatenate([found.of_columns, found.of_errors.ravel()])
+    which = np.concatenate([model.of_columns, model.of_errors.ravel()])
     for i in range(len(keys), len(sigmas)):
         v[i] = np.where(which == i, mean, 0.0)
         squares[i] = v[i] @ v[i]
@@ -304,10 +293,10 @@ def test_slope_and_average_information_are_written_out(of_numbers):
 def test_errors_that_no_sigma_scales_stand_as_they_are(of_numbers):
     """Of a robot that is not open, in blocks and columns alike."""
     model, parts, sigmas = of_numbers
-    error_robot, column_robot = model.error_robot.copy(), model.column_robot.copy()
-    error_robot[0, :6] = -1
-    column_robot[3:9] = -1
-    model = replace(model, error_robot=error_robot, column_robot=column_robot)
+    of_errors, of_columns = model.of_errors.copy(), model.of_columns.copy()
+    of_errors[0, :6] = -1
+    of_columns[3:9] = -1
+    model = replace(model, of_errors=of_errors, of_columns=of_columns)
     found, expected = posterior(model, np.log(sigmas)), written(model, parts, sigmas)
     assert found.value == pytest.approx(expected.value, rel=1e-8)
     step = 1e-5 * np.eye(len(sigmas))

@@ -21,7 +21,6 @@ from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
 from basecal.estimation.noise.laplace import moments
-from basecal.estimation.noise.reml import sigmas_of
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import cross_matrix
@@ -129,7 +128,7 @@ def _model_error(
     mean, products, squares = moments(sigmas, np.concatenate(every_column))
     if widening is not None:
         products[: len(knowns.columns), : len(knowns.columns)] += widening[np.ix_(knowns.columns, knowns.columns)]
-    estimated = {robot: squares[sigmas_of(sigmas.model, robot)] for robot in model.of}
+    estimated = {robot: squares[sigmas.model.sigmas.stops[robot]] for robot in model.of}
     moved, variances = np.concatenate(every_move, axis=-1), {**own, **estimated}
     return _Expected(
         sigmas.surprise, moved @ mean, _total_error(moved, products, (variances[robot] for robot in meeting.points_m))

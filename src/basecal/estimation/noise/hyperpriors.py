@@ -12,14 +12,13 @@ computer by 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from basecal.effects.faces.shared_errors import TIE, SharedPrior
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import open_parts, sigma_count
 from basecal.geometry import Array
 
 # Mean and factor of one standard deviation, by field of `Noise`, where the points of views do not show their scatter.
@@ -67,39 +66,38 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
         reach_m: How far each robot's flange is from its base, root of the mean square [m].
         common: Of what stops have in common, where the model has such errors.
     """
-    k = sigma_count(model)
+    forms, places = np.eye(model.sigmas.count), model.sigmas
     rows: list[tuple[Array, float, float]] = []
-    for i, key in enumerate(open_parts(model)):
+    for key, at in places.views.items():
         mean, factor = _of_part(key[1], *model.white[key])
-        rows.append((np.eye(k)[i], np.log(mean), factor))
-    first = len(open_parts(model))
-    count = len(model.robots)
+        rows.append((forms[at], np.log(mean), factor))
     tie = TIE if common is None else common.tie
-    for i, robot in enumerate(model.robots):
-        at = first + 2 * i
-        rows.append((np.eye(k)[at] - np.eye(k)[at + 1], np.log(max(reach_m[robot], 0.1)), np.log(tie)))
-    rows += _pooled(np.eye(k)[first + 1 : first + 2 * count : 2], _ROBOT_RAD)
-    for i in range(len(model.shaken)):
-        rows.append((np.eye(k)[first + 2 * count + i], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
+    single = {robot: forms[at] for robot, at in places.stops.items()}
+    for robot, (shift, turn) in single.items():
+        rows.append((shift - turn, np.log(max(reach_m[robot], 0.1)), np.log(tie)))
+    rows += _pooled([turn for _, turn in single.values()], _ROBOT_RAD)
+    for at in places.jitter.values():
+        rows.append((forms[at], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
     if common is not None:
-        at = first + 2 * count + len(model.shaken)
-        rows += _in_common(model, reach_m, common, np.eye(k)[at:], np.eye(k)[first + 1 : first + 2 * count : 2])
-    return LogNormals(np.array([r[0] for r in rows]).reshape(-1, k), *(np.array([r[i] for r in rows]) for i in (1, 2)))
+        rows += _in_common(reach_m, common, {robot: forms[at] for robot, at in places.shared.items()}, single)
+    return LogNormals(
+        np.array([r[0] for r in rows]).reshape(-1, places.count), *(np.array([r[i] for r in rows]) for i in (1, 2))
+    )
 
 
 def _in_common(
-    model: MixedModel, reach_m: Mapping[str, float], common: SharedPrior, forms: Array, turns: Array
+    reach_m: Mapping[str, float], common: SharedPrior, shared: Mapping[str, Array], single: Mapping[str, Array]
 ) -> list[tuple[Array, float, float]]:
-    """Of the sigmas in common, `forms` (2 r, k) of shift and turn by robot, `turns` (r, k) those of single stops."""
+    """Of the sigmas in common: forms (2, k) of shift and turn by robot, and those of its single stops."""
     rows = []
     lever_m, factor = common.lever
-    for i, robot in enumerate(model.robots):
+    for robot, (shift, turn) in shared.items():
         at = max(reach_m[robot], 0.1) if lever_m is None else lever_m
-        rows.append((forms[2 * i] - forms[2 * i + 1], float(np.log(at)), float(np.log(factor))))
+        rows.append((shift - turn, float(np.log(at)), float(np.log(factor))))
     if not common.is_over_stop:
-        return rows + _pooled(forms[1::2], common.turn)
+        return rows + _pooled([turn for _, turn in shared.values()], common.turn)
     mean, factor = np.log(common.turn)
-    return rows + [(forms[2 * i + 1] - turns[i], float(mean), float(factor)) for i in range(len(model.robots))]
+    return rows + [(turn - single[robot][1], float(mean), float(factor)) for robot, (_, turn) in shared.items()]
 
 
 def _of_part(field: str, squares: float, freedoms: float) -> tuple[float, float]:
@@ -112,7 +110,7 @@ def _of_part(field: str, squares: float, freedoms: float) -> tuple[float, float]
     return over * scatter, float(np.hypot(np.log(factor), (2 * freedoms) ** -0.5))
 
 
-def _pooled(forms: Array, sigma: tuple[float, float]) -> list[tuple[Array, float, float]]:
+def _pooled(forms: Sequence[Array], sigma: tuple[float, float]) -> list[tuple[Array, float, float]]:
     """Robots of one cell are more alike than any two: a common part, and one of each."""
     n = len(forms)
     if not n:
@@ -123,4 +121,7 @@ def _pooled(forms: Array, sigma: tuple[float, float]) -> list[tuple[Array, float
     inverse = np.linalg.inv(root)
     scale = 1 / np.diag(inverse)
     mean = np.log(sigma[0])
-    return [(s * row @ forms, float(mean * (s * row).sum()), float(s)) for s, row in zip(scale, inverse, strict=True)]
+    return [
+        (s * row @ np.stack(forms), float(mean * (s * row).sum()), float(s))
+        for s, row in zip(scale, inverse, strict=True)
+    ]

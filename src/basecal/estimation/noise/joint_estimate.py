@@ -27,7 +27,6 @@ from basecal.estimation.noise.laplace import (
 from basecal.estimation.noise.mixed_model import EstimatesOf, estimates_of, mixed_model, open_jitter
 from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods, together
 from basecal.estimation.noise.random_effects import shared_errors
-from basecal.estimation.noise.reml import open_parts
 from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
 from basecal.estimation.noise.shaped_targets import reshaped
 from basecal.estimation.noise.some_views import recorded_alone, some_views
@@ -241,9 +240,10 @@ def _readjusted(
 ) -> tuple[Problem, Optimum]:
     """The problem with the most likely sigmas, and its optimum near the last."""
     # Errors of stops stay the same in metres and radians.
-    physical = end.state.stop_errors * _units(used, found.model.robots)
+    robots = list(found.model.sigmas.stops)
+    physical = end.state.stop_errors * _units(used, robots)
     used = _sigmas(found, used).apply(used)
-    state = replace(end.state, stop_errors=physical / _units(used, found.model.robots))
+    state = replace(end.state, stop_errors=physical / _units(used, robots))
     return used, bundle_adjust(used, state, dof, iterations, sigmas=sigmas)
 
 
@@ -298,23 +298,20 @@ def _reach(problem: Problem, robot: str) -> float:
 
 def _sigmas(posterior: SigmaPosterior, problem: Problem) -> _Sigmas:
     """The most likely sigmas by name, and shapes that add to those of the problem."""
-    model, values = posterior.model, np.exp(posterior.logs)
-    keys = open_parts(model)
+    model, values, places = posterior.model, np.exp(posterior.logs), posterior.model.sigmas
     cameras: dict[str, Noise] = {}
-    for (camera, name), value in zip(keys, values, strict=False):
-        cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(value)})
-    of_robots, jitter, in_common = np.split(values[len(keys) :], np.cumsum([2 * len(model.robots), len(model.shaken)]))
-    single, common = of_robots.reshape(-1, 2), in_common.reshape(-1, 2)
+    for (camera, name), at in places.views.items():
+        cameras[camera] = cameras.get(camera, Noise())._replace(**{name: float(values[at])})
     shapes = {}
     for target, rows in model.layout.shapes.items():
         before = problem.shapes.get(target, np.zeros(rows.stop - rows.start))
         shapes[target] = before + posterior.columns.mean[rows], posterior.columns.spread[rows, rows]
     return _Sigmas(
         cameras,
-        {name: np.repeat(pair, 3) for name, pair in zip(model.robots, single, strict=True)},
-        {n: pair for n, pair in zip(model.robots, common, strict=False) if n in model.layout.common},
+        {robot: np.repeat(values[at], 3) for robot, at in places.stops.items()},
+        {robot: values[at] for robot, at in places.shared.items() if robot in model.layout.common},
         shapes,
-        dict(zip(model.shaken, jitter.tolist(), strict=True)),
+        {camera: float(values[at]) for camera, at in places.jitter.items()},
     )
 
 
@@ -322,12 +319,9 @@ def _estimate(posterior: SigmaPosterior, problem: Problem, settled: bool) -> Noi
     """The most likely sigmas, and the shapes that the problem has."""
     sigmas = _sigmas(posterior, problem)
     # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
-    first = len(open_parts(posterior.model))
-    raised = np.exp(posterior.logs + np.diag(posterior.covariance))[
-        first : first + 2 * len(posterior.model.robots)
-    ].reshape(-1, 2)
+    raised, places = np.exp(posterior.logs + np.diag(posterior.covariance)), posterior.model.sigmas
     shapes = {name: (problem.shapes.get(name, mean), spread) for name, (mean, spread) in sigmas.shapes.items()}
-    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in open_parts(posterior.model)))
+    estimated = tuple(f for f in Noise._fields if any(name == f for _, name in places.views))
     noise = next(iter(sigmas.cameras.values()), Noise())
     return NoiseEstimate(
         noise,
@@ -341,7 +335,5 @@ def _estimate(posterior: SigmaPosterior, problem: Problem, settled: bool) -> Noi
         shapes=shapes,
         logs=posterior.logs,
         jitter_s=sigmas.jitter_s,
-        robot_variances={
-            name: np.repeat(pair, 3) ** 2 for name, pair in zip(posterior.model.robots, raised, strict=True)
-        },
+        robot_variances={robot: np.repeat(raised[at], 3) ** 2 for robot, at in places.stops.items()},
     )

@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Columns, Posterior, columns_given, open_parts, posterior
+from basecal.estimation.noise.reml import Columns, Posterior, columns_given, posterior
 from basecal.estimation.noise.secant import Secant, corrected
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
@@ -142,8 +142,7 @@ def _within(here: _Surface, logs: Array, least: Array, most: Array, secants: Seq
 
 def _bounds(model: MixedModel, prior: LogNormals) -> tuple[Array, Array]:
     """Between what logarithms sigmas are looked for: far better than their points scatter, views leave but rounding."""
-    views = len(open_parts(model))
-    down = np.where(np.arange(len(prior.start)) < views, _LEAST_OF_VIEWS, _MOST_OFF)
+    down = np.where(model.sigmas.is_of_views, _LEAST_OF_VIEWS, _MOST_OFF)
     return prior.start - down, prior.start + _MOST_OFF
 
 

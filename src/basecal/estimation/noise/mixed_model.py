@@ -18,7 +18,8 @@ from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.noise.shaped_targets import points_of, shaped_targets
-from basecal.estimation.noise.view_estimates import ViewEstimates, view_estimates
+from basecal.estimation.noise.sigma_places import SigmaPlaces
+from basecal.estimation.noise.view_estimates import STATED, ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.geometry import Array, IntArray
 from basecal.numerics.tied_blocks import tied_blocks
@@ -91,12 +92,10 @@ class MixedModel:
         prior: (m, m) information known beforehand, that of errors at unit sigmas.
         prior_gradient: (m,) its gradient.
         prior_cost: Its cost.
-        column_robot: (m,) number of the robot whose sigma scales a column, times two, one more for rotations; -1.
-        error_robot: (b, q) likewise of errors in blocks; beyond all robots', of jitter, by `shaken`.
-        common: (m,) whether a column is of an error that stops have in common.
+        sigmas: Where the open sigmas stand among their logarithms.
+        of_columns: (m,) which of the logarithms scales a column; -1 for none.
+        of_errors: (b, q) likewise of errors in blocks.
         white: Sum of squares of points about their view's own estimate at unit sigma, and its freedoms, as `parts`.
-        robots: Names of the robots whose sigmas are open.
-        shaken: Names of the cameras whose stamps' jitter is open.
         layout: Where the errors of stops stand.
         robot_of_stop: The robot of each stop.
     """
@@ -106,12 +105,10 @@ class MixedModel:
     prior: Array
     prior_gradient: Array
     prior_cost: float
-    column_robot: IntArray
-    error_robot: IntArray
-    common: Array
+    sigmas: SigmaPlaces
+    of_columns: IntArray
+    of_errors: IntArray
     white: Mapping[tuple[str, str], tuple[float, float]]
-    robots: tuple[str, ...]
-    shaken: tuple[str, ...]
     layout: Layout
     robot_of_stop: tuple[str, ...]
 
@@ -173,10 +170,11 @@ def mixed_model(
             before = white.get(key, (0.0, 0.0))
             white[key] = (before[0] + view.white, before[1] + view.white_count)
     prior, gradient, cost = _prior(problem, state, layout)
-    shaken = open_jitter(problem)
-    scaled = _scaled_by(problem, layout, tuple(robots), shaken)
-    names = (tuple(robots), shaken)
-    return MixedModel(parts, problem.width, prior, gradient, cost, *scaled, white, *names, layout, problem.stops.robot)
+    open_views = sorted(key for key in parts if key[1] != STATED)
+    sigmas = SigmaPlaces.in_turn(open_views, robots, open_jitter(problem), bool(layout.common))
+    scaled = _scaled_by(problem, layout, sigmas)
+    robot_of_stop = problem.stops.robot
+    return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)
 
 
 def open_jitter(problem: Problem) -> tuple[str, ...]:
@@ -336,24 +334,19 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
     return prior, gradient, cost
 
 
-def _scaled_by(
-    problem: Problem, layout: Layout, robots: tuple[str, ...], shaken: tuple[str, ...]
-) -> tuple[IntArray, IntArray, Array]:
-    """See `MixedModel`: of each column and each error its sigma, and which columns are of a term."""
+def _scaled_by(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tuple[IntArray, IntArray]:
+    """See `MixedModel`: of each column and each error its sigma."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)
-    common = np.zeros(layout.width, dtype=bool)
-    numbers = {robot: number for number, robot in enumerate(robots)}
-    of_robot = np.array([numbers.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
-    which, six = 2 * of_robot[:, None] + np.repeat([0, 1], 3), np.arange(6)
+    places = {robot: place.start for robot, place in sigmas.stops.items()}
+    of_robot = np.array([places.get(robot, -1) for robot in problem.stops.robot], dtype=np.int64)
+    which, six = of_robot[:, None] + np.repeat([0, 1], 3), np.arange(6)
     tied, hub = ((of_robot >= 0) & (at >= 0) for at in (layout.block, layout.column))
     error[layout.block[tied, None], layout.row[tied, None] + six] = which[tied]
     column[layout.column[hub, None] + six] = which[hub]
     for group, (own, row) in zip(problem.groups, layout.shaken, strict=True):
-        if group.camera in shaken:
-            error[own[own >= 0], row[own >= 0]] = 2 * len(robots) + shaken.index(group.camera)
+        if group.camera in sigmas.jitter:
+            error[own[own >= 0], row[own >= 0]] = sigmas.jitter[group.camera]
     for robot, (at, shared) in layout.common.items():
-        columns = slice(at, at + len(shared.is_turn))
-        column[columns] = 2 * robots.index(robot) + shared.is_turn
-        common[columns] = True
-    return column, error, common
+        column[at : at + len(shared.is_turn)] = sigmas.shared[robot].start + shared.is_turn
+    return column, error

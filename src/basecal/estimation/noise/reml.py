@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from basecal.estimation.noise.mixed_model import MixedModel, Moments, chunks
-from basecal.estimation.noise.view_estimates import STATED
 from basecal.geometry import Array, IntArray
 from basecal.geometry.rotation import with_identity
 from basecal.numerics.inverse_factors import inverse_factors
@@ -62,7 +61,7 @@ class Columns:
 
     def rescale(self, columns: IntArray) -> tuple[Array, Array]:
         """Mean, (c,), and covariance, (c, c), of some columns, those of errors in metres and radians, not sigmas."""
-        scales = _scales(self.logs, _which(self.model, len(open_parts(self.model)))[0])[columns]
+        scales = _scales(self.logs, self.model.of_columns)[columns]
         return self.mean[columns] * scales, self.spread[np.ix_(columns, columns)] * scales[:, None] * scales
 
 
@@ -74,8 +73,6 @@ class Posterior:
         model: The model.
         logs: (k,) logarithms of the sigmas.
         value: Minus twice the log of the restricted likelihood.
-        of_columns: (m,) which of the logarithms scales a column; -1 for none.
-        of_errors: (b, q) likewise of errors in blocks.
         mean_columns: (m,) most likely values, those of scaled columns in sigmas.
         mean_errors: (b, q) likewise.
         spread: (m, m) covariance of the columns.
@@ -85,8 +82,6 @@ class Posterior:
     model: MixedModel
     logs: Array
     value: float
-    of_columns: IntArray
-    of_errors: IntArray
     mean_columns: Array
     mean_errors: Array
     spread: Array
@@ -105,19 +100,19 @@ class Posterior:
     @property
     def stop_errors(self) -> Array:
         """(k, 6) most likely errors of all stops, those in common among them, in units of the problem."""
-        columns = self.mean_columns * _scales(self.logs, self.of_columns)
-        return self.model.stop_errors(self.mean_errors * _scales(self.logs, self.of_errors), columns)
+        columns = self.mean_columns * _scales(self.logs, self.model.of_columns)
+        return self.model.stop_errors(self.mean_errors * _scales(self.logs, self.model.of_errors), columns)
 
     def slope(self) -> Array:
         """(k,) derivative of the value to the logarithms."""
-        k, keys = len(self.logs), open_parts(self.model)
+        k, keys, of = len(self.logs), tuple(self.model.sigmas.views), self.model
         only = len(self.model.parts) == 1 and not self.blocks.lost.any()
         expected, squares = self._by_sums(keys) if only else self._by_blocks(keys)
-        open_errors = self.of_errors[self.of_errors >= 0]
+        open_errors = of.of_errors[of.of_errors >= 0]
         slope = 2 * (np.bincount(open_errors, minlength=k) - expected)
-        scaled = self.of_columns >= 0
-        of_columns = np.diag(self.spread) + self.mean_columns**2
-        slope += np.bincount(self.of_columns[scaled], 2 * (1 - of_columns[scaled]), k)
+        scaled = of.of_columns >= 0
+        squares_of_columns = np.diag(self.spread) + self.mean_columns**2
+        slope += np.bincount(of.of_columns[scaled], 2 * (1 - squares_of_columns[scaled]), k)
         for i, key in enumerate(keys):
             total = self._squares_of_mean(key) + squares[i]
             slope[i] += 2 * (self.model.parts[key].count - np.exp(-2 * self.logs[i]) * total)
@@ -126,11 +121,11 @@ class Posterior:
     @cached_property
     def _at_mean(self) -> dict[tuple[str, str], tuple[float, Array, Array]]:
         """Of each open part at unit sigma: squares at the mean, and half their gradient to columns and errors."""
-        return {key: _at_mean(self.model.parts[key], self) for key in open_parts(self.model)}
+        return {key: _at_mean(self.model.parts[key], self) for key in self.model.sigmas.views}
 
     def _squares_of_mean(self, key: tuple[str, str]) -> float:
         """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
-        x = _scales(self.logs, self.of_columns)
+        x = _scales(self.logs, self.model.of_columns)
         by_spread = np.sum(self.model.parts[key].fixed_fixed * x[:, None] * x * self.spread)
         return self._at_mean[key][0] + float(by_spread)
 
@@ -143,21 +138,21 @@ class Posterior:
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
         for here in chunks(len(own), own.shape[1], len(self.spread)):
-            back, which = self._back(here), self.of_errors[here]
+            back, which = self._back(here), self.model.of_errors[here]
             for sigma in np.unique(which):
                 rows = back[which == sigma]
                 sums[sigma] += rows.T @ rows
-        x = _scales(self.logs, self.of_columns)
+        x = _scales(self.logs, self.model.of_columns)
         sums *= x[:, None] * x
-        scaled = self.of_errors >= 0
-        alone = np.bincount(self.of_errors[scaled], (own + self.mean_errors**2)[scaled], k)
+        scaled = self.model.of_errors >= 0
+        alone = np.bincount(self.model.of_errors[scaled], (own + self.mean_errors**2)[scaled], k)
         left = own.size - own.sum() - np.vdot(self.spread, self.blocks.explained + sums.sum(0))
         return alone + np.tensordot(sums[:k], self.spread, 2), left * np.exp(2 * self.logs[: len(keys)])
 
     def _by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
         """What is expected of the squares of errors by their sigma, (k,), and of each part's by what errors spread."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
-        x = _scales(self.logs, self.of_columns)
+        x = _scales(self.logs, self.model.of_columns)
         for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
             back = self._back(here) * x
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
@@ -165,12 +160,12 @@ class Posterior:
             of_errors[here] += np.diagonal(covariance, axis1=-2, axis2=-1)
             for i, key in enumerate(keys):
                 squares[i] += _squares_of_spread(self.model.parts[key], self, here, across, covariance)
-        scaled = self.of_errors >= 0
-        return np.bincount(self.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
+        scaled = self.model.of_errors >= 0
+        return np.bincount(self.model.of_errors[scaled], of_errors[scaled], len(self.logs)).astype(np.float64), squares
 
     def _back(self, here: slice) -> Array:
         """How errors of some blocks follow from the columns in units of the model, negative, (b, q, m)."""
-        scaled = self.blocks.own[here] * _scales(self.logs, self.of_errors[here])[:, None, :]
+        scaled = self.blocks.own[here] * _scales(self.logs, self.model.of_errors[here])[:, None, :]
         of_parts = (
             (weight * scaled) @ self.model.parts[key].errors_fixed[here]
             for key, weight in _weights(self.model, self.logs).items()
@@ -186,58 +181,39 @@ class Posterior:
         k = len(self.logs)
         columns, errors = np.zeros((k, len(self.mean_columns))), np.zeros((k, *self.mean_errors.shape))
         own = np.zeros(k)
-        keys = open_parts(self.model)
+        keys = tuple(self.model.sigmas.views)
         for i, key in enumerate(keys):
             weight = np.exp(-2 * self.logs[i])
             own[i], columns[i], errors[i] = (weight * of for of in self._at_mean[key])
         for i in range(len(keys), k):
-            columns[i] = np.where(self.of_columns == i, self.mean_columns, 0.0)
-            errors[i] = np.where(self.of_errors == i, self.mean_errors, 0.0)
+            columns[i] = np.where(self.model.of_columns == i, self.mean_columns, 0.0)
+            errors[i] = np.where(self.model.of_errors == i, self.mean_errors, 0.0)
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
         carried = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
-        scaled = carried * _scales(self.logs, self.of_errors).ravel()
+        scaled = carried * _scales(self.logs, self.model.of_errors).ravel()
         by_columns = np.zeros(columns.shape)
         for key, weight in _weights(self.model, self.logs).items():
             by_columns += weight * (scaled @ self.model.parts[key].errors_fixed.reshape(-1, columns.shape[-1]))
-        reduced = columns - by_columns * _scales(self.logs, self.of_columns)
+        reduced = columns - by_columns * _scales(self.logs, self.model.of_columns)
         by_errors = errors.reshape(k, -1) @ carried.T
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
 
-def open_parts(model: MixedModel) -> list[tuple[str, str]]:
-    """Cameras and fields of `Noise` whose sigmas are open, in the order of the logarithms."""
-    return sorted(key for key in model.parts if key[1] != STATED)
-
-
-def sigma_count(model: MixedModel) -> int:
-    """How many sigmas are open: of `open_parts`, of robots' stops in pairs, of jitter, of what stops have in common."""
-    pairs = 2 * len(model.robots)
-    return len(open_parts(model)) + pairs + len(model.shaken) + (pairs if model.common.any() else 0)
-
-
-def sigmas_of(model: MixedModel, robot: str) -> slice:
-    """Where the two sigmas of a robot's single stops stand among the logarithms."""
-    at = len(open_parts(model)) + 2 * model.robots.index(robot)
-    return slice(at, at + 2)
-
-
 def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
-    of_columns, of_errors = _which(model, len(open_parts(model)))
-    b, q, m = *of_errors.shape, len(model.prior)
+    b, q, m = *model.of_errors.shape, len(model.prior)
     blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.zeros(b), np.empty((m, m)))
     known = columns_given(model, logs, blocks)
     # Of the errors there follow those where the columns are zero, and what these move them by.
-    u, at = _scales(logs, of_errors), known.mean * _scales(logs, of_columns)
+    u, at = _scales(logs, model.of_errors), known.mean * _scales(logs, model.of_columns)
     by_columns = sum(w * (model.parts[key].errors_fixed @ at) for key, w in _weights(model, logs).items())
     errors = -(blocks.alone + (blocks.own @ (u * by_columns)[..., None])[..., 0])
-    return Posterior(model, logs, known.value, of_columns, of_errors, known.mean, errors, known.spread, blocks)
+    return Posterior(model, logs, known.value, known.mean, errors, known.spread, blocks)
 
 
 def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], float]:
     """Of each part, by the sigma that it goes by; 1 where that is stated."""
-    keys = open_parts(model)
-    return dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * v)) for k, v in zip(keys, logs, strict=False)}
+    return dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * logs[at])) for k, at in model.sigmas.views.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,12 +241,12 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
         logs: The logarithms.
         blocks: Filled with what is known of the errors in blocks, where that is asked for.
     """
-    keys = open_parts(model)
     weights = _weights(model, logs)
-    of_columns, of_errors = _which(model, len(keys))
-    x, u = _scales(logs, of_columns), _scales(logs, of_errors)
+    x, u = _scales(logs, model.of_columns), _scales(logs, model.of_errors)
     cost, fixed, fixed_fixed = _weighed(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
-    value = sum(2 * model.parts[k].count * v for k, v in zip(keys, logs, strict=False)) + cost + model.prior_cost
+    value = (
+        sum(2 * model.parts[key].count * logs[at] for key, at in model.sigmas.views.items()) + cost + model.prior_cost
+    )
     m = len(x)
     explained, by_errors = np.zeros((m, m)), np.zeros(m)
     for here in chunks(len(u), u.shape[1], m):
@@ -308,13 +284,6 @@ def _lost(matrices: Array) -> Array | None:
     return np.where(large, _ROUNDING * size, 0.0) if large.any() else None
 
 
-def _which(model: MixedModel, first: int) -> tuple[IntArray, IntArray]:
-    """Of each column and each error, which logarithm is that of its sigma; -1 where none is open."""
-    shift = np.where(model.common, 2 * len(model.robots) + len(model.shaken), 0)
-    columns = np.where(model.column_robot >= 0, first + model.column_robot + shift, -1)
-    return columns, np.where(model.error_robot >= 0, first + model.error_robot, -1)
-
-
 def _scales(logs: Array, which: IntArray) -> Array:
     scales: Array = np.exp(np.append(logs, 0.0))[which]  # -1 is the last
     return scales
@@ -347,7 +316,7 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
 
 def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, across: Array, covariance: Array) -> float:
     """What is expected to come to that by the errors of some blocks, given all data."""
-    x, u = _scales(posterior.logs, posterior.of_columns), _scales(posterior.logs, posterior.of_errors[here])
+    x, u = _scales(posterior.logs, posterior.model.of_columns), _scales(posterior.logs, posterior.model.of_errors[here])
     by_x = (across.reshape(-1, len(x)) * x).reshape(across.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
     by_u = np.vdot(u, np.vecdot(part.errors_errors[here], u[:, None, :] * covariance))
@@ -356,7 +325,7 @@ def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, across:
 
 def _at_mean(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:
     """A part's squares at unit sigma at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
-    x, u = _scales(posterior.logs, posterior.of_columns), _scales(posterior.logs, posterior.of_errors)
+    x, u = _scales(posterior.logs, posterior.model.of_columns), _scales(posterior.logs, posterior.model.of_errors)
     at_x, at_u = posterior.mean_columns * x, posterior.mean_errors * u
     by_x = part.fixed_fixed @ at_x + at_u.ravel() @ part.errors_fixed.reshape(-1, len(x))
     by_u = part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]

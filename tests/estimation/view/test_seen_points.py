@@ -1,0 +1,70 @@
+"""Points seen one by one: what is said of them alike in pixels and in 3-D."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.geometry import SE3, Camera
+
+LENS = Camera("pinhole", [500.0, 510.0, 320.0, 240.0])
+SEEN = np.array([[True, True, True, True], [True, False, True, True]])
+STATED = SEEN * np.array([4.0, 0.0, 2.0, 0.0])
+AT = SE3.from_rotvec([[0.1, 0.0, 0.2], [0.0, -0.3, 0.1]], [[0.0, 0.1, 2.0], [0.1, 0.0, 3.0]])
+
+
+@pytest.fixture(params=["pixel_px", "point_m"])
+def measurement(request, rng):
+    """Two views of four points, off by random numbers, of which one was not seen and two state a sigma."""
+    points, weight = 0.3 * rng.normal(size=(4, 3)), np.where(SEEN, np.where(STATED > 0, STATED, 3.0), 0.0)
+    in_camera = AT.rotation[:, None] @ points[..., None]
+    in_camera = in_camera[..., 0] + AT.translation[:, None]
+    kind, exact = (
+        (PixelMeasurement, LENS.project(in_camera)) if request.param == "pixel_px" else (PointMeasurement, in_camera)
+    )
+    return kind(points, exact + rng.normal(size=exact.shape), SEEN, STATED, weight)
+
+
+def test_derivatives_are_those_of_the_residuals(measurement):
+    """By the place of a point, by differences; residuals are the same as those of poses."""
+    places = measurement.in_camera(AT)
+    off, by_point, by_lens = measurement.with_derivatives(places, LENS, False)
+    np.testing.assert_allclose(off, measurement.residuals(AT, LENS), atol=1e-9)
+    assert by_lens is None
+    for axis in range(3):
+        shift = 1e-6 * np.eye(3)[axis]
+        ahead, behind = (measurement.with_derivatives(places + s, LENS, False)[0] for s in (shift, -shift))
+        np.testing.assert_allclose(by_point[..., axis], (ahead - behind) / 2e-6, rtol=1e-6, atol=1e-6)
+
+
+def test_squares_are_of_points_without_a_sigma(measurement):
+    """By the sigma in use; what was not seen counts nothing."""
+    off = measurement.residuals(AT, LENS)
+    expected = sum(9.0 * np.sum(off[v, p] ** 2) for v in range(2) for p in range(4) if SEEN[v, p] and not STATED[v, p])
+    assert measurement.squares(AT, LENS) == {measurement.noise_field: pytest.approx(expected)}
+    free, all_seen = measurement.coordinates * 3, measurement.coordinates * 7
+    assert measurement.counts() == {"stated": all_seen - free, measurement.noise_field: free}
+
+
+def test_masked_points_were_never_seen(measurement):
+    """They state nothing and weigh nothing; where all are kept nothing changes."""
+    kept = np.ones((2, 4), dtype=bool)
+    assert measurement.masked(kept) is measurement
+    kept[0, 2] = False
+    fewer = measurement.masked(kept)
+    np.testing.assert_array_equal(fewer.seen, SEEN & kept)
+    np.testing.assert_array_equal([fewer.stated, fewer.weight], np.where(kept, [STATED, measurement.weight], 0.0))
+    assert fewer.point_counts().tolist() == [3, 3]
+
+
+def test_what_states_no_sigma_any_more_keeps_its_weight(measurement):
+    """Of points in space; pixels keep how they compare, 1 for those that stated none."""
+    silent = replace(measurement, stated=STATED).without_sigmas()
+    assert not silent.stated.any()
+    np.testing.assert_array_equal(silent.weight, measurement.weight)
+    if isinstance(silent, PixelMeasurement):
+        np.testing.assert_allclose(silent.relative, np.where(STATED > 0, STATED / 3.0, 1.0))
