@@ -76,4 +76,4 @@ def test_points_turned_and_then_moved_are_in_the_camera():
     whole = bearings(3)
     turned = whole.turned(poses)
     np.testing.assert_allclose(turned, np.moveaxis(POINTS @ poses.rotation.mT, -1, 0), rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(whole.moved(poses, turned), whole.in_camera(poses))
+    np.testing.assert_array_equal(whole.translate(poses, turned), whole.in_camera(poses))

@@ -218,11 +218,13 @@ class Chain:
         return self.target_from_camera.inverse()
 
     def frames(self, group: ViewGroup) -> Iterator[tuple[str, float, SE3 | None]]:
-        """Each transform that the views of the group depend on: its name, sign and place, as in `Link`."""
+        """Each transform that the views depend on, from camera to target: its name, sign and place, as in `Link`."""
+        (eye, hand), (at_eye, at_hand) = group.ends, self.ends
+        yield eye.mount, at_eye.sign, at_eye.target_from_carried
         for end, link in zip(group.ends, self.ends, strict=True):
-            yield end.mount, link.sign, link.target_from_carried
             if end.base is not None:
                 yield end.base, link.sign, link.target_from_base
+        yield hand.mount, at_hand.sign, at_hand.target_from_carried
 
 
 def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
