@@ -41,6 +41,7 @@ SOLVING_STAGES = (
     Stage("conventions", solving.screen_conventions),
     Stage(None, solving.leave_outliers_out),
     Stage(None, solving.widen_lenses),
+    Stage("noise", solving.integrate_noise),
 )
 JUDGING_STAGES = (
     Stage(None, solving.refuse_unexplained),

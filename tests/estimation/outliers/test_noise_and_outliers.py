@@ -44,7 +44,6 @@ def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explain
     exact = RobustSolution(plain, (), plain.problem.with_groups(()), 8, 0, (2, 5)) if given else None
     monkeypatch.setattr(noise_and_outliers, "is_as_of_arms", lambda solution: as_of_arms)
     monkeypatch.setattr(noise_and_outliers, "with_noise", lambda solution, *given: solution)
-    monkeypatch.setattr(noise_and_outliers, "integrated", lambda solution: solution)
     monkeypatch.setattr(
         noise_and_outliers,
         "_judged",

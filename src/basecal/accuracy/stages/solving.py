@@ -12,7 +12,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, integrated, solve_packed
 
 
 def solve_all(case: Case) -> Case:
@@ -54,6 +54,12 @@ def widen_lenses(case: Case) -> Case:
     """Estimate stated lenses with errors as large as the data show."""
     assert case.robust is not None
     return replace(case, robust=with_likely_lenses(case.robust, case.cell, case.settings))
+
+
+def integrate_noise(case: Case) -> Case:
+    """Integrate the covariance over all that unstated sigmas may be."""
+    assert case.robust is not None
+    return replace(case, robust=replace(case.robust, solution=integrated(case.solution)))
 
 
 def is_explained(case: Case) -> bool:

@@ -11,14 +11,17 @@ from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.stated_lens import is_stated, likely_sigmas
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, integrated, solve_from
+from basecal.estimation.solve import Solution, solve_from
 
 _ROUNDS = 4  # of errors of lenses and noise in turn; two settle most
 _SETTLED = 1.2  # factor of a sigma, which changes no answer
 
 
 def with_likely_lenses(robust: RobustSolution, cell: Cell, settings: Settings) -> RobustSolution:
-    """The solution with the errors of stated lenses estimated, where these are larger than usual."""
+    """The solution with the errors of stated lenses estimated, where these are larger than usual.
+
+    Its covariance is that at the most likely sigmas.
+    """
     solution = robust.solution
     for _ in range(_ROUNDS):
         wider = _wider_lenses(solution, cell)
@@ -44,5 +47,5 @@ def _solved_again(solution: Solution, lenses: dict[str, Intrinsics], settings: S
     opened = replace(solution.problem, lenses=lenses, held=False)
     if settings.robot_noise == "stated":
         return solve_from(opened, solution.state, settings, solution.findings)
-    found = integrated(with_noise(replace(solution, problem=opened), settings))
+    found = with_noise(replace(solution, problem=opened), settings, near=solution)
     return replace(found, problem=replace(found.problem, held=True))

@@ -10,7 +10,7 @@ from basecal.cell import Cell
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.outliers.robust_solve import RobustSolution, judged_again, solve_robustly
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, integrated, solve_at_mode, solve_from
+from basecal.estimation.solve import Solution, solve_at_mode, solve_from
 from basecal.estimation.view.measurement import Noise
 
 _PASSES = 3
@@ -46,7 +46,7 @@ def is_as_of_arms(solution: Solution) -> bool:
 def solve_with_noise(
     cell: Cell, settings: Settings, plain: Solution, noisy: Solution, exact: RobustSolution | None = None
 ) -> RobustSolution:
-    """The solution of all but the gross outliers, with sigmas for what states none.
+    """The solution of all but the gross outliers, with the most likely sigmas for what states none.
 
     Noise is estimated of all views first: outliers make it larger, yet stand out among the others. What is left tells
     the noise again, by which all views are judged anew, until none changes sides. Where the first noise is more than
@@ -68,8 +68,6 @@ def solve_with_noise(
             break
         before = robust
         solution = with_noise(robust.solution, settings, solution)
-    with settings.stage("noise"):
-        solution = integrated(solution)
     held = replace(solution.problem, held=True)
     # Where no arm's noise explains the views, those that alone close the loops of exact robots say more.
     agreeing = robust.agreeing if is_as_of_arms(solution) or exact is None else robust.agreeing or exact.agreeing
