@@ -50,7 +50,13 @@ def drawn(size: float, camera: Camera) -> Camera:
 
 EFFECT = Effect(
     "distortion",
-    lens=LensParameter(slice(4, None), usual, "assumed: as much at the corner as the principal point is off", words),
+    lens=LensParameter(
+        slice(4, None),
+        usual,
+        "assumed: as much at the corner as the principal point is off",
+        words,
+        is_each_alone=True,  # a lens that is stated without distortion lacks its first term most
+    ),
     fault=SimulatedFault("distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", draw_lens=drawn),
     absent={
         "random": "a lens is the same in all views",

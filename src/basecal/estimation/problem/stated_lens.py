@@ -60,6 +60,10 @@ def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
 
 def _expected_variances(squares: Array) -> Array:
     """Of the errors in units of the usual sigmas, (4 + k,), from their expected squares; at least 1."""
-    blocks = (squares[part.where] for part in LENS_PARAMETERS.values())
-    ratios = [np.full(len(of), (_FREEDOMS + of.sum()) / (_FREEDOMS + len(of))) for of in blocks]
+    ratios = []
+    for part in LENS_PARAMETERS.values():
+        of = squares[part.where]
+        of = of if part.is_each_alone else np.full(len(of), of.mean())
+        freedoms = 1 if part.is_each_alone else len(of)
+        ratios.append((_FREEDOMS + freedoms * of) / (_FREEDOMS + freedoms))
     return np.asarray(np.maximum(np.concatenate(ratios), 1.0))
