@@ -26,7 +26,7 @@ def test_only_fixed_frames_are_candidates():
 
 @pytest.mark.parametrize(
     ("turn_rad", "verdict", "codes"),
-    [(0.0, "good", []), (1e-3, "doubtful", ["fixed-contradicted"]), (1e-2, "refused", ["fixed-contradicted"])],
+    [(0.0, "good", []), (1.5e-3, "doubtful", ["fixed-contradicted"]), (1e-2, "refused", ["fixed-contradicted"])],
 )
 def test_a_wrong_mount_is_named(turn_rad, verdict, codes):
     """As itself, not as what moves the data nearly alike; a right one is not accused, a grossly wrong one refused."""

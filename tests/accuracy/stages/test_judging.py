@@ -22,7 +22,7 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     """If any is too small: the solution with the sigmas as they were stated."""
     given = []
     robust = SimpleNamespace(solution="without them")
-    contradicted = tuple(SimpleNamespace(too_small=each) for each in small)
+    contradicted = tuple(SimpleNamespace(is_too_small=each) for each in small)
     monkeypatch.setattr(judging, "contradicted_sigmas", lambda solution: contradicted)
     monkeypatch.setattr(judging, "without_contradicted", lambda *words: robust)
     monkeypatch.setattr(judging, "systematic_error", lambda *words: given.append(words) or "found")

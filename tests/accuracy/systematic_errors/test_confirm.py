@@ -9,7 +9,7 @@ from tests.ends import end, views
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors import confirm
-from basecal.accuracy.systematic_errors.confirm import _gain, _in_configuration, _in_time, confirmed
+from basecal.accuracy.systematic_errors.confirm import HeldOut, _gain, _in_configuration, _in_time
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
@@ -37,7 +37,7 @@ def test_lengths_that_are_off_predict_held_out_blocks(factor):
     """One per cent is confirmed, whichever way."""
     of = situation(factor)
     (scale,) = [c for c in length_scales(of) if c.about == ("hand",)]
-    assert confirmed(of, scale)
+    assert HeldOut(of, of.about).confirms(scale)
 
 
 def test_what_is_in_one_block_is_not_confirmed():
@@ -45,7 +45,7 @@ def test_what_is_in_one_block_is_not_confirmed():
     of = situation(1.0)
     moves = np.zeros((25, 1, 6, 1))
     moves[7, 0, 0, 0] = 1.0
-    assert not confirmed(of, Candidates("", ("hand",), (None,), "", (moves,)))
+    assert not HeldOut(of, of.about).confirms(Candidates("", ("hand",), (None,), "", (moves,)))
 
 
 def test_blocks_in_time_are_fifths():
@@ -94,7 +94,8 @@ def test_the_gain_is_what_held_out_blocks_cost_less():
             hessian, gradient = (by.mT @ views.information @ by), (by.mT @ views.gradient[..., None])[..., 0]
             best = -np.linalg.solve(hessian[used].sum(0), gradient[used].sum(0))
             wanted += sign * float(2 * best @ gradient[held].sum(0) + best @ hessian[held].sum(0) @ best)
-    found = _gain(of, Candidates("", ("camera",), (None,), "", (moves,)), blocks)
+    held_out, error = HeldOut(of, of.about), Candidates("", ("camera",), (None,), "", (moves,))
+    found = sum(_gain(held_out._fold(blocks == block), error) for block in range(3))
     assert found == pytest.approx(wanted, rel=1e-6)
 
 
@@ -103,8 +104,6 @@ def test_the_gain_is_what_held_out_blocks_cost_less():
 ])  # fmt: skip
 def test_blocks_of_both_kinds_have_to_gain(monkeypatch, gains, wanted):
     """Those of time and those of configuration, by however little; nothing is no gain."""
-    by_blocks = dict(zip(("time", "configuration"), gains, strict=True))
-    monkeypatch.setattr(confirm, "_in_time", lambda of: "time")
-    monkeypatch.setattr(confirm, "_in_configuration", lambda of: "configuration")
-    monkeypatch.setattr(confirm, "_gain", lambda of, candidate, blocks: by_blocks[blocks])
-    assert confirmed(None, None) == wanted
+    monkeypatch.setattr(confirm, "_gain", lambda fold, candidate: fold)
+    monkeypatch.setattr(HeldOut, "folds", [(0.25, gain - 0.25) for gain in gains])
+    assert HeldOut(None, None).confirms(None) == wanted

@@ -275,7 +275,7 @@ def suspected(monkeypatch, *kinds):
     }
     monkeypatch.setattr(search, "EFFECTS", effects | {"": SimpleNamespace(candidates=None)})
     monkeypatch.setattr(search, "score", scored)
-    return search._suspects(SimpleNamespace(about=None))
+    return search._suspects(SimpleNamespace(about=None, null_of=lambda effect, about: None))
 
 
 def test_the_least_likely_of_each_code_and_name_is_suspected(monkeypatch):
@@ -324,28 +324,40 @@ def test_three_are_solved_for_at_most(monkeypatch):
 
 def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(None,), size=(0.5,), joint=()):
     candidate = Candidates(code, (about,), (7,), "m", moves, joint)
-    return search._Suspect(code, candidate, np.array(size), len(size), -2 * log_chance, log_chance, several)
+    return search._Suspect(code, candidate, np.array(size), len(size), -2 * log_chance, log_chance, log_chance, several)
 
 
 def surprised(plain, logs=True, equations=(20, 30), width=10):
-    """A solution of such a surprise, with so many equations by group."""
+    """A solution of such a surprise, and of half of it with a random effect, with so many equations by group."""
     groups = [
         SimpleNamespace(measurement=SimpleNamespace(equations=lambda n=n: np.array([n - 1, 1]))) for n in equations
     ]
-    noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain)
+    noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain, surprise=plain / 2)
     return SimpleNamespace(noise=noise, problem=SimpleNamespace(groups=groups, width=width))
 
 
-def test_a_gain_counts_by_the_share_of_equations_that_are_left():
-    """Of fifty equations ten are of unknowns and two of the error: what it gains is a chi-square less 24 %."""
-    of = suspect(size=(0.5, 0.1), several=1.5)
-    found = search._log_chance(of, surprised(130.0), surprised(30.0))
-    assert found == pytest.approx(chi2.logsf(76.0, 2) + 1.5)
-    assert search._log_chance(of, surprised(30.0), surprised(130.0)) == 1.5  # nothing gained
-    assert search._log_chance(of, surprised(130.0, equations=(4, 2)), surprised(30.0)) == 1.5  # nothing left
-    assert search._log_chance(of, surprised(130.0, equations=()), surprised(30.0)) == 1.5
-    for logs in ((True, False), (False, True)):  # noise that was not estimated tells nothing
-        assert search._log_chance(of, surprised(130.0, logs[0]), surprised(30.0, logs[1])) == 0.0
+@pytest.mark.parametrize("name", ["", "smooth"])
+def test_a_gain_counts_by_the_share_of_equations_that_are_left(monkeypatch, name):
+    """Of fifty equations ten are of unknowns and two of the error: what it gains is a chi-square less 24 %.
+
+    By the surprise with the random effect that the error is tested beside, before it is taken out and after.
+    """
+    error = suspect(size=(0.5, 0.1), several=1.5)
+    of = SimpleNamespace(random_effect=lambda effect, about: name)
+    after = {}
+    monkeypatch.setattr(search, "_without", lambda solution, of, error: solution)
+    monkeypatch.setattr(search, "_surprise", lambda solution, name: after[name])
+
+    def chance(before, left, **changed):
+        """That of what is gained from one surprise to another."""
+        after[name] = left / (2 if name else 1)
+        return search._log_chance(of, error, surprised(before, **changed))
+
+    assert chance(130.0, 30.0) == pytest.approx(chi2.logsf(38.0 if name else 76.0, 2) + 1.5)
+    assert chance(30.0, 130.0) == 1.5  # nothing gained
+    assert chance(130.0, 30.0, equations=(4, 2)) == 1.5  # nothing left
+    assert chance(130.0, 30.0, equations=()) == 1.5
+    assert chance(130.0, 30.0, logs=False) == 0.0  # noise that was not estimated tells nothing
 
 
 @dataclass(frozen=True)
@@ -388,7 +400,7 @@ def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_
         noise=SimpleNamespace(held_by=lambda problem: f"held {problem}"), problem="problem", state="state"
     )
     groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
-    of = SimpleNamespace(problem=SimpleNamespace(groups=groups))
+    of = SimpleNamespace(problem=SimpleNamespace(groups=groups), about="plain", null_of=lambda effect, about: "plain")
     found = search._described(of, suspect(code, about=about, joint=(3,)), "before", after)
     assert (found.code, found.about, found.since, found.unit, found.joint) == (code, about, 7, "m", 3)
     assert (found.is_camera, found.is_target) == (is_camera, is_target)
@@ -411,12 +423,12 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
 
     monkeypatch.setattr(search, "_situation", lambda *given: None)
     monkeypatch.setattr(search, "_suspects", lambda of: list(suspects))
-    monkeypatch.setattr(search, "confirmed", lambda of, candidate: candidate.about[0] not in refuted)
+    monkeypatch.setattr(
+        search, "_confirmed_suspects", lambda of, tried: iter([e for e in tried if e.candidate.about[0] not in refuted])
+    )
     monkeypatch.setattr(search, "_without", lambda whole, of, error: SimpleNamespace(name=error.candidate.about[0]))
     monkeypatch.setattr(search, "_solved_again", lambda whole, settings: SimpleNamespace(name=f"{whole.name} again"))
-    monkeypatch.setattr(
-        search, "_log_chance", lambda error, before, after: (gains or {}).get(error.candidate.about[0], 0)
-    )
+    monkeypatch.setattr(search, "_log_chance", lambda of, error, before: (gains or {}).get(error.candidate.about[0], 0))
     monkeypatch.setattr(search, "_described", told)
     monkeypatch.setattr(search, "_tried", lambda of, every: every)
     monkeypatch.setattr(search, "_alternatives", lambda of, chosen, every: ())

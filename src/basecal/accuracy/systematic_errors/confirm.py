@@ -7,37 +7,64 @@ docs/mathematics.md (11.2).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
 import numpy as np
 
 from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_of, sums, weighed
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
-from basecal.geometry import Array, IntArray
+from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import principal_axes
 
 _BLOCKS = 5  # as many as folds of cross-validation
 
 
-def confirmed(situation: Situation, candidate: Candidates) -> bool:
-    """Whether one error predicts held-out blocks better, those of time and those of configuration."""
-    return all(
-        _gain(situation, candidate, blocks) > 0 for blocks in (_in_time(situation), _in_configuration(situation))
-    )
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Blocks of a recording, those of time and those of configuration, each left out of a null model in turn.
+
+    Attributes:
+        situation: The solved problem.
+        model: The null model.
+    """
+
+    situation: Situation
+    model: Linearised
+
+    @cached_property
+    def folds(self) -> tuple[tuple[Fold, ...], ...]:
+        """Of blocks of time, and of blocks of configuration."""
+        both = _in_time(self.situation), _in_configuration(self.situation)
+        return tuple(tuple(self._fold(blocks == block) for block in np.unique(blocks)) for blocks in both)
+
+    def confirms(self, candidate: Candidates) -> bool:
+        """Whether one error predicts held-out blocks better, of either kind."""
+        return all(sum(_gain(fold, candidate) for fold in folds) > 0 for folds in self.folds)
+
+    def _fold(self, held: BoolArray) -> Fold:
+        """The model without some of `samples`, (n,), and of these alone."""
+        outside = [held[self.situation.rank(group)] for group in self.situation.problem.groups]
+        used, left = ([np.where(h, *counts) for h in outside] for counts in ((0.0, 1.0), (1.0, 0.0)))
+        return Fold(weighed(self.model, used), weighed(self.model, left))
 
 
-def _gain(situation: Situation, candidate: Candidates, blocks: IntArray) -> float:
-    """How much less minus twice the log likelihood of held-out samples is, summed over blocks of `samples`, (n,)."""
-    total = 0.0
-    for block in np.unique(blocks):
-        held = blocks == block
-        outside = [held[situation.rank(group)] for group in situation.problem.groups]
-        used = weighed(situation.about, [np.where(h, 0.0, 1.0) for h in outside])
-        left = weighed(situation.about, [np.where(h, 1.0, 0.0) for h in outside])
-        of_used, of_left = sums(used, candidate), sums(left, candidate)
-        size = score_of(used, of_used).size[0]
-        total += _cost(left, of_left, -used.step, np.zeros(len(size)))
-        total -= _cost(left, of_left, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
-    return total
+class Fold(NamedTuple):
+    """A null model by the samples that are used, and by those that are left."""
+
+    used: Linearised
+    left: Linearised
+
+
+def _gain(fold: Fold, candidate: Candidates) -> float:
+    """How much less minus twice the log likelihood of held-out samples is with one error."""
+    used, left = fold
+    of_used, of_left = sums(used, candidate), sums(left, candidate)
+    size = score_of(used, of_used).size[0]
+    without = _cost(left, of_left, -used.step, np.zeros(len(size)))
+    return without - _cost(left, of_left, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
 
 
 def _cost(left: Linearised, of_left: Sums, step: Array, size: Array) -> float:

@@ -1,15 +1,16 @@
 """Score tests at a solution: whether one more unknown would find anything, without solving for it.
 
-With g the gradient and H the information of views, D how they move with the unknowns and E with the error, all that the
-unknowns and the stops' errors can take up projected out, U = E'g - E'HD (D'HD)^+ D'g has the covariance
-P = E'HE - E'HD (D'HD)^+ D'HE, and U'P^-1 U is chi-square where there is no such error. Source: Rao 1948;
+With g the gradient and H the information of views, the errors of single stops eliminated, D how they move with the
+unknowns and with the random effects that stops share, in their sigmas, I their prior, and E with the error,
+U = E'g - E'HD (D'HD + I)^+ D'g has the covariance P = E'HE - E'HD (D'HD + I)^+ D'HE, and U'P^-1 U is chi-square where
+there is no such error: the null model's covariance has all its random effects in it. Source: Rao 1948;
 docs/mathematics.md (11.1).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from basecal.effects.faces.candidates import Candidates
+from basecal.effects.faces.views import Moves
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,
@@ -71,12 +73,14 @@ def log_chance_of(statistic: float, freedoms: int) -> float:
 class Linearised:
     """A problem to second order about a state: views that count as weighed, and their sums with stops eliminated.
 
+    Its columns are the p unknowns, then the random effects that stops share, in their sigmas.
+
     Attributes:
         problem: The problem.
         state: The state.
         views: By group.
-        gradient: (p,) of the unknowns.
-        hessian: (p, p).
+        gradient: (c,) of the columns.
+        hessian: (c, c).
         system: The stops that views share, solved; None without any.
     """
 
@@ -89,17 +93,17 @@ class Linearised:
 
     @cached_property
     def inverse(self) -> Array:
-        """(p, p) of the hessian, zero along directions without information."""
+        """(c, c) of the hessian, zero along directions without information."""
         return spectrum(self.hessian).inverse
 
     @cached_property
     def step(self) -> Array:
-        """(p,) the inverse times the gradient."""
+        """(c,) the inverse times the gradient."""
         return np.asarray(self.inverse @ self.gradient)
 
 
 class Sums(NamedTuple):
-    """Of candidates: gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q)."""
+    """Of candidates: gradient (b, q), information with the columns (b, q, c) and with one another (b, q, q)."""
 
     gradient: Array
     across: Array
@@ -112,16 +116,44 @@ def linearised(problem: Problem, state: State) -> Linearised:
     return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
 
 
+def with_random_effects(model: Linearised, moves: Moves) -> Linearised:
+    """The same with random effects among its columns.
+
+    Args:
+        model: The model.
+        moves: By group, (n, 6, r) right tangents of `camera_from_target` by one sigma of each effect.
+    """
+    count = next((m.shape[-1] for m in moves if m is not None), 0)
+    if not count:
+        return model
+    more = len(model.gradient) + np.arange(count)
+    views = (of if m is None else _with_columns(of, m, more) for of, m in zip(model.views, moves, strict=True))
+    return _sum_views(model.problem, model.state, tuple(views), len(model.gradient) + count)
+
+
+def _with_columns(views: LinearisedViews, moves: Array, more: IntArray) -> LinearisedViews:
+    """Views that move with more columns, which have no effect on the lens."""
+    *shape, rows, _ = views.by_unknowns.shape
+    padded = np.zeros((*shape, rows, len(more)))
+    padded[..., :6, :] = moves
+    by_columns = np.concatenate([views.by_unknowns, padded], axis=-1)
+    return replace(views, by_unknowns=by_columns, columns=np.append(views.columns, more))
+
+
 def weighed(model: Linearised, weights: Sequence[Array]) -> Linearised:
     """The same with views that count otherwise; `weights` by group, (n,)."""
-    width = model.problem.width
-    gradient, hessian = np.zeros(width), np.zeros((width, width))
-    for residual, jacobian, where in prior_residuals(model.problem, model.state):
+    views = tuple(each.weighted(weight) for each, weight in zip(model.views, weights, strict=True))
+    return _sum_views(model.problem, model.state, views, len(model.gradient))
+
+
+def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...], width: int) -> Linearised:
+    """Sums over views of so many columns, random effects of unit variance behind the unknowns."""
+    gradient, hessian = np.zeros(width), np.diag(np.repeat([0.0, 1.0], [problem.width, width - problem.width]))
+    for residual, jacobian, where in prior_residuals(problem, state):
         gradient[where] += jacobian.T @ residual
         hessian[where, where] += jacobian.T @ jacobian
-    shared = model.problem.shared_stops >= 0
-    stops = SchurAccumulator(model.state.stop_errors[shared], width)
-    views = tuple(each.weighted(weight) for each, weight in zip(model.views, weights, strict=True))
+    shared = problem.shared_stops >= 0
+    stops = SchurAccumulator(state.stop_errors[shared], width)
     for each in views:
         stops.add(each.shared, each.gradient, each.information, each.by_unknowns, each.columns)
         flat = each.by_unknowns.reshape(-1, len(each.columns))
@@ -131,7 +163,7 @@ def weighed(model: Linearised, weights: Sequence[Array]) -> Linearised:
     system = stops.solve() if shared.any() else None
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)
-    return Linearised(model.problem, model.state, views, gradient, hessian, system)
+    return Linearised(problem, state, views, gradient, hessian, system)
 
 
 def score(model: Linearised, candidates: Candidates) -> Score:
@@ -142,7 +174,7 @@ def score(model: Linearised, candidates: Candidates) -> Score:
 def score_of(model: Linearised, known: Sums) -> Score:
     """As `score`, from sums that are known."""
     gradient, across, information = known
-    tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the unknowns of a few
+    tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the columns of a few
     across = across[..., tied]
     gradient = gradient - across @ model.step[tied]
     left = information - across @ model.inverse[np.ix_(tied, tied)] @ across.mT
@@ -154,10 +186,10 @@ def score_of(model: Linearised, known: Sums) -> Score:
 
 
 def sums(model: Linearised, candidates: Candidates) -> Sums:
-    """Gradient (b, q), information with the unknowns (b, q, p) and with one another (b, q, q), stops eliminated."""
+    """Gradient (b, q), information with the columns (b, q, c) and with one another (b, q, q), stops eliminated."""
     b, q = len(candidates.about), candidates.sizes
     gradient, information = np.zeros((b, q)), np.zeros((b, q, q))
-    across = np.zeros((b, q, model.problem.width))
+    across = np.zeros((b, q, len(model.gradient)))
     system = model.system
     tied = np.zeros((0 if system is None else len(system.precision), 6, b, q))
     for views, moves in zip(model.views, candidates.moves, strict=True):

@@ -6,20 +6,22 @@ Score tests find; only what they find is solved for, with noise estimated anew, 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
-from basecal.accuracy.systematic_errors.confirm import confirmed
-from basecal.accuracy.systematic_errors.score_tests import linearised, log_chance_of, score, sums
+from basecal.accuracy.systematic_errors.confirm import HeldOut
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, log_chance_of, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found import FoundEffect
-from basecal.effects.registry import EFFECTS
+from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS
+from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
+from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
@@ -44,6 +46,7 @@ class _Suspect:
         freedoms: How many of its sizes the data tell.
         statistic: Its chi-square.
         log_chance: Logarithm of the chance that any of its code has such a score.
+        screened: The same, or less where stops share no errors, whose sigmas may hold the error itself.
         several: Logarithm of how many these are.
     """
 
@@ -53,6 +56,7 @@ class _Suspect:
     freedoms: int
     statistic: float
     log_chance: float
+    screened: float
     several: float
 
     @property
@@ -91,7 +95,7 @@ def systematic_error(
             return found
     situation = _situation(solution, recorded, stamps)
     every = _suspects(situation)
-    suspects = [suspect for suspect in _tried(situation, every) if confirmed(situation, suspect.candidate)]
+    suspects = list(_confirmed_suspects(situation, _tried(situation, every)))
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
         certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
@@ -101,11 +105,11 @@ def systematic_error(
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
     # A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
-    after = [_solved_again(_without(solution, situation, each), settings) for each in suspects]
-    chances = [min(s.log_chance, _log_chance(s, before, each)) for s, each in zip(suspects, after, strict=True)]
+    chances = [min(each.log_chance, _log_chance(situation, each, before)) for each in suspects]
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
     is_certain = bool(chances[k] < np.log(CONFIRMED_SIGNIFICANCE))
-    described = _described(situation, suspects[k], solution, after[k])
+    after = _solved_again(_without(solution, situation, suspects[k]), settings)
+    described = _described(situation, suspects[k], solution, after)
     return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
 
 
@@ -126,15 +130,13 @@ def running_error(solution: Solution, stamps: Mapping[int, float], settings: Set
         return None
     situation = _situation(solution, solution.problem, stamps)
     every = _suspects(situation)
-    tried = (suspect for suspect in _tried(situation, every) if confirmed(situation, suspect.candidate))
-    suspect = next(tried, None)
+    suspect = next(_confirmed_suspects(situation, _tried(situation, every)), None)
     if suspect is None:
         return None
     least = np.log(CONFIRMED_SIGNIFICANCE)
     is_certain = suspect.log_chance < least
     if not is_certain:
-        after = _solved_again(_without(solution, situation, suspect), settings)
-        is_certain = _log_chance(suspect, solution, after) < least
+        is_certain = _log_chance(situation, suspect, solution) < least
     alternatives = _alternatives(situation, suspect, every)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
@@ -145,18 +147,28 @@ def _reconciling(
     """The error without which the residuals are as stated after all; None where none does that."""
     situation = _situation(as_stated, recorded, stamps)
     every = _suspects(situation)
-    for suspect in _tried(situation, every):
-        if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE) and confirmed(situation, suspect.candidate):
-            moved = _without(as_stated, situation, suspect).problem
-            after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
-            if not any(each.is_too_small for each in contradicted_sigmas(after)):
-                described = _described(situation, suspect, solution, after)
-                return replace(described, alternatives=_alternatives(situation, suspect, every))
+    certain = (each for each in _tried(situation, every) if each.log_chance < np.log(CONFIRMED_SIGNIFICANCE))
+    for suspect in _confirmed_suspects(situation, certain):
+        moved = _without(as_stated, situation, suspect).problem
+        after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
+        if not any(each.is_too_small for each in contradicted_sigmas(after)):
+            described = _described(situation, suspect, solution, after)
+            return replace(described, alternatives=_alternatives(situation, suspect, every))
     return None
 
 
 def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float]) -> Situation:
-    return Situation(solution.noise.held_by(solution.problem), solution.state, recorded, stamps)
+    return Situation(solution.noise.held_by(solution.problem), solution.state, recorded, stamps, solution.noise)
+
+
+def _null_of(situation: Situation, suspect: _Suspect) -> Linearised:
+    return situation.null_of(suspect.effect, suspect.candidate.about[0])
+
+
+def _confirmed_suspects(situation: Situation, suspects: Iterable[_Suspect]) -> Iterator[_Suspect]:
+    """The suspects with which held-out blocks are predicted better."""
+    held_out = {model: HeldOut(situation, model) for model in (situation.about, situation.null)}
+    return (each for each in suspects if held_out[_null_of(situation, each)].confirms(each.candidate))
 
 
 def _without(solution: Solution, situation: Situation, suspect: _Suspect) -> Solution:
@@ -179,22 +191,25 @@ def _suspects(situation: Situation) -> list[_Suspect]:
     unlikely = []
     for name, kind in _candidates(situation):
         tests[kind.code] += len(kind.about)
-        scores = score(situation.about, kind)
-        for b in map(int, np.flatnonzero(scores.log_chance < np.log(_SUSPECT))):
-            alone = float(scores.log_chance[b])
-            freedoms, statistic = int(scores.freedoms[b]), float(scores.statistic[b])
-            unlikely.append(_Suspect(name, kind.only(b), scores.size[b], freedoms, statistic, alone, 0.0))
-    found: dict[tuple[str, str], tuple[float, _Suspect]] = {}
+        null = situation.null_of(name, kind.about[0])
+        scores = score(null, kind)
+        chances = screened = scores.log_chance
+        if null is not situation.about:
+            screened = np.minimum(chances, score(situation.about, kind).log_chance)
+        for b in map(int, np.flatnonzero(screened < np.log(_SUSPECT))):
+            found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
+            unlikely.append(_Suspect(name, kind.only(b), scores.size[b], *found, 0.0))
+    likeliest: dict[tuple[str, str], tuple[float, _Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
         several = float(np.log(tests[code]))
-        if suspect.log_chance + several >= np.log(_SUSPECT):
+        if suspect.screened + several >= np.log(_SUSPECT):
             continue
         rank = suspect.log_chance + _COST * several
-        if (code, name) not in found or rank < found[code, name][0]:
+        if (code, name) not in likeliest or rank < likeliest[code, name][0]:
             chance = suspect.log_chance + several
-            found[code, name] = rank, replace(suspect, log_chance=chance, several=several)
-    ranked = sorted(found.values(), key=lambda each: round(each[0], _RANK_DIGITS))
+            likeliest[code, name] = rank, replace(suspect, log_chance=chance, several=several)
+    ranked = sorted(likeliest.values(), key=lambda each: round(each[0], _RANK_DIGITS))
     return [suspect for _, suspect in ranked]
 
 
@@ -221,11 +236,14 @@ def _alternatives(situation: Situation, chosen: _Suspect, suspects: Sequence[_Su
 
 def _left(situation: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
     """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.3)."""
+    nulls = [_null_of(situation, each) for each in (suspect, other)]
+    null = situation.about if situation.about in nulls else situation.null
     first, second = suspect.candidate, other.candidate
     pairs = zip(first.moves, second.moves, strict=True)
     moves = tuple(_beside(pair, (first.sizes, second.sizes)) for pair in pairs)
-    together = score(situation.about, Candidates("", ("",), (None,), "", moves))
-    return max(float(together.statistic[0]) - other.statistic, 0.0), int(together.freedoms[0]) - other.freedoms
+    together, alone = score(null, Candidates("", ("",), (None,), "", moves)), score(null, second)
+    left = float(together.statistic[0] - alone.statistic[0])
+    return max(left, 0.0), int(together.freedoms[0] - alone.freedoms[0])
 
 
 def _beside(pair: tuple[Array | None, Array | None], sizes: tuple[int, int]) -> Array | None:
@@ -244,29 +262,47 @@ def _candidates(situation: Situation) -> Iterator[tuple[str, Candidates]]:
             yield name, kind
 
 
-def _log_chance(suspect: _Suspect, before: Solution, after: Solution) -> float:
+def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> float:
     """Logarithm of the chance of what the error gains in likelihood, the noise estimated anew.
 
     Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain;
-    where few residuals tell the noise, chance makes the gain larger by the share of unknowns (Bartlett 1937).
+    where few residuals tell the noise, chance makes the gain larger by the share of unknowns (Bartlett 1937). All else
+    is to second order about the solution.
     """
-    if before.noise.logs is None or after.noise.logs is None:
+    if solution.noise.logs is None:
         return 0.0
-    equations = sum(int(group.measurement.equations().sum()) for group in before.problem.groups)
-    left = 1 - (before.problem.width + suspect.freedoms) / max(equations, 1)
-    gain = max(before.noise.plain_surprise - after.noise.plain_surprise, 0.0) * max(left, 0.0)
+    equations = sum(int(group.measurement.equations().sum()) for group in solution.problem.groups)
+    left = 1 - (solution.problem.width + suspect.freedoms) / max(equations, 1)
+    name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
+    before = solution.noise.surprise if name else solution.noise.plain_surprise
+    gain = max(before - _surprise(_without(solution, situation, suspect), name), 0.0) * max(left, 0.0)
     return log_chance_of(gain, suspect.freedoms) + suspect.several
+
+
+def _surprise(solution: Solution, name: str) -> float:
+    """Minus twice the log of the evidence about a state with the random effect of a name; without any if ""."""
+    problem, noise = solution.problem, solution.noise
+    if not name:
+        return sigmas_with(problem, solution.state, noise).surprise
+    effect = RANDOM_EFFECTS[name]
+    found = {robot: shared_errors(effect, problem, robot) for robot in open_robots(problem)}
+    shared = {robot: errors for robot, errors in found.items() if errors is not None}
+    start = replace(noise, logs=noise.logs_by_model[name])
+    return sigmas_with(problem, solution.state, start, shared, effect.expected).surprise
 
 
 def _described(situation: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
     """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
     again = score(linearised(after.noise.held_by(after.problem), after.state), suspect.candidate)
-    return _named(situation, suspect, suspect.size + again.size[0], again.information[0], solution_step(before, after))
+    null = _null_of(situation, suspect)
+    known = again if null is situation.about else score(null, suspect.candidate)
+    return _named(situation, suspect, suspect.size + again.size[0], known.information[0], solution_step(before, after))
 
 
 def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
     """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
-    found, across = score(situation.about, suspect.candidate), sums(situation.about, suspect.candidate).across[0]
+    found = score(_null_of(situation, suspect), suspect.candidate)
+    across = sums(situation.about, suspect.candidate).across[0]
     return _named(
         situation, suspect, found.size[0], found.information[0], -situation.about.inverse @ across.T @ found.size[0]
     )

@@ -8,8 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.null_model import null_model
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised
 from basecal.effects.faces.views import Group
+from basecal.effects.registry import RANDOM_EFFECTS
+from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Chain, Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
@@ -32,17 +35,37 @@ class Situation:
         state: Its optimum.
         recorded: The problem as it was recorded, outliers among it.
         stamps: Time of each sample by number [s]; of those that have one.
+        noise: The noise in use; stops share no errors if None.
     """
 
     problem: Problem
     state: State
     recorded: Problem
     stamps: Mapping[int, float]
+    noise: NoiseEstimate | None = None
 
     @cached_property
     def about(self) -> Linearised:
-        """The problem about its state."""
+        """The problem about its state, of which the answer follows."""
         return linearised(self.problem, self.state)
+
+    @cached_property
+    def null(self) -> Linearised:
+        """The same with the random effects that stops share, against which effects are tested."""
+        if self.noise is None or self.noise.beside_common is None:
+            return self.about
+        return null_model(self.problem, self.state, self.noise, self.flange_jacobian)
+
+    def random_effect(self, effect: str, about: str) -> str:
+        """The random effect in the null model of an effect about something; "" if the two are the same one."""
+        for name, robots in {} if self.noise is None else self.noise.common.items():
+            if about not in robots or effect not in RANDOM_EFFECTS[name].replaced_by:
+                return name
+        return ""
+
+    def null_of(self, effect: str, about: str) -> Linearised:
+        """The null model of an effect, which is never unknown and random at once."""
+        return self.null if self.random_effect(effect, about) else self.about
 
     @cached_property
     def links(self) -> tuple[Chain, ...]:

@@ -52,6 +52,7 @@ class NoiseEstimate:
         logs_by_model: Likewise of each model of what stops have in common, where the sigmas were integrated over.
         robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
         jitter_s: Of stamps of cameras that state none [s].
+        beside_common: The sigmas of single stops and of views beside those in `common`; None without any.
     """
 
     noise: Noise
@@ -69,6 +70,7 @@ class NoiseEstimate:
     logs_by_model: Mapping[str, Array] = field(default_factory=dict)
     robot_variances: Mapping[str, Array] = field(default_factory=dict)
     jitter_s: Mapping[str, float] = field(default_factory=dict)
+    beside_common: NoiseEstimate | None = None
 
     def held_by(self, problem: Problem) -> Problem:
         """The problem with these sigmas, held, and targets shaped so."""

@@ -184,10 +184,13 @@ def integrate_sigmas(
     counted = [of for name, of in models.items() if name or not is_sure]
     with np.errstate(all="ignore"):
         covariance = integrated_covariance(counted, np.zeros(problem.width), is_quick)
-    best = models[likeliest]
-    common = {likeliest: _sigmas(best, problem).common} if likeliest else {}
-    logs = {name: of.logs for name, of in models.items()}
-    return replace(noise, common=common, covariance=covariance, surprise=best.surprise, logs_by_model=logs)
+    best, logs = models[likeliest], {name: of.logs for name, of in models.items()}
+    found = replace(noise, covariance=covariance, surprise=best.surprise, logs_by_model=logs)
+    if not likeliest:
+        return replace(found, common={}, beside_common=None)
+    sigmas = _sigmas(best, problem)
+    beside = replace(noise, robots=sigmas.robots, cameras=sigmas.cameras, jitter_s=sigmas.jitter_s)
+    return replace(found, common={likeliest: sigmas.common}, beside_common=beside)
 
 
 def sigma_models(
@@ -215,15 +218,19 @@ def sigma_models(
 
 
 def sigmas_with(
-    problem: Problem, state: State, noise: NoiseEstimate, shared: Mapping[str, SharedErrors], expected: SharedPrior
+    problem: Problem,
+    state: State,
+    noise: NoiseEstimate,
+    shared: Mapping[str, SharedErrors] | None = None,
+    expected: SharedPrior | None = None,
 ) -> SigmaPosterior:
-    """The sigmas of a model in which stops have more in common.
+    """The sigmas of a model, which may be one in which stops have more in common.
 
     Args:
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        shared: What stops have in common, by robot, of some of `open_robots`.
+        shared: What stops have in common, by robot, of some of `open_robots`; nothing if None.
         expected: Of its sigmas.
     """
     with np.errstate(all="ignore"):
