@@ -33,7 +33,7 @@ def test_a_task_needs_something_that_is_placed():
             assert wanted
 
 
-@pytest.mark.parametrize("clocked", [None, SimpleNamespace(shaken=lambda problem: f"{problem} with jitter")])
+@pytest.mark.parametrize("clocked", [None, SimpleNamespace(add_jitter=lambda problem: f"{problem} with jitter")])
 def test_samples_by_estimated_clocks_are_on_paths(monkeypatch, clocked):
     """Checks of the input know of it, and the problem has the jitter of stamps."""
     inputs = []
