@@ -14,12 +14,10 @@ from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from basecal.cell import Cell, RobotState
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import check_entry
 from basecal.errors import DriverError
-from basecal.fields.problems import Problem, dataset_error
 from basecal.fields.values import Entry
 
 Grey = NDArray[np.integer[Any]]
@@ -239,10 +237,6 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
     Raises:
         DatasetError: if one is unknown or not as expected; it names the field in `cell.yaml`.
     """
-    try:
-        return kind.model_validate(dict(place.options))
-    except ValidationError as error:
-        section = "robots" if place.name in place.cell.robots else "cameras"
-        at = (section, place.name, "driver")
-        problems = [Problem((*at, *problem.loc), problem.message) for problem in problems_of(error, kind)]
-        raise dataset_error(str(place.folder / "cell.yaml"), problems, {}) from None
+    section = "robots" if place.name in place.cell.robots else "cameras"
+    at = (section, place.name, "driver")
+    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), at=at)

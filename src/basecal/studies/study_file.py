@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
-from pydantic import BeforeValidator, Field, ValidationError, create_model
+from pydantic import BeforeValidator, Field, create_model
 from pydantic import model_validator as checks_whole
 from pydantic.fields import FieldInfo
 
 from basecal.cell.format.yaml_text import parse_yaml, read_text
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import check_entry, check_schema
 from basecal.cell.targets.registry import AnyTargetEntry, TargetKindName
 from basecal.fields.problems import Loc, Problem, dataset_error, shorten
 from basecal.fields.values import LARGEST_VALUE, Entry, Status, empty, known_names
@@ -133,17 +133,9 @@ def read_study(path: str | Path) -> Study:
 def study_from_text(text: str, path: str) -> Study:
     """As `read_study`, from what the file holds."""
     document = parse_yaml(text, path)
-    data, lines = document.data, document.lines
-    if not isinstance(data, dict):
-        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}"
-        raise dataset_error(path, [Problem((), message)], lines)
-    if data.get("schema") != SCHEMA:
-        got = shorten(data["schema"]) if "schema" in data else "none"
-        raise dataset_error(path, [Problem(("schema",), f"expected {SCHEMA}, got {got}")], lines)
-    try:
-        entry = StudyEntry.model_validate(data)
-    except ValidationError as error:
-        raise dataset_error(path, problems_of(error, StudyEntry), lines) from None
+    lines = document.lines
+    data = check_schema(document.data, SCHEMA, path, lines)
+    entry = check_entry(StudyEntry, data, path, lines)
     study = _study(entry, data, text, path, lines)
     problems = [*_twice(study), *_unfit_boards(study), *(Problem(loc, said) for loc, said in _unfit(study, data))]
     if problems:

@@ -31,7 +31,7 @@ def test_round_trip(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("schema: basecal/truth/2\ntransforms: {}", "truth.yaml:1: schema: expected"),
-        ("schema: basecal/truth/1", "and `transforms`"),
+        ("schema: basecal/truth/1", "transforms: missing; add it"),
         ("schema: basecal/truth/1\ntransforms:\n  a: {t_m: [0, 0, 0]}", "truth.yaml:3: transforms.a: expected t_m and"),
         ("schema: basecal/truth/1\ntransforms:\n  a: {t: 0}", "truth.yaml:3: transforms.a.t: unknown field"),
     ],
@@ -52,9 +52,9 @@ def test_what_else_a_truth_says_is_read_back(tmp_path: Path) -> None:
         read_truth_extra(tmp_path / "nowhere")
 
 
-@pytest.mark.parametrize(("text", "got"), [("- 1\n", "None"), ("schema: other\n", "'other'"), ("5\n", "None")])
+@pytest.mark.parametrize(("text", "got"), [("- 1\n", "a list"), ("schema: other\n", "'other'"), ("5\n", "5")])
 def test_what_is_no_truth_is_refused(tmp_path: Path, text: str, got: str) -> None:
     """A list or a number too; what stands for the schema is said."""
     (tmp_path / "truth.yaml").write_text(text)
-    with pytest.raises(DatasetError, match=f"expected `schema: basecal/truth/1` and `transforms`, got {got}"):
+    with pytest.raises(DatasetError, match=f"expected .*basecal/truth/1.*, got {got}"):
         read_truth(tmp_path)

@@ -6,7 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from basecal.cell.schema.cell_schema import CellEntry
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import check_entry, check_schema, first_problem, problems_of
+from basecal.errors import DatasetError
 from basecal.fields.problems import field_name
 
 DATA = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}}
@@ -64,3 +65,21 @@ def test_words(changed, field, message):
 def test_every_problem_is_told():
     """All of a file at once."""
     assert set(problems(reference=5, **target(kind="x"))) == {"reference", "targets.it.kind"}
+
+
+def test_an_entry_at_a_place_of_a_file_is_told_with_both():
+    """The place of the entry stands before that of the field, and its line is found."""
+    with pytest.raises(DatasetError) as caught:
+        check_entry(CellEntry, {"reference": 3}, "cell.yaml", {("cells", 0): 7}, at=("cells", 0))
+    assert (caught.value.line, caught.value.field) == (7, "cells[0].reference")
+    with pytest.raises(ValidationError) as invalid:
+        CellEntry.model_validate({"schema": "basecal/cell/1", "reference": 3, "robots": {}})
+    assert first_problem(invalid.value, CellEntry) == "reference: expected text, got 3"
+
+
+@pytest.mark.parametrize(("data", "got"), [([1], "a list of 1"), ({}, "none"), ({"schema": "b/2"}, "'b/2'")])
+def test_a_file_of_another_schema_is_refused(data, got):
+    """With the schema that was expected, and what is there."""
+    assert check_schema({"schema": "b/1"}, "b/1", "file", {}) == {"schema": "b/1"}
+    with pytest.raises(DatasetError, match=f"expected .*b/1.*, got {got}"):
+        check_schema(data, "b/1", "file", {})

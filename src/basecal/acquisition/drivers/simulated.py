@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 
 from basecal.acquisition.driver import Picture, Place, Reading, StopGuarantee, checked_options
 from basecal.cell import RobotState
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import first_problem
 from basecal.errors import DriverError
 from basecal.fields.values import Entry, Number
 from basecal.simulation.running.protocol import (
@@ -62,8 +62,7 @@ def _understood(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
     try:
         return kind.model_validate(answer)
     except ValidationError as error:
-        problem = problems_of(error, kind)[0]
-        said = f"{'.'.join(map(str, problem.loc))}: {problem.message}"
+        said = first_problem(error, kind)
         raise DriverError(f"what answers at that port is no simulated cell ({said})") from None
 
 

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from basecal.cell.calibration import BudgetEntry, Calibration, Finding
 from basecal.cell.results.calibration_model import CalibrationFile
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import first_problem
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError, listed, nearest
@@ -68,7 +68,7 @@ def calibration_from_dict(data: Any) -> Calibration:
     try:
         calibration = _read(data)
     except ValidationError as error:
-        problem: Problem | None = problems_of(error, _FILE)[0]
+        problem: Problem | None = Problem((), first_problem(error, _FILE))
     except InputError as error:
         problem = Problem((), str(error))
     except KeyError as error:

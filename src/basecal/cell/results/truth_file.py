@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from basecal.cell.format.plain import pose_dict
 from basecal.cell.format.writing import write_whole
-from basecal.cell.format.yaml_text import Document, parse_yaml, read_text, yaml_text
-from basecal.cell.schema.errors import problems_of
-from basecal.fields.problems import Problem, dataset_error, shorten
+from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
+from basecal.cell.schema.errors import check_entry, check_schema
 from basecal.fields.values import PoseEntry, full_pose, pose_se3
 from basecal.geometry import SE3
 
 FILE = "truth.yaml"
 SCHEMA = "basecal/truth/1"
+
+
+class _Truth(BaseModel):
+    """All of `truth.yaml`; what else is so in the cell stands beside."""
+
+    model_config = ConfigDict(extra="allow")
+    version: Literal["basecal/truth/1"] = Field(alias="schema")
+    transforms: dict[str, Annotated[PoseEntry, AfterValidator(full_pose)]]
 
 
 def write_truth(folder: str | Path, transforms: Mapping[str, SE3], **extra: Any) -> Path:
@@ -43,19 +50,7 @@ def read_truth(folder: str | Path) -> dict[str, SE3]:
     Raises:
         DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
     """
-    path = Path(folder) / FILE
-    document = _document(path)
-    data, transforms = document.data, {}
-    for name, pose in data["transforms"].items():
-        loc = ("transforms", name)
-        try:
-            transforms[name] = pose_se3(full_pose(PoseEntry.model_validate(pose)))
-        except ValidationError as error:
-            problems = [Problem((*loc, *p.loc), p.message) for p in problems_of(error, PoseEntry)]
-            raise dataset_error(str(path), problems, document.lines) from None
-        except ValueError as error:
-            raise dataset_error(str(path), [Problem(loc, str(error))], document.lines) from None
-    return transforms
+    return {name: pose_se3(pose) for name, pose in _read(folder).transforms.items()}
 
 
 def read_truth_extra(folder: str | Path) -> dict[str, Any]:
@@ -64,14 +59,12 @@ def read_truth_extra(folder: str | Path) -> dict[str, Any]:
     Raises:
         DatasetError: if there is no `truth.yaml`, or it cannot be read as written.
     """
-    data = _document(Path(folder) / FILE).data
-    return {key: value for key, value in data.items() if key not in ("schema", "transforms")}
+    extra: dict[str, Any] = _read(folder).model_extra or {}
+    return extra
 
 
-def _document(path: Path) -> Document:
+def _read(folder: str | Path) -> _Truth:
+    path = Path(folder) / FILE
     document = parse_yaml(read_text(path, "only simulated cells have a truth"), str(path))
-    data = document.data if isinstance(document.data, dict) else {}
-    if data.get("schema") != SCHEMA or not isinstance(data.get("transforms"), dict):
-        message = f"expected `schema: {SCHEMA}` and `transforms`, got {shorten(data.get('schema'))}"
-        raise dataset_error(str(path), [Problem(("schema",), message)], document.lines)
-    return document
+    data = check_schema(document.data, SCHEMA, str(path), document.lines)
+    return check_entry(_Truth, data, str(path), document.lines)

@@ -15,10 +15,10 @@ from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_nouns import cell_noun
 from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import check_schema, problems_of
 from basecal.cell.schema.names import name_problems
 from basecal.errors import BasecalError, InputError
-from basecal.fields.problems import Loc, Problem, dataset_error, shorten
+from basecal.fields.problems import Loc, Problem, dataset_error
 from basecal.kinematics import SerialChain, read_chain
 
 FILE = "cell.yaml"
@@ -74,14 +74,7 @@ def write_cell(cell: Cell, folder: str | Path) -> Path:
 
 
 def _checked(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]) -> Cell:
-    if not isinstance(data, dict):
-        message = f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}"
-        raise dataset_error(path, [Problem((), message)], lines)
-    if data.get("schema") != SCHEMA:
-        got = shorten(data["schema"]) if "schema" in data else "none"
-        message = f"expected {SCHEMA}, the one version this program reads, got {got}"
-        raise dataset_error(path, [Problem(("schema",), message)], lines)
-    problems = name_problems(data)
+    problems = name_problems(check_schema(data, SCHEMA, path, lines))
     try:
         entry = CellEntry.model_validate(data)
     except ValidationError as error:

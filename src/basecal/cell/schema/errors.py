@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from basecal.cell.targets.registry import TARGETS, entry_with_tag
 from basecal.errors import nearest
-from basecal.fields.problems import Loc, Problem, shorten
+from basecal.fields.problems import Loc, Problem, dataset_error, field_name, shorten
 
 _WORDS = {
     "missing": "missing; add it",
@@ -27,6 +27,51 @@ _WORDS = {
 }
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")  # of a model, and of a dataclass
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
+
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] | None = None, at: Loc = ()) -> M:
+    """The entry that data are.
+
+    Args:
+        model: What they have to be.
+        data: Plain data.
+        path: The file they stand in.
+        lines: Of the file, by place.
+        at: Their place in it.
+
+    Raises:
+        DatasetError: if they are another thing; the message has a line for each mistake.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        problems = [Problem((*at, *each.loc), each.message) for each in problems_of(error, model)]
+        raise dataset_error(path, problems, lines or {}) from None
+
+
+def check_schema(data: Any, schema: str, path: str, lines: Mapping[Loc, int]) -> dict[str, Any]:
+    """The data of a file itself, if it is a mapping of this schema.
+
+    Raises:
+        DatasetError: if not.
+    """
+    if not isinstance(data, dict):
+        problem = Problem((), f"expected a mapping that starts with `schema: {schema}`, got {shorten(data)}")
+    elif data.get("schema") != schema:
+        got = shorten(data["schema"]) if "schema" in data else "none"
+        problem = Problem(("schema",), f"expected {schema}, the one version this program reads, got {got}")
+    else:
+        return data
+    raise dataset_error(path, [problem], lines)
+
+
+def first_problem(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> str:
+    """Place and words of the first error of a model."""
+    problem = problems_of(error, model)[0]
+    return f"{field_name(problem.loc)}: {problem.message}"
 
 
 def problems_of(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> list[Problem]:

@@ -58,7 +58,7 @@ def _tag_of(data: Any) -> str:
     name = data.get("kind") if isinstance(data, dict) else None
     if name is None:
         return _tag(TargetEntry)
-    if name not in TARGETS:
+    if not isinstance(name, str) or name not in TARGETS:
         return "<unknown>"
     kind = TARGETS[name]
     return _tag(kind.entries[kind.entry_index(data)])

@@ -14,7 +14,7 @@ from typing import Annotated, Any, cast
 import numpy as np
 from pydantic import Field, ValidationError
 
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import first_problem
 from basecal.errors import BasecalError, InputError
 from basecal.fields.values import Entry, Number
 from basecal.simulation.running.plant import Plant
@@ -133,8 +133,7 @@ class CellServer(socketserver.ThreadingTCPServer):
         try:
             request = Request.model_validate(message)
         except ValidationError as error:
-            problem = problems_of(error, Request)[0]
-            raise InputError(f"{'.'.join(map(str, problem.loc))}: {problem.message}") from None
+            raise InputError(first_problem(error, Request)) from None
         if request.do not in _ACTIONS:
             raise InputError(f"no request {request.do!r}; there are: {', '.join(_ACTIONS)}")
         return request

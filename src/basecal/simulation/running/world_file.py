@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from basecal.cell import Cell
 from basecal.cell.files import read_cell, read_truth, write_cell, write_truth
 from basecal.cell.format.plain import numbers, pose_dict
 from basecal.cell.format.writing import write_whole
 from basecal.cell.results.truth_file import FILE, read_truth_extra
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import check_entry
 from basecal.errors import DatasetError
 from basecal.exchange.urdf import chain_urdf
-from basecal.fields.problems import Problem, dataset_error
 from basecal.fields.values import Entry, Number
 from basecal.simulation.running.faults import FAULTS, Faults
 from basecal.simulation.running.world import World, faulty_world
@@ -76,11 +75,7 @@ def read_world(folder: Path, faults: Faults | None = None) -> World:
     if said is None:
         message = "this cell was not made to run: give a folder that is not there yet, or say where its arms begin"
         raise DatasetError(path, message, field="running.home_joints_rad")
-    try:
-        running = RunningEntry.model_validate(said)
-    except ValidationError as error:
-        problems = [Problem(("running", *p.loc), p.message) for p in problems_of(error, RunningEntry)]
-        raise dataset_error(path, problems, {}) from None
+    running = check_entry(RunningEntry, said, path, at=("running",))
     home = {name: np.array(joints) for name, joints in running.home_joints_rad.items()}
     missing = [name for name in cell.transforms if name not in truth]
     if missing:
