@@ -18,6 +18,12 @@ def test_places_are_named_as_written(loc, name):
     assert field_name(loc) == name
 
 
+def test_a_place_is_one_short_line():
+    """Whatever a stranger's keys are: newlines are written out, and long keys end."""
+    assert field_name(("a\nb", 3)) == "a\\nb[3]"
+    assert field_name(("x" * 100, "x" * 101)) == f"{'x' * 100}.{'x' * 100}..."
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [

@@ -238,5 +238,6 @@ def checked_options(place: Place, kind: type[Options]) -> Options:
         DatasetError: if one is unknown or not as expected; it names the field in `cell.yaml`.
     """
     section = "robots" if place.name in place.cell.robots else "cameras"
-    at = (section, place.name, "driver")
-    return check_entry(kind, dict(place.options), str(place.folder / "cell.yaml"), at=at)
+    return check_entry(
+        kind, dict(place.options), str(place.folder / "cell.yaml"), place=(section, place.name, "driver")
+    )

@@ -14,6 +14,7 @@ SHORT_LENGTH = 60
 CAUSE_LENGTH = 200
 """Characters of another library's message, of which the first say what is wrong."""
 
+_LONGEST_NAME = 100  # characters of a key in a message: those that people write are shorter
 _HUGE_BITS = 64  # of a whole number that is not written out
 
 
@@ -25,10 +26,12 @@ class Problem(NamedTuple):
 
 
 def field_name(loc: Loc) -> str:
-    """The place as a reader would write it: `cameras.wrist.size_px[0]`."""
+    """The place as a reader would write it, on one short line: `cameras.wrist.size_px[0]`."""
     text = ""
     for part in loc:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}"
+        name = str(part).replace("\n", "\\n")
+        name = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}..."
+        text += f"[{name}]" if isinstance(part, int) else f".{name}"
     return text.removeprefix(".")
 
 

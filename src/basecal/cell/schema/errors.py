@@ -32,7 +32,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
 M = TypeVar("M", bound=BaseModel)
 
 
-def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] | None = None, at: Loc = ()) -> M:
+def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] | None = None, place: Loc = ()) -> M:
     """The entry that data are.
 
     Args:
@@ -40,7 +40,7 @@ def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] |
         data: Plain data.
         path: The file they stand in.
         lines: Of the file, by place.
-        at: Their place in it.
+        place: Where they stand in it.
 
     Raises:
         DatasetError: if they are another thing; the message has a line for each mistake.
@@ -48,7 +48,7 @@ def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] |
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problems = [Problem((*at, *each.loc), each.message) for each in problems_of(error, model)]
+        problems = [Problem((*place, *each.loc), each.message) for each in problems_of(error, model)]
         raise dataset_error(path, problems, lines or {}) from None
 
 

@@ -75,7 +75,7 @@ def read_world(folder: Path, faults: Faults | None = None) -> World:
     if said is None:
         message = "this cell was not made to run: give a folder that is not there yet, or say where its arms begin"
         raise DatasetError(path, message, field="running.home_joints_rad")
-    running = check_entry(RunningEntry, said, path, at=("running",))
+    running = check_entry(RunningEntry, said, path, place=("running",))
     home = {name: np.array(joints) for name, joints in running.home_joints_rad.items()}
     missing = [name for name in cell.transforms if name not in truth]
     if missing:
