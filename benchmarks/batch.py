@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from basecal.cell.targets.chessboard import chessboard_target
-from basecal.estimation.least_squares.bundle_adjustment import batch_of
+from basecal.estimation.least_squares.bundle_adjustment import batch_states
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
@@ -56,7 +56,7 @@ def draws(count: int, seed: int) -> tuple[Problem, State]:
         )
         for _ in range(count)
     ]
-    return batch, batch_of(batch, near)
+    return batch, batch_states(batch, near)
 
 
 def _one(group: ViewGroup, row: int) -> ViewGroup:

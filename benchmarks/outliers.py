@@ -21,12 +21,12 @@ from tests.ends import with_eye, with_hand
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.least_squares.studentized import studentized
+from basecal.estimation.least_squares.studentized import studentize_views
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
 from basecal.estimation.outliers.noise_and_outliers import solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
@@ -163,7 +163,7 @@ def reflected(problem: Problem, truth: State, rng: Rng) -> Spoilt:
 def _checked(found: Spoilt, truth: State) -> Spoilt:
     """The same without views that were spoilt and by chance are off by less than 8 sigma: neither clean nor gross."""
     group, views = found.problem.groups[0], found.clean.views[0]
-    squares = studentized(found.problem, truth)[0]
+    squares = studentize_views(found.problem, truth)[0]
     kept = np.flatnonzero(views | (squares.value >= GROSS**2))
     return Spoilt(
         found.problem.with_groups((group.take(kept),)), InlierMask((views[kept],), (found.clean.points[0][kept],))
@@ -195,7 +195,7 @@ def _points_spoilt(problem: Problem, chosen: BoolArray, spoil: Callable[[Array, 
         clean[row] = off < GROSS
     after = _with_values(measurement, values)
     readings = (
-        (after, half_turned(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
+        (after, half_turn_views(after)) if isinstance(after, PixelMeasurement) and group.half_turn is not None else ()
     )
     spoilt = replace(group, measurement=after, readings=readings)
     kept = all_inliers(problem)

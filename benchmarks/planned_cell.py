@@ -15,7 +15,7 @@ import numpy as np
 from basecal.accuracy.task.expected_error import length_quantile, point_covariances
 from basecal.accuracy.task.task import Task, make_task
 from basecal.cell import Calibration, PixelObservation, Recording, RobotState, Sample
-from basecal.estimation.least_squares.bundle_adjustment import batch_of
+from basecal.estimation.least_squares.bundle_adjustment import batch_states
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve_batch import SolutionBatch, solve_batch
@@ -104,7 +104,7 @@ class PlannedCell:
         assert isinstance(group.measurement, PixelMeasurement)
         batch = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
         start = State(self.prospect.state.transforms, self.made.cameras, np.zeros((len(problem.stops), 6)))
-        return solve_batch(batch, batch_of(batch, [start] * draws))
+        return solve_batch(batch, batch_states(batch, [start] * draws))
 
     def errors_m(self, rows: list[int], draws: int, seed: int) -> Array:
         """The true error at the task [m] of what these samples are solved to, and what 95 of 100 are to stay below.

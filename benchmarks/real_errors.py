@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import Cell, Observation, PixelObservation, PoseObservation, Recording, Sample
-from basecal.estimation.least_squares.jacobians import by_stop_errors
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians
 from basecal.estimation.outliers.noise_and_outliers import solve_with_noise, with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, chain
@@ -88,7 +88,7 @@ class Reality:
         dealt = [_dealt_views(g.measurement, of, rng) for g, of in zip(self.problem.groups, found.views, strict=True)]
         return Errors(self.enlarged * stops, tuple(self.enlarged * views for views in dealt))
 
-    def drawn(self, errors: Errors) -> Recording:
+    def draw_fault(self, errors: Errors) -> Recording:
         """A recording of the truth with these errors; robots say what they said."""
         there = replace(self.state, stop_errors=errors.stops)
         seen: dict[int, list[Observation]] = {}
@@ -126,7 +126,7 @@ def _information(solution: Solution) -> Array:
     for group in problem.groups:
         at = state.camera_from_target(group, problem.stops)
         view = group.measurement.linearise(at, state.cameras.get(group.camera), False)
-        parts = by_stop_errors(group, chain(group, state, problem.stops), state, problem.stops, 6)
+        parts = stop_error_jacobians(group, chain(group, state, problem.stops), state, problem.stops, 6)
         for k in range(len(group)):
             columns = np.concatenate([6 * stop[k] + np.arange(6) for stop, _ in parts])
             by_error = np.concatenate([by[k] for _, by in parts], -1)

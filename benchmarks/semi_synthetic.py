@@ -149,7 +149,7 @@ def stated(of: Reality, recording: Recording, factor: float) -> tuple[Cell, Reco
 
 def drawn(of: Reality, kind: Kind, seed: int) -> Draw:
     """One recording of a kind, calibrated."""
-    recording, cell = of.drawn(kind.draw(of, np.random.default_rng(seed))), of.cell
+    recording, cell = of.draw_fault(kind.draw(of, np.random.default_rng(seed))), of.cell
     if kind.stated:
         cell, recording = stated(of, recording, kind.stated)
     began = time.perf_counter()

@@ -153,7 +153,7 @@ def test_errors_of_a_recording_add_up_to_it() -> None:
     """Stops and views with the errors imputed to them are the recording again, pixel by pixel."""
     made = simulate(Scenario(samples=12, robot_noise=(3e-4, 5e-4), state_robot_noise=False, state_pixel_noise=False), 3)
     of = reality(made.cell, made.recording)
-    again = of.drawn(of.imputed(np.random.default_rng(0)))
+    again = of.draw_fault(of.imputed(np.random.default_rng(0)))
     for sample, recorded in zip(again.samples, made.recording.samples, strict=True):
         (seen,), (was,) = sample.observations, recorded.observations
         np.testing.assert_array_equal(seen.ids, was.ids)

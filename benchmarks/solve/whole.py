@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.least_squares.jacobians import by_unknowns
+from basecal.estimation.least_squares.jacobians import unknown_jacobian
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array
@@ -55,7 +55,7 @@ class Whole:
         points = seen.points_in_target @ np.swapaxes(pose.rotation, -1, -2) + pose.translation[:, None]
         pixels, by_point, _ = state.cameras[group.camera].project_with_derivatives(points)
         by_pose = _by_pose(by_point * seen.weight[..., None, None], pose.rotation, seen.points_in_target)
-        by_step, columns = by_unknowns(self.problem, group, links, 6)
+        by_step, columns = unknown_jacobian(self.problem, group, links, 6)
         jacobian = by_pose @ by_step[..., np.argsort(columns)]
         residual = (pixels - seen.pixels) * seen.weight[..., None]
         return residual.reshape(-1), jacobian.reshape(-1, jacobian.shape[-1])

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from itertools import islice
 
-_SHOWN = 20  # names in a message, and those of many that are looked at for a near one
+_SHOWN_NAMES = 20  # names in a message, and those of many that are looked at for a near one
 _LOOKED_AT = 1000
 _LONGEST = 60  # characters of a name that are compared
 
@@ -18,10 +18,10 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
 
 
-def listed(names: Sequence[str]) -> str:
+def list_names(names: Sequence[str]) -> str:
     """Names for a message: the first of many."""
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(map(str, names[:_SHOWN])) + more or "none"
+    more = f" and {len(names) - _SHOWN_NAMES} more" if len(names) > _SHOWN_NAMES else ""
+    return ", ".join(map(str, names[:_SHOWN_NAMES])) + more or "none"
 
 
 def sentence(clause: str, names: Iterable[str] = ()) -> str:
@@ -70,7 +70,7 @@ class FrameNotFound(BasecalError, KeyError):
 
     def __init__(self, name: str, known: Sequence[str]) -> None:
         self.name, self.known = name, tuple(known)
-        super().__init__(f"no {name!r}{nearest(name, known)}; there are: {listed(self.known)}")
+        super().__init__(f"no {name!r}{nearest(name, known)}; there are: {list_names(self.known)}")
 
     def __str__(self) -> str:
         return str(self.args[0])

@@ -253,7 +253,7 @@ def opened(monkeypatch, found, robot_noise):
     monkeypatch.setattr(
         stated_sigmas, "with_noise", lambda of, _: solved_with.append(("noise", of.problem)) or solve_stub(of.problem)
     )
-    monkeypatch.setattr(stated_sigmas, "integrated", lambda solution: replace(solution, cost=7.0))
+    monkeypatch.setattr(stated_sigmas, "integrate_solution", lambda solution: replace(solution, cost=7.0))
     robust = RobustSolution(solution, (), problem.with_groups([group]), 3, 0)
     after = without_contradicted(robust, found, Settings(robot_noise=robot_noise))
     for stops in (after.left_out.groups[0].eye.stop, after.left_out.groups[0].hand.stop):

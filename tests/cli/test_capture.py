@@ -172,7 +172,7 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
 
     def found(replanned: object) -> list[int]:
         moving = module.Moving()
-        given = module._checked(None, None, plan, True, moving, replanned, go=True, dry_run=False, quiet=True)
+        given = module._check_capture(None, None, plan, True, moving, replanned, go=True, dry_run=False, quiet=True)
         return [sample.sample for sample in given]
 
     assert found(SimpleNamespace(leave_out=leave_out)) == [2]

@@ -17,7 +17,7 @@ from basecal.geometry import SE3
 
 def cut_at(monkeypatch: pytest.MonkeyPatch, writer: ModuleType, sample: int) -> None:
     """Interrupt the writing of a recording at a sample."""
-    whole, done = recording_file.line_of, count()
+    whole, done = recording_file.sample_line, count()
 
     def line(each):
         if next(done) == sample:

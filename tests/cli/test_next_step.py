@@ -25,7 +25,7 @@ def test_one_thing_after_the_other(tmp_path: Path) -> None:
     """Robots, then pictures, then a target; nothing where all is there."""
     assert step(tmp_path) == ""
     silent = without(robots={})
-    assert step(tmp_path, recording=silent).startswith("next, where eye, hand was: basecal import poses ")
+    assert step(tmp_path, recording=silent).startswith("next, poses of eye, hand: basecal import poses ")
     blind = without(observations=())
     assert step(tmp_path, recording=blind).endswith(" DIR --camera wrist")
     assert "which target the pictures show" in step(tmp_path, replace(MADE.cell, targets={}))
@@ -49,6 +49,6 @@ def test_a_robot_that_carries_nothing(tmp_path: Path) -> None:
 def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[no-untyped-def]
     """A cell that was just made is refused with the command that goes on."""
     assert main(["new", str(tmp_path / "c")]) == 0
-    assert "next, where eye, hand was: basecal import poses" in capsys.readouterr().out
+    assert "next, poses of eye, hand: basecal import poses" in capsys.readouterr().out
     assert main(["calibrate", str(tmp_path / "c")]) == 4
-    assert "next, where eye, hand was: basecal import poses" in capsys.readouterr().out
+    assert "next, poses of eye, hand: basecal import poses" in capsys.readouterr().out

@@ -12,7 +12,7 @@ import pytest
 
 from basecal.cell.files import latest_run, read_calibration
 from basecal.cli import main
-from basecal.exchange.bags.frames import pose_of, values_of
+from basecal.exchange.bags.frames import pose_from_values, transform_values
 
 pytest.importorskip("cyclonedds")
 from basecal.acquisition.ros2.dds import Discovery, Listener
@@ -40,7 +40,9 @@ def test_what_was_found_is_sent_until_it_is_interrupted(tmp_path, monkeypatch):
     calibration = read_calibration(latest_run(cell))
     sent = {each.child_frame_id: each for each in message.transforms}
     found = calibration["eye_base_from_hand_base"].mean
-    np.testing.assert_allclose(pose_of(values_of(sent["hand_base"].transform), "").matrix, found.matrix, atol=1e-12)
+    np.testing.assert_allclose(
+        pose_from_values(transform_values(sent["hand_base"].transform), "").matrix, found.matrix, atol=1e-12
+    )
     assert sent["hand_base"].header.frame_id == "eye_base"
 
 

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cli.replanned import Task, task_of
+from basecal.cli.replanned import Task, requested_task
 from basecal.errors import UsageError
 
 
 def test_a_task_is_a_place_and_a_tolerance() -> None:
     """A point is one place, a box nine; lengths are metres."""
-    assert task_of((0.5, 0.0, 0.3), None, "0.3mm") == Task([(0.5, 0.0, 0.3)], pytest.approx(3e-4))
-    box = task_of(None, (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "1mm")
+    assert requested_task((0.5, 0.0, 0.3), None, "0.3mm") == Task([(0.5, 0.0, 0.3)], pytest.approx(3e-4))
+    box = requested_task(None, (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "1mm")
     assert box is not None
     assert len(box.points_m) == 9
-    assert task_of(None, None, None) is None
+    assert requested_task(None, None, None) is None
 
 
 def test_half_a_task_is_refused() -> None:
     """Neither a place nor a tolerance says when to end by itself."""
     for words in ((None, None, "1mm"), ((0.5, 0.0, 0.3), None, None), ((0.0,) * 3, (0.0,) * 6, "1mm")):
         with pytest.raises(UsageError):
-            task_of(*words)
+            requested_task(*words)

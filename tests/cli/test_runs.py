@@ -6,15 +6,15 @@ import pytest
 
 from basecal.cell import Calibration
 from basecal.cell.files import write_calibration
-from basecal.cli.runs import run_of
+from basecal.cli.runs import find_run
 from basecal.errors import InputError
 
 
 def test_a_cell_is_its_latest_run(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text("")
     with pytest.raises(InputError, match="has no run yet: basecal calibrate"):
-        run_of(tmp_path)
+        find_run(tmp_path)
     run = write_calibration(Calibration("refused"), tmp_path).parent
-    assert run_of(tmp_path) == run
-    assert run_of(run) == run
-    assert run_of(run / "calibration.json") == run / "calibration.json"
+    assert find_run(tmp_path) == run
+    assert find_run(run) == run
+    assert find_run(run / "calibration.json") == run / "calibration.json"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cli.task_point import numbers_apart
+from basecal.cli.task_point import split_numbers
 
 
 @pytest.mark.parametrize(
@@ -20,4 +20,4 @@ from basecal.cli.task_point import numbers_apart
 )
 def test_quoted_numbers_come_apart(typed, words):
     """After the options that take several numbers, and nowhere else."""
-    assert list(numbers_apart(typed)) == words
+    assert list(split_numbers(typed)) == words

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from basecal.cli import main
-from basecal.cli.terminal import pasted, say
+from basecal.cli.terminal import quote_path, say
 from basecal.errors import printable
 
 CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
@@ -44,7 +44,7 @@ def test_a_stream_that_cannot_hold_a_letter() -> None:
 @pytest.mark.parametrize("name", ["my cell", "a;touch b", "$(x)", "plain", "it's"])
 def test_a_path_to_paste_is_one_word(name: str) -> None:
     """Whatever it is called."""
-    assert shlex.split(pasted(Path(name))) == [name]
+    assert shlex.split(quote_path(Path(name))) == [name]
 
 
 def test_everything_is_said_by_one_function() -> None:

@@ -29,10 +29,10 @@ FOUND = RobotParameters(("a", "b"), np.array([0.1, 0.2]), np.array([0.3, 0.4]), 
 def test_gravity_has_a_direction():
     """That of the chain unless stated otherwise, whether compliances are estimated or not."""
     chain = six_axis()
-    assert of.hung(chain, of.Stated()) is of.hung(chain, None) is chain
-    np.testing.assert_allclose(of.hung(chain, of.Stated(down=[0.0, 0.0, 3.0])).masses.down, [0, 0, 1])
+    assert of.apply_gravity(chain, of.Stated()) is of.apply_gravity(chain, None) is chain
+    np.testing.assert_allclose(of.apply_gravity(chain, of.Stated(down=[0.0, 0.0, 3.0])).masses.down, [0, 0, 1])
     bare = replace(chain, masses=None)
-    assert of.hung(bare, of.Stated(down=[0.0, 0.0, 3.0])) is bare
+    assert of.apply_gravity(bare, of.Stated(down=[0.0, 0.0, 3.0])) is bare
     with pytest.raises(ValidationError, match="not zero"):
         of.Stated(down=[0.0, 0.0, 0.0])
 
@@ -41,7 +41,7 @@ def test_joints_turn_by_the_torque_of_gravity():
     """Each by its own compliance, whatever the length of what states the direction."""
     joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
     compliance = 1e-4 * np.arange(6.0)
-    torques = gravity_torques(of.hung(six_axis(), of.Stated(down=[0.0, 1.0, 0.0])), joints)
+    torques = gravity_torques(of.apply_gravity(six_axis(), of.Stated(down=[0.0, 1.0, 0.0])), joints)
     found = of.shift(six_axis(), of.Stated(down=[0.0, 7.0, 0.0]), joints, compliance)
     np.testing.assert_allclose(found, compliance * torques, rtol=1e-14)
 
@@ -90,7 +90,7 @@ def test_a_batch_of_compliances_goes_over_all_joints():
 def test_down_is_by_any_one_axis():
     """A single component other than 0 is a direction, and three numbers as they are."""
     for down in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]):
-        np.testing.assert_array_equal(of.hung(six_axis(), of.Stated(down=down)).masses.down, down)
+        np.testing.assert_array_equal(of.apply_gravity(six_axis(), of.Stated(down=down)).masses.down, down)
     assert of.Stated(down=None).down is None
 
 
@@ -98,7 +98,7 @@ def test_down_is_by_any_one_axis():
     ("by_prior", "how"), [(True, "known from their prior alone"), (False, "that are unobservable")]
 )
 def test_why_compliances_are_not_seen(by_prior, how):
-    assert of.unobserved(Unobserved("joint 1 (a)", (0,), 6, "arm_base", by_prior)) == (
+    assert of.explain_unobserved(Unobserved("joint 1 (a)", (0,), 6, "arm_base", by_prior)) == (
         f"compliances {how}: joint 1 (a): the torque of gravity about them is small in these samples, or the same in "
         "all of them"
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.effects.distortion import drawn, farthest_corner, usual
+from basecal.effects.distortion import draw_fault, farthest_corner, usual
 from basecal.geometry import Camera
 
 PINHOLE = np.array([900.0, 910.0, 640.0, 360.0, -0.1, 0.05, 0.0, 0.0, 0.0])
@@ -28,4 +28,4 @@ def test_a_lens_without_terms_has_none():
     """It stays as it is."""
     plain = Camera("pinhole", PINHOLE[:4], None)
     assert len(usual(plain)) == 0
-    np.testing.assert_array_equal(drawn(3.0, plain).parameters, plain.parameters)
+    np.testing.assert_array_equal(draw_fault(3.0, plain).parameters, plain.parameters)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.focal_length import drawn, usual, words
+from basecal.effects.focal_length import draw_fault, usual, words
 from basecal.geometry import Camera
 
 LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0]), None)
@@ -17,4 +17,7 @@ def test_a_usual_calibration_is_off_by_two_in_a_thousand():
 
 def test_percent_of_what_is_stated():
     """The stated lens over the estimated one, with its sigma in the same unit."""
-    assert words(LENS, drawn(0.01, LENS), np.full(4, 0.9)) == "fx is off by -1.00 +/- 0.10 %, fy by -1.000 +/- 0.099 %"
+    assert (
+        words(LENS, draw_fault(0.01, LENS), np.full(4, 0.9))
+        == "fx is off by -1.00 +/- 0.10 %, fy by -1.000 +/- 0.099 %"
+    )

@@ -84,6 +84,6 @@ def test_a_joint_that_hardly_turns_is_no_candidate():
     views = views_of(SCENARIO)
     joints = np.array(views.groups[0].hand.joints)
     joints[:, 0] = 0.5 + 1e-3 * np.arange(len(joints))
-    kept = of._of_joints_that_turn(None, joints)
+    kept = of._turning_angles(None, joints)
     np.testing.assert_array_equal(kept[:, 0], 0.0)
     np.testing.assert_array_equal(kept[:, 1:], joints[:, 1:])

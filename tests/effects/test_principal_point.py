@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.effects.principal_point import drawn, usual, words
+from basecal.effects.principal_point import draw_fault, usual, words
 from basecal.geometry import Camera
 
 LENS = Camera("pinhole", np.array([900.0, 910.0, 640.0, 360.0]), None)
@@ -19,4 +19,6 @@ def test_a_usual_calibration_is_off_by_a_thousandth_of_the_width(size_px, sigma)
 
 def test_pixels_of_both_coordinates():
     """The stated lens less the estimated one."""
-    assert words(LENS, drawn(np.sqrt(2), LENS), np.full(4, 0.1)) == "cx by -1.00 +/- 0.10 px, cy by -1.00 +/- 0.10 px"
+    assert (
+        words(LENS, draw_fault(np.sqrt(2), LENS), np.full(4, 0.1)) == "cx by -1.00 +/- 0.10 px, cy by -1.00 +/- 0.10 px"
+    )

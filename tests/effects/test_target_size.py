@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.effects.target_size import by_size, candidates
+from basecal.effects.target_size import candidates, size_moves
 from basecal.geometry import SE3
 from basecal.simulation import Scenario
 from made_views import Made, views_of
@@ -16,7 +16,7 @@ def test_a_larger_target_is_seen_nearer():
     of = views_of(Scenario(samples=12))
     at = of.state.camera_from_target(of.problem.groups[0], of.problem.stops)
     nearer = SE3(at.rotation, (1 - 1e-6) * at.translation)
-    np.testing.assert_allclose(1e-6 * by_size(of, 0)[..., 0], (at.inverse() @ nearer).log(), atol=1e-12)
+    np.testing.assert_allclose(1e-6 * size_moves(of, 0)[..., 0], (at.inverse() @ nearer).log(), atol=1e-12)
 
 
 def test_an_led_has_no_size():

@@ -19,7 +19,7 @@ from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import _plausible, integrated, solve, solve_at_mode
+from basecal.estimation.solve import _is_plausible, integrate_solution, solve, solve_at_mode
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 from basecal.simulation.shifts import simulate_shifts
@@ -242,7 +242,7 @@ def test_sigmas_that_are_sure_leave_the_covariance_as_it_is_observable(monkeypat
     for more in (0.0, 0.5):
         sure = replace(found.noise, covariance=(1 + more) * at_mode)
         monkeypatch.setattr("basecal.estimation.solve.integrate_sigmas", lambda *_, known=sure: known)
-        added = (integrated(found).covariance - found.observability.inverse) / np.outer(sigma, sigma)
+        added = (integrate_solution(found).covariance - found.observability.inverse) / np.outer(sigma, sigma)
         np.testing.assert_allclose(added, more * at_mode / np.outer(sigma, sigma), atol=1e-4)
 
 
@@ -252,8 +252,8 @@ def test_other_starts_are_tried_where_residuals_are_no_noise():
         made = simulate(Scenario(samples=4, state_pixel_noise=stated), 0)
         problem, _ = build_problem(made.cell, made.recording)
         dof = degrees_of_freedom(problem)
-        assert _plausible(problem, 2.0**2 * dof)
-        assert not _plausible(problem, 8.0**2 * dof)
+        assert _is_plausible(problem, 2.0**2 * dof)
+        assert not _is_plausible(problem, 8.0**2 * dof)
 
 
 @pytest.mark.parametrize(("costs", "disputed"), [((8.0, 8.0 + 4e-6), False), ((8.0, 8.001), True), ((9.0, 8.0), True)])

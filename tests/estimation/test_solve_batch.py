@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.estimation.least_squares.bundle_adjustment import batch_of
+from basecal.estimation.least_squares.bundle_adjustment import batch_states
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve_from
@@ -37,7 +37,7 @@ def drawn(scenario, count=3):
 def test_each_is_as_it_is_by_itself(stated):
     """State and covariance to 1e-9 of their size, with the pixels' sigma stated or of each entry's own residuals."""
     problems, together, start = drawn(replace(SCENARIO, state_pixel_noise=stated))
-    found = solve_batch(together, batch_of(problems[0], [start] * 3))
+    found = solve_batch(together, batch_states(problems[0], [start] * 3))
     assert found.converged.all()
     for row, problem in enumerate(problems):
         alone = solve_from(problem, start)
@@ -58,8 +58,8 @@ def test_each_is_as_it_is_by_itself(stated):
 def test_stated_sigmas_are_taken_at_their_word():
     """Stated, the covariance is the inverse information whatever the residuals; unstated, it goes with them."""
     _, told, start = drawn(SCENARIO)
-    stated = solve_batch(told, batch_of(told, [start] * 3))
-    silent = solve_batch(drawn(replace(SCENARIO, state_pixel_noise=False))[1], batch_of(told, [start] * 3))
+    stated = solve_batch(told, batch_states(told, [start] * 3))
+    silent = solve_batch(drawn(replace(SCENARIO, state_pixel_noise=False))[1], batch_states(told, [start] * 3))
     ratio = silent.covariance[:, 0, 0] / stated.covariance[:, 0, 0]
     np.testing.assert_allclose(ratio, stated.cost / stated.dof, rtol=1e-6)
 
@@ -68,7 +68,7 @@ def test_steps_may_be_limited():
     """After one step from far off none has converged."""
     problems, together, start = drawn(SCENARIO)
     far = {name: t @ type(t).exp(np.full(6, 0.05)) for name, t in start.transforms.items()}
-    assert not solve_batch(together, batch_of(problems[0], [replace(start, transforms=far)] * 3), 1).converged.any()
+    assert not solve_batch(together, batch_states(problems[0], [replace(start, transforms=far)] * 3), 1).converged.any()
 
 
 def test_residuals_of_several_kinds_are_refused():
@@ -77,4 +77,4 @@ def test_residuals_of_several_kinds_are_refused():
     problem, _ = build_problem(made.cell, made.recording)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
     with pytest.raises(InputError, match="pose_m and pose_rad"):
-        solve_batch(problem, batch_of(problem, [start] * 2))
+        solve_batch(problem, batch_states(problem, [start] * 2))

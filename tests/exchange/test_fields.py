@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.fields import fields_of, read_fields
+from basecal.exchange.fields import parse_fields, read_fields
 
 TEXT = """\
 name: wrist
@@ -22,7 +22,7 @@ pose: {x: 0.1, y: 0.2, z: 0.3, qx: 0, qy: 0, qz: 0, qw: 1}
 
 def test_what_is_written_is_found() -> None:
     """Text, whole numbers, nested rows, yes and no, and the first of several names."""
-    root = fields_of(TEXT, "a.yaml")
+    root = parse_fields(TEXT, "a.yaml")
     assert root.at("camera", "name").text() == "wrist"
     assert [side.whole() for side in root.at("size").items("sides")] == [640, 480]
     assert root.at("matrix").at("data").numbers(4) == [1, 2, 3, 4.5]
@@ -43,13 +43,13 @@ def test_what_is_written_is_found() -> None:
 def test_poses_in_every_way_to_write_them(text: str) -> None:
     """A half turn about z at (1, 2, 3), as ROS, as seven numbers beside each other and as a matrix."""
     expected = [[-1, 0, 0, 1], [0, -1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
-    np.testing.assert_allclose(fields_of(text, "a.yaml").pose().matrix, expected, atol=1e-15)
+    np.testing.assert_allclose(parse_fields(text, "a.yaml").pose().matrix, expected, atol=1e-15)
 
 
 @pytest.mark.parametrize("ending", ["---\n", "\n---", "...\n", "---\n---\n\n"])
 def test_messages_end_with_a_separator(ending: str) -> None:
     """What `topic echo` prints after a message is no second document."""
-    assert fields_of("a: 1\n" + ending, "a.yaml").at("a").whole() == 1
+    assert parse_fields("a: 1\n" + ending, "a.yaml").at("a").whole() == 1
 
 
 @pytest.mark.parametrize(
@@ -73,21 +73,21 @@ def test_messages_end_with_a_separator(ending: str) -> None:
 def test_what_is_not_there_is_told_with_its_place(ask: object, message: str) -> None:
     """Path, line and field, what stands there and what was expected."""
     with pytest.raises(DatasetError, match=message):
-        ask(fields_of(TEXT, "a.yaml"))  # type: ignore[operator]
+        ask(parse_fields(TEXT, "a.yaml"))  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("value", [".nan", "-.inf", "1e300", f"1{400 * '0'}", "[]", "null", "'1'"])
 def test_no_number_is_taken_for_one(value: str) -> None:
     """Not finite, far beyond any length, and what only looks like a number."""
     with pytest.raises(DatasetError):
-        fields_of(f"a: {value}", "a.yaml").at("a").number()
+        parse_fields(f"a: {value}", "a.yaml").at("a").number()
 
 
 @pytest.mark.parametrize("quaternion", ["qx: 0, qy: 0, qz: 0, qw: 0", "qx: 0, qy: 0, qz: 0.5, qw: 1"])
 def test_no_rotation_is_told(quaternion: str) -> None:
     """A quaternion that is none is named with its norm, at its line."""
     with pytest.raises(DatasetError, match=r"a.yaml:2: p: quaternion has norm"):
-        fields_of(f"\np: {{x: 0, y: 0, z: 0, {quaternion}}}", "a.yaml").at("p").pose()
+        parse_fields(f"\np: {{x: 0, y: 0, z: 0, {quaternion}}}", "a.yaml").at("p").pose()
 
 
 def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:

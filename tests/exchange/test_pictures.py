@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.pictures import picture_size, pictures_of, stamp_of, unreadable_pictures, usual_size
+from basecal.exchange.pictures import list_pictures, picture_size, time_from_name, unreadable_pictures, usual_size
 
 
 def filled(folder: Path, *names: str) -> Path:
@@ -22,7 +22,7 @@ def filled(folder: Path, *names: str) -> Path:
 def test_numbers_count_as_numbers(tmp_path: Path) -> None:
     """2 stands before 10, with or without zeros in front; hidden files and others are passed over."""
     filled(tmp_path, "img10.png", "img2.JPG", "img001.png", ".img0.png", "notes.txt")
-    assert [path.name for path in pictures_of(tmp_path)] == ["img001.png", "img2.JPG", "img10.png"]
+    assert [path.name for path in list_pictures(tmp_path)] == ["img001.png", "img2.JPG", "img10.png"]
 
 
 @pytest.mark.parametrize(
@@ -36,14 +36,14 @@ def test_numbers_count_as_numbers(tmp_path: Path) -> None:
 def test_what_is_there_instead_is_said(tmp_path: Path, names: tuple[str, ...], said: str) -> None:
     """Other endings, and folders inside."""
     with pytest.raises(DatasetError, match=said):
-        pictures_of(filled(tmp_path, *names))
+        list_pictures(filled(tmp_path, *names))
 
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     """Nor is nothing."""
     for name in ("a.png", "none"):
         with pytest.raises(DatasetError, match="is no folder"):
-            pictures_of(filled(tmp_path, "a.png") / name)
+            list_pictures(filled(tmp_path, "a.png") / name)
 
 
 def test_pictures_of_other_kinds_are_named(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_pictures_of_other_kinds_are_named(tmp_path: Path) -> None:
 )
 def test_times_that_are_names(name: str, stamp: float | None) -> None:
     """Since 1970 in the unit that its digits say, or since another beginning with a point; a number is no time."""
-    assert stamp_of(name) == (None if stamp is None else pytest.approx(stamp, abs=1e-6))
+    assert time_from_name(name) == (None if stamp is None else pytest.approx(stamp, abs=1e-6))
 
 
 def test_the_usual_size() -> None:

@@ -10,7 +10,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import Camera
 from basecal.geometry.lens import first_root
-from basecal.geometry.lenses.registry import lens_models, lens_of, lenses_of, term_counts, terms_text
+from basecal.geometry.lenses.registry import find_lens, lens_models, model_lenses, term_counts, terms_text
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "data_format.md"
 
@@ -18,16 +18,16 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "data_format.md"
 @pytest.mark.parametrize("model", lens_models())
 def test_every_number_of_terms_has_one_lens(model: str) -> None:
     """No two lenses of a model have the same number of terms, and each names as many as it may have."""
-    counts = [count for lens in lenses_of(model) for count in lens.TERMS]
+    counts = [count for lens in model_lenses(model) for count in lens.TERMS]
     assert sorted(counts) == list(term_counts(model))
-    assert all(max(lens.TERMS) == len(lens.TERM_NAMES) for lens in lenses_of(model))
-    assert all(lens.USUAL_TERMS in lens.TERMS for lens in lenses_of(model))
+    assert all(max(lens.TERMS) == len(lens.TERM_NAMES) for lens in model_lenses(model))
+    assert all(lens.USUAL_TERMS in lens.TERMS for lens in model_lenses(model))
 
 
 @pytest.mark.parametrize("model", lens_models())
 def test_a_usual_lens_fills_its_image(model: str) -> None:
     """Of lenses as simulations draw them nearly every pixel has a direction, and that direction the pixel."""
-    for seed, lens in enumerate(lenses_of(model)):
+    for seed, lens in enumerate(model_lenses(model)):
         rng = np.random.default_rng(seed)
         distortion = lens.usual_distortion(rng)
         assert len(distortion) == lens.USUAL_TERMS
@@ -54,9 +54,9 @@ def test_terms_are_told() -> None:
 def test_an_unknown_lens() -> None:
     """An unknown model, and a number of terms that none has, are errors that name what there is."""
     with pytest.raises(InputError, match="did you mean 'fisheye'"):
-        lens_of("fisheyes", 4)
+        find_lens("fisheyes", 4)
     with pytest.raises(InputError, match="4 distortion terms, not 5"):
-        lens_of("fisheye", 5)
+        find_lens("fisheye", 5)
 
 
 def test_first_root() -> None:

@@ -14,7 +14,7 @@ from basecal.cell import Unknown
 from basecal.cell.files import write_cell, write_recording
 from basecal.cell.format.yaml_text import parse_yaml, yaml_text
 from basecal.cell.targets.charuco import charuco_target
-from basecal.cli.simulate import write_simulated
+from basecal.cli.simulate import write_simulation
 from basecal.geometry import Camera
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.images import render_recording
@@ -57,7 +57,7 @@ def _dual(**kept: Any) -> Callable[[Path], None]:
 
 
 def _write(folder: Path, made: SimulatedCell) -> None:
-    write_simulated(folder, made)
+    write_simulation(folder, made)
 
 
 def _stated_mount(folder: Path) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from basecal.studies.cells import Settings
-from basecal.studies.draws import Draws, cell_of, draw
+from basecal.studies.draws import Draws, draw, draw_cell
 from study_example import SMALL, study
 
 
 def drawn(hold: str, count: int = 400, seed: int = 0) -> tuple[Draws, Settings]:
     settings = study(hold=f"{SMALL}, {hold}").points[0].settings
-    return draw(cell_of(settings, seed, 0, None), settings, (seed, 0, 0), count), settings
+    return draw(draw_cell(settings, seed, 0, None), settings, (seed, 0, 0), count), settings
 
 
 def test_first_draws_do_not_depend_on_their_number() -> None:
@@ -45,7 +45,7 @@ def test_robots_errors_move_what_is_seen() -> None:
 def test_without_noise_pixels_are_the_recordings_own() -> None:
     """Exact pixels are those that were simulated without noise."""
     draws, settings = drawn("pixel_px: 0.0", count=2)
-    own = cell_of(settings, 0, 0, None).problem.groups[0].measurement
+    own = draw_cell(settings, 0, 0, None).problem.groups[0].measurement
     np.testing.assert_allclose(draws.measurement().pixels[1], own.pixels, atol=1e-8)
 
 

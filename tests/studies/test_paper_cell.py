@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.studies.cells import simulated
+from basecal.studies.cells import simulate_cell
 from basecal.studies.paper import paper_study
 from basecal.studies.paper_cell import paper_cell, paper_numbers, printed_pose
 
@@ -25,6 +25,6 @@ def test_the_closed_form_is_near_without_noise():
 def test_a_study_has_the_same_cell():
     """Its recording sees the light where the paper's cell has it, but for the printed rotation's rounding."""
     bed = paper_cell(paper_numbers())
-    made = simulated(paper_study().points[0].settings, 0)
+    made = simulate_cell(paper_study().points[0].settings, 0)
     seen = np.concatenate([sample.observations[0].pixels for sample in made.recording.samples])
     np.testing.assert_allclose(seen, bed.image(bed.camera_from_light, bed.shift_m), atol=0.05)

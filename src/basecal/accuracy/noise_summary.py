@@ -50,9 +50,9 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
             effect, is_by_joints = RANDOM_EFFECTS[key], RANDOM_EFFECTS[key].by_joints is not None
             errors = shared_errors(effect, solution.problem, name)
             assert errors is not None
-            left = errors.beyond_frames(stands(solution.problem, name)[0]) if is_by_joints else errors
+            left = errors.remove_frames(stands(solution.problem, name)[0]) if is_by_joints else errors
             each = {"shift_m": float(sigma[0]), "turn_rad": float(sigma[1])} if is_by_joints else {}
-            used["robots"][name][key] = {"sigma": left.at_flange(sigma).tolist(), **each, **effect.figures}
+            used["robots"][name][key] = {"sigma": left.flange_sigmas(sigma).tolist(), **each, **effect.figures}
     return used
 
 

@@ -49,7 +49,7 @@ def calibrated_kinematics(cell: Cell, calibration: Calibration) -> dict[str, Kin
     """
     kinematics = {}
     for name, robot in cell.robots.items():
-        found = calibration.parameters_of(name)
+        found = calibration.parameters_of_robot(name)
         if found and robot.chain is None:
             raise InputError(f"the calibration holds joint offsets of {name!r}, which has no urdf in the cell")
         if found and robot.chain is not None:

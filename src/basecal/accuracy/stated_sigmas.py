@@ -18,7 +18,7 @@ from basecal.estimation.least_squares.studentized import LeaveOneOut, leave_one_
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, integrated, solve_from
+from basecal.estimation.solve import Solution, integrate_solution, solve_from
 from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.numerics.spectral import spectrum
@@ -151,7 +151,7 @@ def without_contradicted(
         estimated = solve_from(problem, solution.state, settings, solution.findings)
     else:
         opened = replace(problem, unstated=problem.unstated | robots)
-        estimated = integrated(with_noise(replace(solution, problem=opened), settings))
+        estimated = integrate_solution(with_noise(replace(solution, problem=opened), settings))
     # Views that were left out stood in stops of other numbers, whose errors the others do not tell.
     left_out = robust.left_out.with_groups(group.without_stops() for group in robust.left_out.groups)
     return replace(robust, solution=replace(estimated, disputed=solution.disputed), left_out=left_out)

@@ -20,7 +20,7 @@ from basecal.acquisition.stillness import Unfit
 from basecal.acquisition.taking import Taker
 from basecal.bounded_file import read_bounded
 from basecal.cell import Cell, Recording, RobotState, Sample
-from basecal.cell.files import append_sample, planned, read_plan, read_recording, sample_to_dict, write_plan
+from basecal.cell.files import append_sample, parse_plan, read_plan, read_recording, sample_to_dict, write_plan
 from basecal.cell.format.writing import append_durably
 from basecal.errors import InputError
 from basecal.vision.detect import detect
@@ -206,7 +206,7 @@ def _recorded_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
 def abandoned_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
     """Samples that could not be taken, with where robots should have been."""
     lines = [{key: line[key] for key in ("sample", "robots")} for line in _lines(folder) if line.get("robots")]
-    return planned([json.dumps(line).encode() for line in lines], folder / ABANDONED_FILE, folder, cell)
+    return parse_plan([json.dumps(line).encode() for line in lines], folder / ABANDONED_FILE, folder, cell)
 
 
 def _abandoned_numbers(folder: Path) -> set[int]:

@@ -75,7 +75,7 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
             }
             here_closes = [*(robot.close for robot in robots.values()), *(camera.close for camera in cameras.values())]
             opened.callback(_call_in_parallel, here_closes, _CLOSE_TIMEOUT_S)
-            robots |= supervisor[0].opened() if alone else {}
+            robots |= supervisor[0].open_arms() if alone else {}
             guarantees = {name: kind.stop_guarantee for name, (kind, _) in places.items()}
             rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees)
             try:

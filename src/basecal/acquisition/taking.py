@@ -15,7 +15,7 @@ from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, goal_checks, movers
 from basecal.acquisition.stillness import Moving, Report, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
 from basecal.cell import CandidateObservation, Cell, PixelObservation, Recording, RobotState, Sample, Target
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.planning.plan_check import SpeedLimits, check_plan
 from basecal.planning.sketch import Sketch
 from basecal.vision.detect import detect
@@ -191,10 +191,10 @@ def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple
     for camera, shot in shots.items():
         stem = f"recording/images/{camera}/{number:06d}"
         images[camera] = f"{stem}.png"
-        write_whole(folder / images[camera], png_bytes(shot.grey), within=folder)
+        write_atomically(folder / images[camera], png_bytes(shot.grey), within=folder)
         if shot.background is not None:
             background[camera] = f"{stem}_off.png"
-            write_whole(folder / background[camera], png_bytes(shot.background), within=folder)
+            write_atomically(folder / background[camera], png_bytes(shot.background), within=folder)
     return images, background
 
 

@@ -35,12 +35,12 @@ from basecal.methods import METHODS
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
-_BETTER = as_written(
+_BETTER_VERDICT = as_written(
     Literal["local", "global"], lambda best: best == "local", lambda is_better: "local" if is_better else "global"
 )
 
 
-def _known_in(factor: float) -> GetPydanticSchema:
+def _number_in_unit(factor: float) -> GetPydanticSchema:
     """A number in another unit, which is NaN if a file has null."""
     return as_written(Error, lambda value: math.nan if value is None else value / factor, lambda value: value * factor)
 
@@ -97,8 +97,8 @@ class Loop:
 
     path: tuple[str, ...]
     views: Whole
-    rms_m: Annotated[float, Field(alias="rms_mm"), _known_in(1e3)]
-    rms_rad: Annotated[float, Field(alias="rms_deg"), _known_in(math.degrees(1))]
+    rms_m: Annotated[float, Field(alias="rms_mm"), _number_in_unit(1e3)]
+    rms_rad: Annotated[float, Field(alias="rms_deg"), _number_in_unit(math.degrees(1))]
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ class LocalFit:
     global_m: Annotated[float | None, Field(alias="global_mm"), in_unit(Length | None, 1e3)]
     local_m: Annotated[float | None, Field(alias="local_mm"), in_unit(Length | None, 1e3)]
     chance: Annotated[Number, Field(alias="p")]
-    is_better: Annotated[bool, Field(alias="recommended"), _BETTER]
+    is_better: Annotated[bool, Field(alias="recommended"), _BETTER_VERDICT]
     transforms: Mapping[str, Pose]
 
 
@@ -326,7 +326,7 @@ class Calibration:
         fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
         return fixed | {name: estimate.mean for name, estimate in self.transforms.items()}
 
-    def parameters_of(self, robot: str) -> dict[str, RobotParameters]:
+    def parameters_of_robot(self, robot: str) -> dict[str, RobotParameters]:
         """What was found of a robot's own kinematics, by kind."""
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 

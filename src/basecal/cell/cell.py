@@ -12,7 +12,7 @@ from basecal.cell.target import Target
 from basecal.errors import FrameNotFound
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.lenses.registry import lenses_of
+from basecal.geometry.lenses.registry import model_lenses
 from basecal.kinematics import SerialChain
 
 Status = Literal["fixed", "prior", "free"]
@@ -164,7 +164,7 @@ class CellCamera:
         if self.intrinsics.camera is not None:
             return len(self.intrinsics.camera.distortion)
         asked = self.intrinsics.distortion_terms
-        return lenses_of(self.model)[0].USUAL_TERMS if asked is None else asked
+        return model_lenses(self.model)[0].USUAL_TERMS if asked is None else asked
 
 
 @dataclass(frozen=True, eq=False)

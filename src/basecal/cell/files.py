@@ -1,7 +1,7 @@
 """Every file of a cell, read and written: the one module to import for that."""
 
 from basecal.cell.journal.completing import completed_recording_text
-from basecal.cell.journal.plan_file import planned, read_plan, write_plan
+from basecal.cell.journal.plan_file import parse_plan, read_plan, write_plan
 from basecal.cell.journal.recording_file import (
     append_sample,
     append_samples,
@@ -18,7 +18,7 @@ from basecal.cell.results.calibration_file import (
     read_calibration,
     read_calibration_data,
     run_folder,
-    runs_of,
+    run_names,
     write_calibration,
 )
 from basecal.cell.results.truth_file import read_truth, write_truth
@@ -40,7 +40,7 @@ __all__ = [
     "finding_to_dict",
     "input_hashes",
     "latest_run",
-    "planned",
+    "parse_plan",
     "read_calibration",
     "read_calibration_data",
     "read_cell",
@@ -51,7 +51,7 @@ __all__ = [
     "read_verifications",
     "recording_from_text",
     "run_folder",
-    "runs_of",
+    "run_names",
     "sample_to_dict",
     "write_calibration",
     "write_cell",

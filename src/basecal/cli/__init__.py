@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from basecal.cli.study import study
-from basecal.cli.task_point import numbers_apart
+from basecal.cli.task_point import split_numbers
 from basecal.cli.terminal import say
 from basecal.errors import BasecalError, DatasetError
 
@@ -89,24 +89,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         _own_process()
     try:
-        words = list(numbers_apart(sys.argv[1:] if arguments is None else arguments))
+        words = list(split_numbers(sys.argv[1:] if arguments is None else arguments))
         result = build_app(words)(words, exit_on_error=False, print_error=False)
         if sys.stdout is not None:
             sys.stdout.flush()
     except CycloptsError as error:
-        return _failed(error, 2)
+        return _report_failure(error, 2)
     except BasecalError as error:
-        return _failed(error, error.exit_code)
+        return _report_failure(error, error.exit_code)
     except BrokenPipeError:  # whoever read the answer has had enough
         _drop_unwritten()
         return 141
     except OSError as error:
         _drop_unwritten()
-        return _failed(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
+        return _report_failure(f"{error.filename}: {error.strerror}" if error.filename else error, 3)
     except KeyboardInterrupt:
-        return _failed("interrupted", 130)
+        return _report_failure("interrupted", 130)
     except Exception as error:
-        return _failed(_bug(error), 70)
+        return _report_failure(_bug(error), 70)
     return result if isinstance(result, int) else 0
 
 
@@ -149,7 +149,7 @@ def _bug(error: Exception) -> str:
     return f"{what}; please report it with {file.name}"
 
 
-def _failed(error: object, code: int) -> int:
+def _report_failure(error: object, code: int) -> int:
     """The code; what went wrong is said on one line, which names the file once."""
     text = str(error)
     if isinstance(error, DatasetError):

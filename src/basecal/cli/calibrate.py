@@ -72,7 +72,7 @@ def calibrate(
     from basecal.estimation.settings import Settings
 
     needed_m = None if tolerance is None else length_m(tolerance)
-    _refuse_unused(method, start, task_point, task_box, station_choice)
+    _refuse_unused_options(method, start, task_point, task_box, station_choice)
     described = read_cell(cell)
     settings = Settings(
         method=method,
@@ -103,7 +103,7 @@ class CalibratedFolder:
     run: Path
 
 
-def _refuse_unused(method: str, start: str, task_point: object, task_box: object, station_choice: str) -> None:
+def _refuse_unused_options(method: str, start: str, task_point: object, task_box: object, station_choice: str) -> None:
     """Refuse what the method makes no use of, rather than let somebody believe it did.
 
     Raises:
@@ -139,7 +139,7 @@ def calibrate_folder(
     from basecal.accuracy.fit_details import fit_details
     from basecal.accuracy.task.expected_error import check_tolerance
     from basecal.cell.files import calibration_from_dict, calibration_to_dict, input_hashes, write_calibration
-    from basecal.cell.format.writing import write_whole
+    from basecal.cell.format.writing import write_atomically
     from basecal.cell.results.versions import used_versions
     from basecal.estimation.settings import Settings
     from basecal.estimation.stages import Stages
@@ -160,7 +160,7 @@ def calibrate_folder(
             calibration = replace(calibration, tolerance=check_tolerance(cell, stored, details.errors))
             stored = replace(stored, tolerance=calibration.tolerance)
             run = write_calibration(calibration, folder).parent
-            write_whole(run / "report.txt", printable(text_report(cell, calibration)) + "\n", within=folder)
+            write_atomically(run / "report.txt", printable(text_report(cell, calibration)) + "\n", within=folder)
             write_page(cell, stored, StoredRun(run, recording, details, ()))
     if verbose:
         print_stages(stages.seconds)

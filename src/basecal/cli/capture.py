@@ -13,9 +13,9 @@ from cyclopts import Parameter, validators
 from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_plan, say_ways
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
-from basecal.cli.replanned import Replanned, ShiftsForTask, Task, task_of
+from basecal.cli.replanned import Replanned, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
-from basecal.cli.terminal import pasted, print_json, say
+from basecal.cli.terminal import print_json, quote_path, say
 from basecal.errors import InputError, UsageError
 from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
@@ -148,8 +148,8 @@ def capture(
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
-    task = task_of(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    _refuse_unused(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
+    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
+    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
     sketch, count, limits = _sketch(cell), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
@@ -157,14 +157,14 @@ def capture(
         shifts = ShiftsForTask(task, samples) if task and replanned is None else None
         if not freedrive:
             wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
-            wanted = _checked(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
+            wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
             if not go:
-                return _only_planned(cell, wanted, json)
-            wanted = _stored(cell, sketch, wanted, is_new)
+                return _finish_plan(cell, wanted, json)
+            wanted = _store_plan(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
-        steps = _taken(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
-    return _summed_up(cell, steps, replanned, json)
+        steps = _take_samples(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
+    return _summarise(cell, steps, replanned, json)
 
 
 def _sketch(cell: Path) -> Sketch:
@@ -174,7 +174,7 @@ def _sketch(cell: Path) -> Sketch:
     return sketch_cell(read_cell(cell))
 
 
-def _checked(
+def _check_capture(
     rig: Rig,
     sketch: Sketch,
     plan: Sequence[Sample],
@@ -201,7 +201,7 @@ def _checked(
         if replanned is None or not found.refusals:
             break
         refused = {refusal.sample for refusal in found.refusals}
-        plan = replanned.leave_out([sample for sample in plan if sample.sample in refused])
+        plan = replanned.exclude([sample for sample in plan if sample.sample in refused])
         found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     if not quiet:
         if dry_run:
@@ -212,7 +212,7 @@ def _checked(
     return plan
 
 
-def _refuse_unused(
+def _refuse_unused_options(
     pattern: str, plan: Path | None, task: Task | None, go: bool, dry_run: bool, freedrive: bool, web: bool, port: int
 ) -> None:
     if task is not None and (freedrive or pattern not in PATTERNS):
@@ -235,12 +235,12 @@ def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float)
 
     sketch = _sketch(folder)
     with open_rig(sketch.cell, folder) as rig:
-        plan = _stored(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
+        plan = _store_plan(folder, sketch, *capture_plan(rig, sketch, folder, pattern, samples, seed=0))
         limits = SpeedLimits(radians(speed_deg_s), inf)  # a simulated arm hurts nobody
         yield from captured(_taker(rig, sketch, folder, limits, None), plan)
 
 
-def _taken(
+def _take_samples(
     taker: Taker,
     plan: Sequence[Sample],
     led: int | None,
@@ -261,7 +261,7 @@ def _taken(
     return found
 
 
-def _stored(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) -> Sequence[Sample]:
+def _store_plan(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bool) -> Sequence[Sample]:
     from basecal.acquisition.capture import store_plan
 
     return store_plan(folder, sketch.cell, plan) if is_new else plan
@@ -278,13 +278,13 @@ def _taker(
     return taker if view is None else replace(taker, tell=view.tell, report=view.report)
 
 
-def _only_planned(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
+def _finish_plan(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
     if json:
         print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
     return 0
 
 
-def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
+def _summarise(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
     taken = {step.sample for step in steps if not step.why_not}
     given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.sample not in taken]
     doubts = [doubt for step in steps for doubt in step.doubts]
@@ -308,7 +308,7 @@ def _summed_up(cell: Path, steps: Sequence[Step], replanned: Replanned | None, j
             say(replanned.words())
         for doubt in (doubt for doubt in doubts if doubt.is_lasting):
             say(f"WARNING: {doubt.message}")
-        say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {pasted(cell)}")
+        say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {quote_path(cell)}")
     is_doubtful = any(doubt.is_lasting for doubt in doubts)
     if replanned is not None and not replanned.is_reached:
         return 5

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from basecal.planning.plan_check import PlanCheck, SpeedLimits
     from basecal.planning.sketch import Sketch
 
-_SHOWN = 20  # refusals, each a line
+_SHOWN_SAMPLES = 20  # refusals, each a line
 
 
 def capture_plan(
@@ -45,7 +45,7 @@ def capture_plan(
     left = remaining_samples(folder, sketch.cell)
     if left:
         return left, False
-    seed += _finished(folder, sketch, samples, more)
+    seed += _finished_count(folder, sketch, samples, more)
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)
@@ -60,7 +60,7 @@ def capture_plan(
     return PATTERNS[pattern].plan(sketch, home, make_feasibility_check(sketch), samples, seed), True
 
 
-def _finished(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
+def _finished_count(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
     """How many samples a finished capture has recorded; 0 if there is none. Other places need another seed.
 
     Raises:
@@ -97,16 +97,16 @@ def checked_plan(
     return check_plan(sketch, home, plan, limits, goal_checks(sent if asks_controllers else dict.fromkeys(sent)))
 
 
-def refuse(found: PlanCheck, samples: int) -> None:
+def refuse(plan_check: PlanCheck, samples: int) -> None:
     """Print why a plan is not gone to.
 
     Raises:
         InputError: if it is not.
     """
-    for refusal in found.refusals[:_SHOWN]:
+    for refusal in plan_check.refusals[:_SHOWN_SAMPLES]:
         say(str(refusal), sys.stderr)
-    if found.refusals:
-        bad = len({refusal.sample for refusal in found.refusals})
+    if plan_check.refusals:
+        bad = len({refusal.sample for refusal in plan_check.refusals})
         raise InputError(f"{bad} of {samples} samples of the plan are refused: nothing was moved")
 
 
@@ -115,7 +115,7 @@ def say_plan(
     sketch: Sketch,
     plan: Sequence[Sample],
     is_new: bool,
-    found: PlanCheck,
+    plan_check: PlanCheck,
     go: bool,
     replanned: Replanned | None,
 ) -> None:
@@ -128,10 +128,10 @@ def say_plan(
     camera, target = sketch.view
     begun = "" if is_new else "goes on with what was begun: "
     say(
-        f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(found)}, "
-        f"with {target} in view of {camera} at every stop; {_ways(found)}"
+        f"{begun}{len(plan)} samples; {' and '.join(moving) or 'no robot'} will move{_speeds(plan_check)}, "
+        f"with {target} in view of {camera} at every stop; {_ways(plan_check)}"
     )
-    for name in {way.robot for way in found.ways if way.gaps}:
+    for name in {way.robot for way in plan_check.ways if way.gaps}:
         for problem in robot_capsules(sketch, name)[1]:
             say(f"WARNING: {name}: {problem}. A line with a radius of 60 mm is checked instead")
     if replanned is not None:
@@ -144,26 +144,26 @@ def say_plan(
         sys.stdout.flush()
 
 
-def _speeds(found: PlanCheck) -> str:
-    if not found.ways:
+def _speeds(plan_check: PlanCheck) -> str:
+    if not plan_check.ways:
         return ""
-    joint, tool = max(way.joint_rad_s for way in found.ways), max(way.tool_m_s for way in found.ways)
+    joint, tool = max(way.joint_rad_s for way in plan_check.ways), max(way.tool_m_s for way in plan_check.ways)
     return f", no joint faster than {degrees(joint):.3g} deg/s and no point faster than {1e3 * tool:.0f} mm/s"
 
 
-def _ways(found: PlanCheck) -> str:
+def _ways(plan_check: PlanCheck) -> str:
     """How near robots come to one another and to boxes, in words."""
-    gaps = sorted((gap for way in found.ways for gap in way.gaps), key=lambda gap: -gap.gap_m)
+    gaps = sorted((gap for way in plan_check.ways for gap in way.gaps), key=lambda gap: -gap.gap_m)
     least = {(gap.robot, gap.other): f"{1e3 * gap.gap_m:.0f} mm between {gap.robot} and {gap.other}" for gap in gaps}
     known = ", ".join(least.values())
     return f"least clearance on the ways: {known}; nothing else is checked" if known else "the ways are not checked"
 
 
-def say_ways(found: PlanCheck) -> None:
+def say_ways(plan_check: PlanCheck) -> None:
     """Print how each robot would go to each sample, how near it comes to others, and what is refused."""
-    why = {refusal.sample for refusal in found.refusals}
+    why = {refusal.sample for refusal in plan_check.refusals}
     say("sample  robot       joint deg/s  tool mm/s  clearance mm")
-    for way in found.ways:
+    for way in plan_check.ways:
         gaps = [f"{gap.other if gap.robot == way.robot else gap.robot} {1e3 * gap.gap_m:.0f}" for gap in way.gaps]
         speeds = f"{degrees(way.joint_rad_s):11.1f}  {1e3 * way.tool_m_s:9.0f}"
         verdict = "  refused" if way.sample in why else ""

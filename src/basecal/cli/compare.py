@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cyclopts import CycloptsError
 
-from basecal.cli.runs import run_of
+from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, say
 
 
@@ -37,7 +37,7 @@ def compare(*runs: Path, json: bool = False) -> int:
     if len(runs) < 2:
         raise CycloptsError(msg="say two runs or more: basecal compare RUN RUN")
     names = [str(run) for run in runs]
-    first, *others = [read_calibration(run_of(run)) for run in runs]
+    first, *others = [read_calibration(find_run(run)) for run in runs]
     found = [compared(first, other) for other in others]
     if json:
         print_json(comparison_dict(names, found))

@@ -9,7 +9,7 @@ from basecal.cli.calibrate import calibrate_folder, exit_code, show
 from basecal.cli.page import print_page_path
 from basecal.cli.simulate import refuse_existing
 from basecal.cli.simulated_process import simulated_process
-from basecal.cli.terminal import pasted, print_json, say
+from basecal.cli.terminal import print_json, quote_path, say
 
 if TYPE_CHECKING:
     from basecal.geometry import SE3, PoseEstimate
@@ -64,10 +64,10 @@ def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool =
         show(cell, found.calibration)
         print_page_path(found.run)
         if closed_form:
-            say(_compared(closed_form, true_error(closed_form, truth), "the paper's closed form"))
-        say(_compared(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")
+            say(_comparison(closed_form, true_error(closed_form, truth), "the paper's closed form"))
+        say(_comparison(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")
         own = "for your own robots: basecal new mycell"
-        say(f"\nnext: look into {folder / 'cell.yaml'}; basecal report {pasted(folder)}; {own}")
+        say(f"\nnext: look into {folder / 'cell.yaml'}; basecal report {quote_path(folder)}; {own}")
     return exit_code(found.calibration)
 
 
@@ -109,7 +109,7 @@ def true_error(estimate: PoseEstimate, truth: SE3) -> dict[str, Any]:
     }
 
 
-def _compared(estimate: PoseEstimate, error: dict[str, Any], subject: str) -> str:
+def _comparison(estimate: PoseEstimate, error: dict[str, Any], subject: str) -> str:
     lines = ["", f"{subject} against the truth, along x y z of hand_base:"]
     for half, sigma in (("t", estimate.sigma_t), ("r", estimate.sigma_r)):
         scale, unit = _UNIT[half]

@@ -64,7 +64,7 @@ def driver_check(
         place = _place_in_cell(Path(device), name, connecting)
     else:
         place = _place_of_kind(device, option or [], camera)
-    promises = _measured(place, go, cut, quiet=json)
+    promises = _measure(place, go, cut, quiet=json)
     if json:
         print_json({"name": place.name, "promises": [vars(each) for each in promises]})
     return 1 if any(each.holds is False for each in promises) else 0
@@ -112,7 +112,7 @@ def _option(text: str) -> tuple[str, Any]:
         return key, value
 
 
-def _measured(place: Place, go: bool, cut: bool, quiet: bool) -> list[Promise]:
+def _measure(place: Place, go: bool, cut: bool, quiet: bool) -> list[Promise]:
     """Promises, each printed when it is measured."""
     from basecal.acquisition.driver_check.promises import camera_promises, reconnection_promise, robot_promises
     from basecal.acquisition.drivers.registry import driver_kind
@@ -124,16 +124,16 @@ def _measured(place: Place, go: bool, cut: bool, quiet: bool) -> list[Promise]:
         raise InputError(f"no driver of that name is for {'robots' if is_robot else 'cameras'}")
     if not is_robot:
         with closing(kind.camera(place)) as camera:
-            return [_told(each, quiet) for each in camera_promises(camera)]
+            return [_print_promise(each, quiet) for each in camera_promises(camera)]
     with closing(kind.robot(place)) as robot:
-        found = [_told(each, quiet) for each in robot_promises(place.name, robot, kind.stop_guarantee, go)]
+        found = [_print_promise(each, quiet) for each in robot_promises(place.name, robot, kind.stop_guarantee, go)]
         if cut:
             say(f"Cut the connection of {place.name} now, for three seconds, and restore it.")
-            found.append(_told(reconnection_promise(place.name, robot, _CUT_S), quiet))
+            found.append(_print_promise(reconnection_promise(place.name, robot, _CUT_S), quiet))
         return found
 
 
-def _told(promise: Promise, quiet: bool) -> Promise:
+def _print_promise(promise: Promise, quiet: bool) -> Promise:
     if not quiet:
         verdict = {True: "holds", False: "FAILS", None: "-"}[promise.holds]
         say(f"{verdict:<6} {promise.promise:<44} {promise.measured}")

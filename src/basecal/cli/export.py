@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.publishing import check_publishing, publish_transforms
-from basecal.cli.terminal import pasted, say
+from basecal.cli.terminal import quote_path, say
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exporters.registry import EXPORTERS
 
@@ -85,7 +85,7 @@ def export(
     )
     _write(text, output)
     if calibration.verdict == "doubtful":
-        say(f"basecal: warning: the calibration is doubtful: basecal report {pasted(cell)}", sys.stderr)
+        say(f"basecal: warning: the calibration is doubtful: basecal report {quote_path(cell)}", sys.stderr)
     return 0
 
 
@@ -109,15 +109,15 @@ def _folder(cell: Path, run: str | None) -> Path:
 
     found = latest_run(cell) if run is None else run_folder(cell, run)
     if found is None:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
+        raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
     return found
 
 
 def _write(text: str, output: Path | None) -> None:
-    from basecal.cell.format.writing import write_asked_for
+    from basecal.cell.format.writing import write_output
 
     if output is None:
         say(text.rstrip("\n"))
     else:
-        write_asked_for(output, text)
+        write_output(output, text)
         say(f"written: {output}")

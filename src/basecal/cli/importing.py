@@ -16,8 +16,8 @@ from basecal.accuracy.input_screening.importing import import_into
 from basecal.cli.convention_check import say_conventions
 from basecal.cli.detected import counting
 from basecal.cli.next_step import next_step
-from basecal.cli.terminal import pasted, say
-from basecal.errors import listed
+from basecal.cli.terminal import quote_path, say
+from basecal.errors import list_names
 from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.bring_in import Brought
 from basecal.exchange.importing.imported import Imported, OneOf
@@ -100,16 +100,16 @@ def finish_import(folder: Path, imported: Imported) -> int:
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought)):
         say(line)
     if brought.changed and not brought.is_new_cell:
-        say(f"written into cell.yaml: {listed(brought.changed)}")
+        say(f"written into cell.yaml: {list_names(brought.changed)}")
     missing = next_step(brought.cell, brought.recording, folder)
-    then = missing or f"next: basecal calibrate {pasted(folder)}"
+    then = missing or f"next: basecal calibrate {quote_path(folder)}"
     if missing is None and say_conventions(folder, brought.cell, brought.recording):
         then = "mend what is said above first, in cell.yaml or by importing anew into another folder"
-    say(f"{_written(folder, brought)}: {then}")
+    say(f"{_written_files(folder, brought)}: {then}")
     return 0
 
 
-def _written(folder: Path, brought: Brought) -> str:
+def _written_files(folder: Path, brought: Brought) -> str:
     """What was written, in words."""
     if brought.pairing is None:
         return f"wrote {folder / 'cell.yaml'}"
@@ -130,9 +130,9 @@ def _pairing_lines(brought: Brought) -> list[str]:
     if joined:
         lines.append(f"paired with {joined} samples {_IN_WORDS[pairing.by]}")
     if pairing.unpaired_rows:
-        lines.append(f"not paired, and left out: {listed(pairing.unpaired_rows)}")
+        lines.append(f"not paired, and left out: {list_names(pairing.unpaired_rows)}")
     if pairing.unpaired_samples:
-        lines.append(f"samples that nothing was imported to: {listed([str(n) for n in pairing.unpaired_samples])}")
+        lines.append(f"samples that nothing was imported to: {list_names([str(n) for n in pairing.unpaired_samples])}")
     return lines
 
 

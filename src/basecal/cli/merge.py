@@ -7,9 +7,9 @@ from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
-from basecal.cli.terminal import pasted, say
+from basecal.cli.terminal import quote_path, say
 
-_FEWEST = 2
+_FEWEST_PARTS = 2
 
 
 def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
@@ -31,7 +31,7 @@ def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
     """
     from basecal.exchange.merging import merge_cells
 
-    if len(cells) < _FEWEST:
+    if len(cells) < _FEWEST_PARTS:
         raise CycloptsError(msg="give two cells or more: basecal merge A B -o C")
     merged = merge_cells(cells, output)
     for part, first in zip(merged.parts, merged.first_numbers, strict=True):
@@ -40,5 +40,5 @@ def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
         say(f"{part.folder}: {len(samples)} samples of {robots}, from number {first} on")
         for finding in part.recording.findings:
             say(f"left out: {finding.message}")
-    say(f"wrote {len(merged.recording.samples)} samples and cell.yaml to {output}: basecal calibrate {pasted(output)}")
+    say(f"{len(merged.recording.samples)} samples written to {output}: basecal calibrate {quote_path(output)}")
     return 0

@@ -14,8 +14,14 @@ from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.new_from_ros2 import NewCell, ros2_cell
 from basecal.cli.next_step import next_step
-from basecal.cli.terminal import pasted, say
-from basecal.exchange.importing.described_target import UNSAID, Shape, are_alike, is_described, target_fields
+from basecal.cli.terminal import quote_path, say
+from basecal.exchange.importing.described_target import (
+    UNSAID,
+    Shape,
+    are_indistinguishable,
+    is_described,
+    target_fields,
+)
 from basecal.exchange.importing.paired import paired
 from basecal.exchange.importing.template import Kind, cell_text
 
@@ -84,21 +90,21 @@ def new(
     else:
         found = ros2_cell(cell, yes, domain, paired("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
     start_cell(cell, found.text, found.urdfs)
-    _warn_of_alike_targets(found.cell)
+    _warn_of_equal_targets(found.cell)
     samples = cell / "recording" / "samples.jsonl"
     make_folder(samples.parent, cell)
     if not os.path.lexists(samples):
         open_new(samples).close()
-    then = f"record into {samples}, then: basecal calibrate {pasted(cell)}"
+    then = f"record into {samples}, then: basecal calibrate {quote_path(cell)}"
     say(f"wrote {cell / 'cell.yaml'}: fill in what is known, {then}")
     if (missing := next_step(found.cell, read_recording(cell, found.cell), cell)) is not None:
         say(missing)
     return 0
 
 
-def _warn_of_alike_targets(cell: Cell) -> None:
+def _warn_of_equal_targets(cell: Cell) -> None:
     for one, other in combinations(cell.targets.values(), 2):
-        if one.target is not None and other.target is not None and are_alike(one.target, other.target):
+        if one.target is not None and other.target is not None and are_indistinguishable(one.target, other.target):
             say(
                 f"basecal: warning: no picture tells {one.name!r} from {other.name!r}, both {one.target.kind}: give "
                 "them other counts in cell.yaml, or take --target charuco or apriltag, whose marks differ",

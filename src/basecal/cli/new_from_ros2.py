@@ -56,7 +56,7 @@ def ros2_cell(
     from basecal.acquisition.ros2.listening import listen_to_topics, survey_of_what_runs
     from basecal.cell.files import cell_from_dict
     from basecal.cell.format.yaml_text import yaml_text
-    from basecal.exchange.bags.choice import chosen
+    from basecal.exchange.bags.choice import choose_sources
     from basecal.exchange.bags.entry import bag_entry, urdf_name
     from basecal.exchange.bags.sources import Asked, ByJoints
 
@@ -66,7 +66,7 @@ def ros2_cell(
     for topic in sorted(bag.topics.values()):
         say(f"  {topic.messages:>8}  {topic.name}  {topic.kind}")
     survey, asked = survey_of_what_runs(bag), Asked(robots=robots)
-    taken = chosen(bag, survey, asked, None)
+    taken = choose_sources(bag, survey, asked, None)
     for line in taken.words:
         say(f"taking {line}")
     sizes = {name: _size(bag, camera.topic) for name, camera in taken.cameras.items()}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.terminal import pasted
-from basecal.errors import listed
+from basecal.cli.terminal import quote_path
+from basecal.errors import list_names
 
 if TYPE_CHECKING:
     from basecal.cell import Cell, Recording
@@ -16,24 +16,23 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     """The first of what is missing, and what to do; None where nothing is, so that it can be calibrated."""
     from basecal.exchange.pictures import ENDINGS
 
-    place = pasted(folder)
+    place = quote_path(folder)
     if not cell.cameras:
         return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
     seen = any(sample.images or sample.observations for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:
-        return (
-            f"next, where {listed(silent)} was: basecal import poses {place} --robot {silent[0]} FILE --format FORMAT"
-        )
+        silent_names = list_names(silent)
+        return f"next, poses of {silent_names}: basecal import poses {place} --robot {silent[0]} FILE --format FORMAT"
     if not seen:
         camera = next(iter(cell.cameras))
         dropped = folder / "recording" / "images" / camera
         has_pictures = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
-        there = pasted(dropped) if has_pictures else "DIR"
+        there = quote_path(dropped) if has_pictures else "DIR"
         return f"next, its pictures: basecal import images {place} {there} --camera {camera}"
     if not cell.targets:
         return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
     carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
     if idle := [name for name in cell.robots if name not in carriers]:
-        return f"next, what {listed(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
+        return f"next, what {list_names(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
     return None

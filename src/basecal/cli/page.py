@@ -62,7 +62,7 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
 def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
     """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
     from basecal.cell.files import read_verifications
-    from basecal.cell.format.writing import write_whole
+    from basecal.cell.format.writing import write_atomically
     from basecal.reporting.page import page
 
     names = ", ".join(stored.changed)
@@ -74,13 +74,13 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
         calibration,
         stored.details,
         title=os.fsencode(cell_name).decode(errors="replace"),
-        time=_made(stored.run),
+        time=_run_time(stored.run),
         run=stored.run.name,
         notes=notes,
         outlook=() if stored.changed else _outlook(cell, stored.recording, calibration),
         verifications=[each for each in read_verifications(stored.run.parent.parent) if each.run == stored.run.name],
     )
-    write_whole(path, html, within=stored.run.parent.parent)
+    write_atomically(path, html, within=stored.run.parent.parent)
     return path
 
 
@@ -114,7 +114,7 @@ def print_page_path(run: Path) -> None:
         say(line if len(line) <= LINE_WIDTH else f"page: {min(path, from_here, key=len)}", sys.stderr)
 
 
-def _made(run: Path) -> datetime | None:
+def _run_time(run: Path) -> datetime | None:
     """When a run was made, UTC, by the name of its folder."""
     try:
         return datetime.strptime(run.name[:_STAMP_LENGTH], _STAMP).replace(tzinfo=UTC)

@@ -9,7 +9,7 @@ from cyclopts import Parameter, validators
 
 from basecal.cli.detected import detected_recording
 from basecal.cli.task_point import Box, Point, task_points
-from basecal.cli.terminal import pasted, print_json, progress, say
+from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.errors import BasecalError, FrameNotFound, UsageError
 from basecal.exchange.motions.registry import MOTIONS
 from basecal.fields.typed_length import length_m
@@ -92,16 +92,16 @@ def plan(
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
-        calibration = _calibrated(cell, described, recording)
+        calibration = _find_calibration(cell, described, recording)
         if anew:
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
-        found = _planned(described, recording, calibration, points, needed_m, samples, seed, pattern)
+        found = _make_plan(described, recording, calibration, points, needed_m, samples, seed, pattern)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
     _tell(found, plan_dict(found, needed_m), motion, cell, output, json)
     return 5 if found.reachable is False else 0
 
 
-def _planned(
+def _make_plan(
     cell: Cell,
     recording: Recording,
     calibration: Calibration | None,
@@ -138,62 +138,62 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
 
 
 def _tell(
-    found: Plan, data: Mapping[str, Any], motion: str | None, cell: Path, output: Path | None, json: bool
+    plan_result: Plan, data: Mapping[str, Any], motion: str | None, cell: Path, output: Path | None, json: bool
 ) -> None:
     """Print and write what is asked for: a robot's program alone where it is printed."""
     from json import dumps
 
     from basecal.cell.files import write_plan
-    from basecal.cell.format.writing import write_asked_for
+    from basecal.cell.format.writing import write_output
 
     if motion is not None and output is None:
         say(motion.rstrip("\n"))
         return
     if output is not None and motion is not None:
-        write_asked_for(output, motion)
+        write_output(output, motion)
     elif output is not None and output.suffix == ".jsonl":
-        write_plan(found.samples, output, output.parent)
+        write_plan(plan_result.samples, output, output.parent)
     elif output is not None:
-        write_asked_for(output, dumps(data, allow_nan=False) + "\n")
+        write_output(output, dumps(data, allow_nan=False) + "\n")
     if json:
         print_json(data)
         return
-    say(_words(found, data["tolerance_mm"]))
+    say(_words(plan_result, data["tolerance_mm"]))
     if motion is not None:
         say(f"written: {output}")
     elif output is not None:
-        say(f"next: basecal capture {pasted(cell)} --plan {pasted(output)}")
-    elif found.samples:
+        say(f"next: basecal capture {quote_path(cell)} --plan {quote_path(output)}")
+    elif plan_result.samples:
         say("write them with -o plan.jsonl")
 
 
-def plan_dict(found: Plan, needed_m: float | None) -> dict[str, Any]:
+def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
     """A plan as plain data; what was not asked, or is not reached, is null."""
     from basecal.cell.files import sample_to_dict
     from basecal.cell.results.calibration_dict import budget_entry
 
     return {
-        "samples": [sample_to_dict(sample, "") for sample in found.samples],
-        "needed": found.needed,
-        "predicted_mm": None if found.expected_m is None else 1e3 * found.expected_m,
-        "reachable": found.reachable,
+        "samples": [sample_to_dict(sample, "") for sample in plan_result.samples],
+        "needed": plan_result.needed,
+        "predicted_mm": None if plan_result.expected_m is None else 1e3 * plan_result.expected_m,
+        "reachable": plan_result.reachable,
         "tolerance_mm": None if needed_m is None else 1e3 * needed_m,
-        "recorded": found.recorded,
-        "forbidden_by": found.budget[0].source if found.reachable is False and found.budget else None,
-        "budget": [budget_entry(entry) for entry in found.budget],
+        "recorded": plan_result.recorded,
+        "forbidden_by": plan_result.budget[0].source if plan_result.reachable is False and plan_result.budget else None,
+        "budget": [budget_entry(entry) for entry in plan_result.budget],
     }
 
 
-def _motion(cell: Cell, found: Plan, to: str, robot: str | None, speed_deg_s: float, hold_s: float) -> str:
+def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg_s: float, hold_s: float) -> str:
     """The samples as a robot's own program takes them."""
     from math import radians
 
-    from basecal.exchange.motions.way import way_of
+    from basecal.exchange.motions.way import make_way
 
-    return MOTIONS[to].text(way_of(cell, found.samples, robot, radians(speed_deg_s), hold_s))
+    return MOTIONS[to].text(make_way(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
 
 
-def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:
+def _find_calibration(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:
     """The latest run where it is of this recording, else what the recording gives now; None where it gives nothing."""
     from basecal.accuracy.calibrate import calibrate
     from basecal.cell.files import input_hashes, latest_run, read_calibration
@@ -211,18 +211,22 @@ def _calibrated(folder: Path, cell: Cell, recording: Recording) -> Calibration |
         return None
 
 
-def _words(found: Plan, tolerance_mm: float | None) -> str:
-    expected = "an unknown error" if found.expected_m is None else f"{1e3 * found.expected_m:.2g} mm"
+def _words(plan_result: Plan, tolerance_mm: float | None) -> str:
+    expected = "an unknown error" if plan_result.expected_m is None else f"{1e3 * plan_result.expected_m:.2g} mm"
     needed = "" if tolerance_mm is None else f"{tolerance_mm:.3g} mm"
-    many = f"{len(found.samples)} samples" + (f" beside the {found.recorded} recorded" if found.recorded else "")
-    if found.reachable is False:
-        source = f": {found.budget[0].source} forbids it" if found.budget else ""
+    many = f"{len(plan_result.samples)} samples" + (
+        f" beside the {plan_result.recorded} recorded" if plan_result.recorded else ""
+    )
+    if plan_result.reachable is False:
+        source = f": {plan_result.budget[0].source} forbids it" if plan_result.budget else ""
         lines = [f"{needed} cannot be reached{source}; {many} leave 95 % of errors below {expected}"]
     elif tolerance_mm is not None:
-        lines = [f"{needed} at the task: {found.needed} samples reach it; {many} leave 95 % of errors below {expected}"]
+        lines = [
+            f"{needed} at the task: {plan_result.needed} samples reach it; {many} leave 95 % of errors below {expected}"
+        ]
     else:
         lines = [f"{many} leave 95 % of errors at the task below {expected}"]
-    for entry in found.budget:
+    for entry in plan_result.budget:
         halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
         lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")
     return "\n".join(lines)

@@ -24,7 +24,9 @@ class Task(NamedTuple):
     tolerance_m: float | None
 
 
-def task_of(point: Point | None, box: Box | None, tolerance: str | None, may_be_open: bool = False) -> Task | None:
+def requested_task(
+    point: Point | None, box: Box | None, tolerance: str | None, may_be_open: bool = False
+) -> Task | None:
     """What was asked for; None where nothing of it was.
 
     Args:
@@ -77,7 +79,7 @@ class Replanned:
         self._given_up = [*abandoned_samples(folder, sketch.cell)]
         self.samples = self(taken, self._given_up)
 
-    def leave_out(self, refused: Sequence[Sample]) -> Sequence[Sample]:
+    def exclude(self, refused: Sequence[Sample]) -> Sequence[Sample]:
         """Plan without samples that are refused, and what is near them."""
         self._given_up += refused
         return self(self._taken, self._given_up)

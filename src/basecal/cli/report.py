@@ -6,7 +6,7 @@ from pathlib import Path
 
 from basecal.cli.calibrate import exit_code, show
 from basecal.cli.page import print_page_path, stored_run, write_page
-from basecal.cli.terminal import pasted, print_json, progress
+from basecal.cli.terminal import print_json, progress, quote_path
 from basecal.errors import InputError
 from basecal.fields.typed_length import length_m
 
@@ -44,7 +44,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
 
     described, run = read_cell(cell), latest_run(cell)
     if run is None:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
+        raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
     calibration = read_calibration(run)
     if tolerance is not None:
         asked = {**calibration.settings, "tolerance_m": length_m(tolerance)}

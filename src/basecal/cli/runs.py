@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.cli.terminal import pasted
+from basecal.cli.terminal import quote_path
 from basecal.errors import InputError
 
 
-def run_of(path: Path) -> Path:
+def find_run(path: Path) -> Path:
     """The folder of a run, given so or as its file; of a cell's folder its latest run.
 
     Raises:
@@ -20,5 +20,5 @@ def run_of(path: Path) -> Path:
         return path
     run = latest_run(path)
     if run is None:
-        raise InputError(f"{path} has no run yet: basecal calibrate {pasted(path)}")
+        raise InputError(f"{path} has no run yet: basecal calibrate {quote_path(path)}")
     return run

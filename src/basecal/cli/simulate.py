@@ -12,7 +12,7 @@ from cyclopts import Parameter, validators
 from basecal.cell.targets.registry import TargetKindName
 from basecal.cli.detected import counting
 from basecal.cli.simulated_process import RendererName, run_process
-from basecal.cli.terminal import pasted, print_json, progress, say
+from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
@@ -114,13 +114,13 @@ def _record(cell: Path, scenario: Scenario, seed: int, images: bool, json: bool)
     refuse_existing(cell)
     with progress("simulating"):
         made = simulated(scenario, seed)
-    made = write_simulated(cell, made, image_seed=seed if images else None)
+    made = write_simulation(cell, made, image_seed=seed if images else None)
     samples = len(made.recording.samples)
     if json:
         print_json({"cell": str(cell), "samples": samples, "seed": seed})
     else:
         say(f"wrote {samples} samples to {cell}, the truth to {cell / 'truth.yaml'}")
-        say(f"next: basecal calibrate {pasted(cell)}")
+        say(f"next: basecal calibrate {quote_path(cell)}")
     return 0
 
 
@@ -135,7 +135,7 @@ def refuse_existing(folder: Path) -> None:
             raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
 
 
-def write_simulated(folder: Path, made: SimulatedCell, image_seed: int | None = None) -> SimulatedCell:
+def write_simulation(folder: Path, made: SimulatedCell, image_seed: int | None = None) -> SimulatedCell:
     """A simulated cell as it is written, whole or not at all, into a folder, with its recording and its truth.
 
     Args:
@@ -146,10 +146,10 @@ def write_simulated(folder: Path, made: SimulatedCell, image_seed: int | None = 
     from dataclasses import replace
 
     from basecal.cell.files import write_cell, write_recording, write_truth
-    from basecal.cell.format.writing import staged
+    from basecal.cell.format.writing import stage_folder
     from basecal.exchange.urdf import chain_urdf
 
-    with staged(folder) as part:
+    with stage_folder(folder) as part:
         if image_seed is not None:
             made = with_images(made, part, image_seed)
         write_cell(made.cell, part)

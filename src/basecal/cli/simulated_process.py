@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
 from basecal.cell.targets.registry import TargetKindName
-from basecal.cli.terminal import pasted, print_json, say
+from basecal.cli.terminal import print_json, quote_path, say
 from basecal.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def run_process(
     with CellServer(Plant(world, Clock(speed), with_mujoco), new_token(), port) as server:
         address = Address(port=server.port, token=server.token, pid=os.getpid())
         write_address(folder, address)
-        _say_where(folder, server.port, with_mujoco, json)
+        _print_address(folder, server.port, with_mujoco, json)
         if until_eof:
             threading.Thread(target=_end_with_input, args=(server,), daemon=True).start()
         try:
@@ -122,7 +122,7 @@ def _draws_surroundings(renderer: RendererName) -> bool:
     return why is None
 
 
-def _say_where(folder: Path, port: int, with_mujoco: bool, json: bool) -> None:
+def _print_address(folder: Path, port: int, with_mujoco: bool, json: bool) -> None:
     from basecal.simulation.running.protocol import ADDRESS_FILE, HOST
 
     if json:
@@ -130,7 +130,7 @@ def _say_where(folder: Path, port: int, with_mujoco: bool, json: bool) -> None:
         print_json({**where, "renderer": "mujoco" if with_mujoco else "analytic"})
     else:
         say(f"{folder} runs on {HOST}:{port}, its token is in {folder / ADDRESS_FILE}; Ctrl-C ends it")
-        say(f"next, in another terminal: basecal capture {pasted(folder)} --pattern poses --go")
+        say(f"next, in another terminal: basecal capture {quote_path(folder)} --pattern poses --go")
     if sys.stdout is not None:
         sys.stdout.flush()
 

@@ -65,22 +65,22 @@ def study(
     if (file is None) == (cells is None):
         raise UsageError("give the file of a study, or --cells with a folder of cells: one of them")
     if file is not None:
-        summary = tried(read_study(file), Path(file.stem) if output is None else output, where)
+        summary = try_study(read_study(file), Path(file.stem) if output is None else output, where)
     else:
         summary = _fleet(cells or Path(), output, where)
     if json:
         print_json({name: value for name, value in summary.items() if name != "words"})
     else:
-        say(in_words(summary))
+        say(summary_text(summary))
     return 0
 
 
-def in_words(summary: dict[str, Any]) -> str:
+def summary_text(summary: dict[str, Any]) -> str:
     """A summary for people, and where its files are."""
     return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
 
 
-def tried(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
+def try_study(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
     """The summary of a study, which is tried and written; with its words."""
     from basecal.reporting.sweep.page import sweep_page
     from basecal.reporting.sweep.text import sweep_text
@@ -92,7 +92,7 @@ def tried(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
         run_study(asked, folder, where, step)
     with progress("writing"):
         table, summary = write_table(asked, folder), summarise(asked, folder)
-        paths = _kept(summary, table, sweep_page(summary, asked.text))
+        paths = _write_results(summary, table, sweep_page(summary, asked.text))
     return {**summary, "folder": str(folder), **paths, "words": sweep_text(summary)}
 
 
@@ -100,26 +100,26 @@ def _fleet(cells: Path, output: Path | None, where: Where) -> dict[str, Any]:
     """The summary of a folder of cells, which are calibrated."""
     from basecal.reporting.fleet.page import fleet_page
     from basecal.reporting.fleet.text import fleet_text
-    from basecal.studies.fleet.run import fleet_of, run_fleet
-    from basecal.studies.fleet.summary import rows_of, summarise_fleet, write_fleet_table
+    from basecal.studies.fleet.run import make_fleet, run_fleet
+    from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fleet_table
 
-    fleet = fleet_of(cells, Path(f"{cells.resolve().name}_calibrated") if output is None else output)
+    fleet = make_fleet(cells, Path(f"{cells.resolve().name}_calibrated") if output is None else output)
     with counting("calibrating") as step:
         run_fleet(fleet, where, step)
     with progress("writing"):
-        rows = rows_of(fleet)
+        rows = fleet_rows(fleet)
         table, summary = write_fleet_table(rows, fleet.output), summarise_fleet(fleet, rows)
-        paths = _kept(summary, table, fleet_page(summary, rows))
+        paths = _write_results(summary, table, fleet_page(summary, rows))
     return {**summary, **paths, "words": fleet_text(summary, rows)}
 
 
-def _kept(summary: dict[str, Any], table: Path, page: str) -> dict[str, str]:
+def _write_results(summary: dict[str, Any], table: Path, page: str) -> dict[str, str]:
     """Paths of table and page, after the page and the summary are written beside the table."""
     import json
 
-    from basecal.cell.format.writing import write_whole
+    from basecal.cell.format.writing import write_atomically
 
     folder = table.parent
-    write_whole(folder / "summary.json", json.dumps(summary, indent=1, allow_nan=False) + "\n", within=folder)
-    write_whole(folder / "report.html", page, within=folder)
+    write_atomically(folder / "summary.json", json.dumps(summary, indent=1, allow_nan=False) + "\n", within=folder)
+    write_atomically(folder / "report.html", page, within=folder)
     return {"table": str(table), "page": str(folder / "report.html")}

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.study import Output, Workers, in_words, tried
+from basecal.cli.study import Output, Workers, summary_text, try_study
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
@@ -64,10 +64,10 @@ def study_paper(
         figures.mkdir(parents=True, exist_ok=True)
         for name, svg in length_figures(study).items():
             (figures / name).write_text(svg, encoding="utf-8")
-    summary = None if output is None else tried(paper_study(), output, Where(workers or os.cpu_count() or 1))
+    summary = None if output is None else try_study(paper_study(), output, Where(workers or os.cpu_count() or 1))
     if json:
         of_file = {} if summary is None else {"study": {k: v for k, v in summary.items() if k != "words"}}
         print_json({**study, **of_file})
     else:
-        say(paper_text(study) if summary is None else f"{paper_text(study)}\n\n{in_words(summary)}")
+        say(paper_text(study) if summary is None else f"{paper_text(study)}\n\n{summary_text(summary)}")
     return 0

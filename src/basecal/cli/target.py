@@ -58,18 +58,18 @@ def target(
         tag: Number of the AprilTag.
         field: FIELD=VALUE as in cell.yaml, such as legacy_pattern=true; may be given several times.
     """
-    from basecal.cell.targets.fiducials import large_enough
+    from basecal.cell.targets.fiducials import smallest_dictionary
     from basecal.cell.targets.kind import PrintSizes
     from basecal.reporting.printed import printed_pages, write_pages
 
     if cell is not None:
-        title, shape = _of_cell(cell, name)
+        title, shape = _cell_target(cell, name)
     else:
         square, marker = square_mm / 1e3, (0.75 * square_mm if marker_mm is None else marker_mm) / 1e3
-        markers = dictionary or large_enough("DICT_4X4_50", columns * rows // 2)
+        markers = dictionary or smallest_dictionary("DICT_4X4_50", columns * rows // 2)
         sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), markers, family, tag)
         fields = printed_fields(kind, sizes, field)
-        title, shape = _described(kind, fields)
+        title, shape = _describe_target(kind, fields)
     pages = printed_pages(shape, title)
     for path in write_pages(pages, out):
         say(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
@@ -80,7 +80,7 @@ def target(
     return 0
 
 
-def _described(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
+def _describe_target(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
     """The target as a cell.yaml with these fields describes it, checked as one."""
     from basecal.cell.files import cell_from_dict
 
@@ -101,7 +101,7 @@ def _described(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
     return f"{kind}: {options}" if options else kind, shape
 
 
-def _of_cell(folder: Path, name: str | None) -> tuple[str, Target]:
+def _cell_target(folder: Path, name: str | None) -> tuple[str, Target]:
     from basecal.cell.files import read_cell
     from basecal.errors import FrameNotFound
 

@@ -13,7 +13,7 @@ Point = tuple[float, float, float]
 Box = tuple[float, float, float, float, float, float]
 
 
-def numbers_apart(words: Iterable[str]) -> Iterator[str]:
+def split_numbers(words: Iterable[str]) -> Iterator[str]:
     """The words of a command, where `--task-point "0.8 -0.1 0.3"` is as `--task-point 0.8 -0.1 0.3`."""
     previous = ""
     for word in words:

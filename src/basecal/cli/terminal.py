@@ -34,7 +34,7 @@ def is_terminal(stream: TextIO | None) -> bool:
     return stream is not None and stream.isatty()
 
 
-def pasted(path: object) -> str:
+def quote_path(path: object) -> str:
     """A path as one word of a line to paste into a shell."""
     return quote(str(path))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.detected import counting
-from basecal.cli.runs import run_of
+from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, say
 from basecal.errors import UsageError
 
@@ -64,11 +64,11 @@ def verify(
     if samples is None:
         data, text, code = {}, [], 0
     else:
-        run, new = run_of(cell) if against is None else against, _new_samples(cell, described, samples)
-        found = _verified(cell, described, run, new)
+        run, new = find_run(cell) if against is None else against, _new_samples(cell, described, samples)
+        found = _verify(cell, described, run, new)
         data, text, code = verification_dict(found), [verification_text(found)], int(found.moved is not False)
         if recalibrate:
-            data["recalibration"], code = _recalibrated(cell, described, new, found)
+            data["recalibration"], code = _recalibrate(cell, described, new, found)
             text.append(_recalibration_words(data["recalibration"]))
     if history:
         past, words = _history(cell)
@@ -95,7 +95,7 @@ def _new_samples(cell: Path, described: Cell, samples: Path) -> Recording:
     return recording
 
 
-def _verified(cell: Path, described: Cell, run: Path, new: Recording) -> Verification:
+def _verify(cell: Path, described: Cell, run: Path, new: Recording) -> Verification:
     """What new samples say of a run, appended to the cell's verifications."""
     from datetime import UTC, datetime
 
@@ -109,8 +109,8 @@ def _verified(cell: Path, described: Cell, run: Path, new: Recording) -> Verific
     return found
 
 
-def _recalibrated(
-    cell: Path, described: Cell, new: Recording, found: Verification
+def _recalibrate(
+    cell: Path, described: Cell, new: Recording, verification: Verification
 ) -> tuple[dict[str, Any] | None, int]:
     """The run made of old and new samples, and its exit code; nothing where something moved, or that is not known."""
     from dataclasses import replace
@@ -118,10 +118,10 @@ def _recalibrated(
     from basecal.cell.files import append_samples, read_recording
     from basecal.cli.calibrate import calibrate_folder, exit_code
 
-    if found.moved is not False:
+    if verification.moved is not False:
         return None, 1
     first = max((sample.sample for sample in read_recording(cell, described).samples), default=-1) + 1
-    kept = [sample for sample in new.samples if sample.observations and sample.sample not in found.outliers]
+    kept = [sample for sample in new.samples if sample.observations and sample.sample not in verification.outliers]
     added = [replace(s, sample=first + k, images={}, background={}) for k, s in enumerate(kept)]
     append_samples(cell, added)
     made = calibrate_folder(cell, described)

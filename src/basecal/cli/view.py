@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.detected import detected_recording
-from basecal.cli.terminal import pasted, say
+from basecal.cli.terminal import quote_path, say
 from basecal.errors import InputError
 
 
@@ -31,13 +31,13 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
         cell: Folder of the cell.
         port: Where the page is served; any that is free where 0.
     """
-    from basecal.cell.files import read_calibration, read_cell, run_folder, runs_of
+    from basecal.cell.files import read_calibration, read_cell, run_folder, run_names
     from basecal.estimation.streams.streams import synchronous
     from basecal.reporting.viewing.page import Viewed, serve_view
 
-    described, runs = read_cell(cell), runs_of(cell)
+    described, runs = read_cell(cell), run_names(cell)
     if not runs:
-        raise InputError(f"{cell} has no run yet: basecal calibrate {pasted(cell)}")
+        raise InputError(f"{cell} has no run yet: basecal calibrate {quote_path(cell)}")
     latest = read_calibration(run_folder(cell, runs[0]))
     recording = synchronous(described, detected_recording(cell, described), latest)
     viewed = Viewed(described, recording, cell, runs, lambda name: read_calibration(run_folder(cell, name)))

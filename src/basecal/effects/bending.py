@@ -9,7 +9,7 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
-from basecal.effects.faces.views import Views, carried
+from basecal.effects.faces.views import Views, robot_moves
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -21,7 +21,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
     base, as of arms that stand or hang, or anywhere.
     """
     for robot in views.robots:
-        moves = carried(views, robot, _moves)
+        moves = robot_moves(views, robot, _moves)
         yield one_candidate("deflection", robot, "rad/m", tuple(None if m is None else m[..., 2:] for m in moves))
         yield one_candidate("deflection", robot, "rad/m", moves)
 
@@ -33,10 +33,10 @@ def _moves(views: Views, k: int, robot: str) -> Array:
     return views.flange_jacobian(k, robot) @ pose.inverse().adjoint() @ turns
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """By how much it bends."""
-    what = f"{found.about} bends by {rounded_length(found.size, found.covariance, 1e3)} mrad per metre of reach."
-    do = f"Record the joints of {found.about} and estimate its `deflection`, or record where it will work."
+    what = f"{effect.about} bends by {rounded_length(effect.size, effect.covariance, 1e3)} mrad per metre of reach."
+    do = f"Record the joints of {effect.about} and estimate its `deflection`, or record where it will work."
     return Words("deflection", what, (do, AGAIN))
 
 

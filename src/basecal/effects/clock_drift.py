@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from basecal.effects.clock_offset import delays, is_late
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.views import Views, elapsed_share
 
 FEWEST_IN_TIME = 6
@@ -27,13 +27,13 @@ def candidates(views: Views) -> Iterator[Candidates]:
         yield one_candidate("clock-drift", name, "s", tuple(moves))
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """By how much a device falls behind."""
-    amount = rounded(abs(1e3 * found.size[0]), 1e3 * found.sigma)
-    kind, way = "images" if found.is_camera else "poses", "fall behind" if is_late(found) else "run ahead of"
+    amount = format_with_sigma(abs(1e3 * effect.size[0]), 1e3 * effect.sigma)
+    kind, way = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
     what = (
-        f"The clock of {found.about} drifts: its {kind} {way} the other devices by {amount} ms more at the last sample "
-        "than at the first."
+        f"The clock of {effect.about} drifts: its {kind} {way} the other devices by {amount} ms more at the last "
+        "sample than at the first."
     )
     return Words(
         "clock-offset", what, ("Synchronise the clocks, as by PTP or NTP, or record for a shorter time.", AGAIN)

@@ -8,9 +8,9 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.simulated_fault import SECOND, SimulatedFault
-from basecal.effects.faces.views import Moves, Views, carried
+from basecal.effects.faces.views import Moves, Views, robot_moves
 from basecal.geometry import Array
 
 
@@ -29,30 +29,30 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
         return
     groups = views.groups
 
-    def by_time(views: Views, k: int, robot: str) -> Array:
+    def time_jacobian(views: Views, k: int, robot: str) -> Array:
         """How views of a group move by the unit of time of a robot, (n, 6, 1)."""
         return views.flange_jacobian(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
         arms = [[r for r in paths if g.end_of(r)] if g.camera == camera else [] for g in groups]
         if any(arms):
-            late = ([by_time(views, k, r) for r in both] for k, both in enumerate(arms))
+            late = ([time_jacobian(views, k, r) for r in both] for k, both in enumerate(arms))
             yield camera, tuple(np.sum(each, axis=0) if each else None for each in late)
     for robot in paths if len(paths) > 1 else ():
-        yield robot, carried(views, robot, by_time)
+        yield robot, robot_moves(views, robot, time_jacobian)
 
 
-def is_late(found: FoundEffect) -> bool:
+def is_late(effect: FoundEffect) -> bool:
     """Whether a camera or a robot is behind: pictures are to be stamped earlier, poses to be read later."""
-    return bool(np.sign(found.size[0]) == (-1 if found.is_camera else 1))
+    return bool(np.sign(effect.size[0]) == (-1 if effect.is_camera else 1))
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """By how much a device lags or leads."""
-    factor, unit = (1e3, "ms") if found.unit == "s" else (1.0, "samples")
-    amount = rounded(abs(factor * found.size[0]), factor * found.sigma)
-    kind, way = "Images" if found.is_camera else "Poses", "lag behind" if is_late(found) else "run ahead of"
-    what = f"{kind} of {found.about} {way} the other devices by {amount} {unit}."
+    factor, unit = (1e3, "ms") if effect.unit == "s" else (1.0, "samples")
+    amount = format_with_sigma(abs(factor * effect.size[0]), factor * effect.sigma)
+    kind, way = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"
+    what = f"{kind} of {effect.about} {way} the other devices by {amount} {unit}."
     return Words("clock-offset", what, ("Record while all stand still, or correct the stamps.", AGAIN))
 
 

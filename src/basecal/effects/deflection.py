@@ -37,7 +37,7 @@ from basecal.kinematics import SerialChain, gravity_torques
 NAME = "deflection"
 PER_NM = "rad/Nm"  # unit of a compliance
 _KEYS = "rad_per_nm", "sigma_rad_per_nm"
-_ALIKE = 0.7  # of the variance of compliances, what all joints of an arm share
+_EQUAL_TOLERANCE = 0.7  # of the variance of compliances, what all joints of an arm share
 _SIMULATED_NM = 50.0  # a shoulder of an arm of a metre carries about that
 
 
@@ -55,7 +55,7 @@ class Stated(Parameters):
         return value
 
 
-def hung(chain: SerialChain, stated: Parameters | None) -> SerialChain:
+def apply_gravity(chain: SerialChain, stated: Parameters | None) -> SerialChain:
     """The chain with gravity as it is stated, whether compliances are estimated or not; as it is where it is not."""
     if not isinstance(stated, Stated) or stated.down is None or chain.masses is None:
         return chain
@@ -72,24 +72,26 @@ def columns(chain: SerialChain, stated: Stated) -> Columns:
 
 def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> Array:
     """Compliance times torque."""
-    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(hung(chain, stated), joints)
+    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(apply_gravity(chain, stated), joints)
 
 
 def derivative(posture: Posture, stated: Stated, values: Array) -> Array:
     """Of the flange to each compliance."""
-    return posture.true.by_joints * gravity_torques(hung(posture.chain, stated), posture.recorded)[..., None, :]
+    return (
+        posture.true.by_joints * gravity_torques(apply_gravity(posture.chain, stated), posture.recorded)[..., None, :]
+    )
 
 
-def unobserved(case: Unobserved) -> str:
+def explain_unobserved(case: Unobserved) -> str:
     """Why the data do not hold the compliances of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
     reason = "the torque of gravity about them is small in these samples, or the same in all of them"
     return f"compliances {how}: {case.joints}: {reason}"
 
 
-def report(robot: str, found: RobotParameters) -> list[str]:
+def report(robot: str, effect: RobotParameters) -> list[str]:
     """A line for each joint."""
-    lines = joint_lines(found, 1e6, "urad/Nm", 2)
+    lines = joint_lines(effect, 1e6, "urad/Nm", 2)
     return [f"compliances of the joints of {robot} under the torque of gravity", *lines]
 
 
@@ -111,7 +113,7 @@ def shared_errors(posture: Posture) -> SharedErrors | None:
         return None
     by_joint = posture.true.by_joints * (torques / most)[:, None, :]
     together = np.concatenate(
-        [np.sqrt(_ALIKE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _ALIKE) * by_joint], axis=-1
+        [np.sqrt(_EQUAL_TOLERANCE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _EQUAL_TOLERANCE) * by_joint], axis=-1
     )
     return SharedErrors(together, np.ones(posture.chain.n + 1, dtype=bool))
 
@@ -136,14 +138,14 @@ def candidates(views: Views) -> Iterator[Candidates]:
         yield one_candidate(NAME, robot, PER_NM, each)
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """The compliance of a joint, root of the mean square."""
-    soft = rounded_length(found.size, found.covariance, 1e6 * len(found.size) ** -0.5)
-    what = f"Joints of {found.about} yield by {soft} urad per Nm of the torque of the links' weight."
-    return Words("deflection", what, (f"Write {entry(found.size)} at {found.about} in cell.yaml.", AGAIN))
+    soft = rounded_length(effect.size, effect.covariance, 1e6 * len(effect.size) ** -0.5)
+    what = f"Joints of {effect.about} yield by {soft} urad per Nm of the torque of the links' weight."
+    return Words("deflection", what, (f"Write {entry(effect.size)} at {effect.about} in cell.yaml.", AGAIN))
 
 
-def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
     """Compliances of half to one and a half of a size under 50 Nm [rad/Nm]."""
     return np.asarray(size / _SIMULATED_NM * (0.5 + rng.random(joints)))
 
@@ -162,7 +164,7 @@ EFFECT = Effect(
         shift=shift,
         scale=0.01,  # [rad/Nm]: 1 rad under 100 Nm
         largest_sigma=3e-3,  # [rad/Nm]
-        unobserved=unobserved,
+        unobserved=explain_unobserved,
     ),
     random=RandomEffect(
         KINEMATICS,
@@ -174,6 +176,6 @@ EFFECT = Effect(
     candidates=candidates,
     words=words,
     fault=SimulatedFault(
-        "sag", "deg", DEGREE, 0.1, "a joint yields by so much under 50 Nm of the links' weight", draw=drawn
+        "sag", "deg", DEGREE, 0.1, "a joint yields by so much under 50 Nm of the links' weight", draw=draw_fault
     ),
 )

@@ -41,7 +41,7 @@ def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
     return f"the distortion by {corner_px:.2g} px at the corner"
 
 
-def drawn(size: float, camera: Camera) -> Camera:
+def draw_fault(size: float, camera: Camera) -> Camera:
     """A lens whose first term moves the farthest corner by so many pixels more."""
     bent = camera.parameters.copy()
     bent[4:5] += size / _corner_by_terms(camera)[:1]
@@ -57,7 +57,9 @@ EFFECT = Effect(
         words,
         is_each_alone=True,  # a lens that is stated without distortion lacks its first term most
     ),
-    fault=SimulatedFault("distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", draw_lens=drawn),
+    fault=SimulatedFault(
+        "distortion", "px", ONE, 3.0, "the lens bends the image's corner by more", draw_lens=draw_fault
+    ),
     absent={
         "random": "a lens is the same in all views",
         "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",

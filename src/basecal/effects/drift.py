@@ -18,19 +18,19 @@ def candidates(views: Views) -> Iterator[Candidates]:
         return
     share = elapsed_share(views)
 
-    def by_time(k: int, name: str) -> Array | None:
+    def drift_moves(k: int, name: str) -> Array | None:
         """How views of a group move, (n, 6, 6)."""
         if not views.depends(k, name):
             return None
         return share[views.rank(views.groups[k])][:, None, None] * views.frame_jacobian(k, name)
 
     for name in views.frames:
-        yield one_candidate("drift", name, "", tuple(by_time(k, name) for k in range(len(views.groups))))
+        yield one_candidate("drift", name, "", tuple(drift_moves(k, name) for k in range(len(views.groups))))
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """What drifts, and by how much."""
-    what = f"{found.about} drifts by {rounded_tangent(found)} from the first sample to the last."
+    what = f"{effect.about} drifts by {rounded_tangent(effect)} from the first sample to the last."
     do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN
     return Words("drift", what, do)
 

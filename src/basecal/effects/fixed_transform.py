@@ -17,10 +17,10 @@ def candidates(views: Views) -> Iterator[Candidates]:
         yield one_candidate("fixed-contradicted", name, "", tuple(moves))
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """By how much it is off."""
-    what = f"{found.about} is stated as fixed, and the data have it {rounded_tangent(found)} aside."
-    do = f"Measure {found.about} again, or state it as a prior with its sigmas."
+    what = f"{effect.about} is stated as fixed, and the data have it {rounded_tangent(effect)} aside."
+    do = f"Measure {effect.about} again, or state it as a prior with its sigmas."
     return Words("fixed-contradicted", what, (do, AGAIN))
 
 

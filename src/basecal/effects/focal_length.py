@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import rounded
+from basecal.effects.faces.found import format_with_sigma
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.simulated_fault import SimulatedFault
 from basecal.geometry import Array, Camera
@@ -21,11 +21,11 @@ def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
     """By how much they are off."""
     share = 100 / stated.parameters[:2]
     off = share * (stated.parameters - estimated.parameters)[:2]
-    fx, fy = (rounded(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))
+    fx, fy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))
     return f"fx is off by {fx} %, fy by {fy} %"
 
 
-def drawn(size: float, camera: Camera) -> Camera:
+def draw_fault(size: float, camera: Camera) -> Camera:
     """A lens that is longer by a fraction."""
     longer = camera.parameters.copy()
     longer[:2] *= 1 + size
@@ -35,7 +35,7 @@ def drawn(size: float, camera: Camera) -> Camera:
 EFFECT = Effect(
     "focal_length",
     lens=LensParameter(slice(0, 2), usual, "assumed: calibrations of one lens by boards differ by as much", words),
-    fault=SimulatedFault("focal-length", "%", _PERCENT, 1.0, "the lens is longer than stated", draw_lens=drawn),
+    fault=SimulatedFault("focal-length", "%", _PERCENT, 1.0, "the lens is longer than stated", draw_lens=draw_fault),
     absent={
         "random": "a lens is the same in all views",
         "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",

@@ -9,8 +9,8 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
-from basecal.effects.faces.joint_effect import each_and_all, from_dict, moves_by_joint, open_chains, to_dict
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.joint_effect import from_dict, joint_candidates, moves_by_joint, open_chains, to_dict
 from basecal.effects.faces.robot_parameter import (
     Columns,
     Posture,
@@ -53,15 +53,15 @@ def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     return posture.true.by_joints * posture.recorded[..., None, :]
 
 
-def unobserved(case: Unobserved) -> str:
+def explain_unobserved(case: Unobserved) -> str:
     """Why the data do not hold the ratios of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
     return f"gear ratios {how}: {case.joints}: these joints hardly move in these samples, or as a base or mount does"
 
 
-def report(robot: str, found: RobotParameters) -> list[str]:
+def report(robot: str, effect: RobotParameters) -> list[str]:
     """A line for each joint."""
-    return [f"errors of the gear ratios of {robot}", *joint_lines(found, 100, "%", 4)]
+    return [f"errors of the gear ratios of {robot}", *joint_lines(effect, 100, "%", 4)]
 
 
 def entry(values: Array) -> str:
@@ -73,28 +73,28 @@ def entry(values: Array) -> str:
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each joint of each robot by a share of its angle, then all joints of a robot at once."""
     for robot, chain in open_chains(views, NAME):
-        moves = moves_by_joint(views, robot, chain, _of_joints_that_turn)
-        yield from each_and_all("gear-ratio", robot, "", moves)
+        moves = moves_by_joint(views, robot, chain, _turning_angles)
+        yield from joint_candidates("gear-ratio", robot, "", moves)
 
 
-def _of_joints_that_turn(_: object, joints: Array) -> Array:
+def _turning_angles(_: object, joints: Array) -> Array:
     """The angles, (n, joints); 0 of a joint that hardly turns, whose ratio is another offset."""
     return np.asarray(np.where(np.ptp(joints, axis=0) > _LEAST_TURN_RAD, joints, 0.0))
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """One joint, or several with the clearest named."""
-    sigmas = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    clearest = int(np.argmax(np.abs(found.size) / np.where(sigmas > 0, sigmas, np.inf)))
-    joint = clearest if found.joint is None else found.joint
-    amount = rounded(100 * found.size[clearest], 100 * float(sigmas[clearest]))
-    what = f"Joint {joint + 1} of {found.about} turns by {amount} % more than recorded."
-    if found.joint is None:
-        what = f"Gear ratios of {found.about} are off; the clearest is that of joint {joint + 1}, by {amount} %."
-    return Words("robot-model", what, (f"Write {entry(found.size)} at {found.about} in cell.yaml.", AGAIN))
+    sigmas = np.sqrt(np.maximum(np.diag(effect.covariance), 0.0))
+    clearest = int(np.argmax(np.abs(effect.size) / np.where(sigmas > 0, sigmas, np.inf)))
+    joint = clearest if effect.joint is None else effect.joint
+    amount = format_with_sigma(100 * effect.size[clearest], 100 * float(sigmas[clearest]))
+    what = f"Joint {joint + 1} of {effect.about} turns by {amount} % more than recorded."
+    if effect.joint is None:
+        what = f"Gear ratios of {effect.about} are off; the clearest is that of joint {joint + 1}, by {amount} %."
+    return Words("robot-model", what, (f"Write {entry(effect.size)} at {effect.about} in cell.yaml.", AGAIN))
 
 
-def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
     """Shares of one sigma."""
     return np.asarray(size * rng.standard_normal(joints))
 
@@ -112,11 +112,13 @@ EFFECT = Effect(
         entry,
         shift=shift,
         largest_sigma=0.1,
-        unobserved=unobserved,
+        unobserved=explain_unobserved,
     ),
     candidates=candidates,
     words=words,
-    fault=SimulatedFault("gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=drawn),
+    fault=SimulatedFault(
+        "gear-ratio", "%", _PERCENT, 0.5, "each joint turns more than it says, one sigma", draw=draw_fault
+    ),
     absent={
         "size": "industrial gears have a ratio of integers; hobby servos differ by percents, which a prior states",
         "random": "industrial gears have a ratio of integers",

@@ -13,8 +13,8 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
-from basecal.effects.faces.joint_effect import each_and_all, moves_by_joint, open_chains
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.joint_effect import joint_candidates, moves_by_joint, open_chains
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import (
     Columns,
@@ -67,7 +67,7 @@ def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     return posture.true.by_joints
 
 
-def unobserved(case: Unobserved) -> str:
+def explain_unobserved(case: Unobserved) -> str:
     """Why the data do not hold the offsets of some joints."""
     still = next(
         (row for row in range(case.joint_count) if row not in case.rows), 0
@@ -87,17 +87,17 @@ def unobserved(case: Unobserved) -> str:
     return f"offsets that are unobservable and fixed at zero as a gauge: {why}; {rest}"
 
 
-def report(robot: str, found: RobotParameters) -> list[str]:
+def report(robot: str, effect: RobotParameters) -> list[str]:
     """A line for each joint."""
-    lines = joint_lines(found, _DEG, "deg", 4)
+    lines = joint_lines(effect, _DEG, "deg", 4)
     return [f"joint offsets of {robot}, to be added to its recorded joints", *lines]
 
 
-def to_dict(found: Mapping[str, RobotParameters]) -> dict[str, Any]:
+def to_dict(effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
     """The fields of `calibration.json`."""
-    if not found:
+    if not effect:
         return dict.fromkeys(_KEYS)
-    rows = {robot: (of.values, of.sigma, of.covariance, of.seen, of.joints) for robot, of in found.items()}
+    rows = {robot: (of.values, of.sigma, of.covariance, of.seen, of.joints) for robot, of in effect.items()}
     return {key: {robot: row[k] for robot, row in rows.items()} for k, key in enumerate(_KEYS)}
 
 
@@ -144,23 +144,23 @@ def candidates(views: Views) -> Iterator[Candidates]:
     """Each joint of each robot off by a constant [rad], then all joints of a robot at once."""
     for robot, chain in open_chains(views, NAME):
         moves = moves_by_joint(views, robot, chain, lambda _, joints: np.ones_like(joints))
-        yield from each_and_all("joint-offset", robot, "rad", moves)
+        yield from joint_candidates("joint-offset", robot, "rad", moves)
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """One joint, or several with the clearest named."""
-    sigmas = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
-    clearest = int(np.argmax(np.abs(found.size) / np.where(sigmas > 0, sigmas, np.inf)))
-    joint = clearest if found.joint is None else found.joint
-    offset = rounded(_DEG * found.size[clearest], _DEG * float(sigmas[clearest]))
-    what = f"Joint {joint + 1} of {found.about} is off by {offset} deg."
-    if found.joint is None:
-        what = f"Several joints of {found.about} are off; the clearest is joint {joint + 1}, by {offset} deg."
-    do = f"Add it to the recorded joint, or write {entry(found.size)} at {found.about} in cell.yaml."
-    return Words("robot-model", what, (f"Check the zeros of the joints of {found.about}.", do, AGAIN))
+    sigmas = np.sqrt(np.maximum(np.diag(effect.covariance), 0.0))
+    clearest = int(np.argmax(np.abs(effect.size) / np.where(sigmas > 0, sigmas, np.inf)))
+    joint = clearest if effect.joint is None else effect.joint
+    offset = format_with_sigma(_DEG * effect.size[clearest], _DEG * float(sigmas[clearest]))
+    what = f"Joint {joint + 1} of {effect.about} is off by {offset} deg."
+    if effect.joint is None:
+        what = f"Several joints of {effect.about} are off; the clearest is joint {joint + 1}, by {offset} deg."
+    do = f"Add it to the recorded joint, or write {entry(effect.size)} at {effect.about} in cell.yaml."
+    return Words("robot-model", what, (f"Check the zeros of the joints of {effect.about}.", do, AGAIN))
 
 
-def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
     """Offsets of one sigma [rad]."""
     return np.asarray(size * rng.standard_normal(joints))
 
@@ -178,7 +178,7 @@ EFFECT = Effect(
         entry,
         shift=shift,
         largest_sigma=0.3,
-        unobserved=unobserved,
+        unobserved=explain_unobserved,
     ),
     random=RandomEffect(
         KINEMATICS,
@@ -191,5 +191,7 @@ EFFECT = Effect(
     ),
     candidates=candidates,
     words=words,
-    fault=SimulatedFault("joint-offsets", "deg", DEGREE, 0.2, "the zero of each joint is off, one sigma", draw=drawn),
+    fault=SimulatedFault(
+        "joint-offsets", "deg", DEGREE, 0.2, "the zero of each joint is off, one sigma", draw=draw_fault
+    ),
 )

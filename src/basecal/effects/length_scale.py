@@ -8,15 +8,15 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
-from basecal.effects.faces.views import Views, carried
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.views import Views, robot_moves
 from basecal.geometry import Array
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each robot, too short by a fraction."""
     for robot in views.robots:
-        yield one_candidate("length-scale", robot, "", carried(views, robot, _moves))
+        yield one_candidate("length-scale", robot, "", robot_moves(views, robot, _moves))
 
 
 def _moves(views: Views, k: int, robot: str) -> Array:
@@ -26,12 +26,12 @@ def _moves(views: Views, k: int, robot: str) -> Array:
     return views.flange_jacobian(k, robot) @ outward
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """Poses too short or too long."""
-    percent = 100 * found.size[0]
-    amount = f"{rounded(abs(percent), 100 * found.sigma)} %"
-    what = f"Poses of {found.about} are {amount} too {'short' if percent > 0 else 'long'}."
-    check = f"Check the kinematic calibration of {found.about} and the length of its tool."
+    percent = 100 * effect.size[0]
+    amount = f"{format_with_sigma(abs(percent), 100 * effect.sigma)} %"
+    what = f"Poses of {effect.about} are {amount} too {'short' if percent > 0 else 'long'}."
+    check = f"Check the kinematic calibration of {effect.about} and the length of its tool."
     return Words("length-scale", what, (check, "Check that the target is printed to scale.", AGAIN))
 
 

@@ -58,19 +58,19 @@ def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     return np.asarray(np.swapaxes(turned, -2, -3).reshape(links.shape))
 
 
-def report(robot: str, found: RobotParameters) -> list[str]:
+def report(robot: str, effect: RobotParameters) -> list[str]:
     """A line for each origin, and the tip."""
     lines = [f"link errors of {robot}, right tangents of each joint's origin, then of the tip"]
-    for k, tangent in enumerate(found.values, 1):
+    for k, tangent in enumerate(effect.values, 1):
         shown = [f"{round(float(value), 4) + 0.0:10.4f}" for value in (*tangent[:3] * 1e3, *np.degrees(tangent[3:]))]
         lines.append(f"  {k:<3}t {''.join(shown[:3])} mm   r {''.join(shown[3:])} deg")
     return lines
 
 
-def to_dict(found: Mapping[str, RobotParameters]) -> dict[str, Any]:
+def to_dict(effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
     """The field of `calibration.json`."""
     by_robot = {}
-    for robot, of in found.items():
+    for robot, of in effect.items():
         halves = {"t_m": of.values[:, :3], "r_rad": of.values[:, 3:]}
         by_robot[robot] = {**halves, "sigma_t_m": of.sigma[:, :3], "sigma_r_rad": of.sigma[:, 3:]}
     return {"link_parameters": by_robot or None}
@@ -106,7 +106,7 @@ def likely(sigmas: Mapping[str, Array]) -> Words:
     return Words("robot-model", f"Links of {robots} likely differ from the URDF by {size}.", (do,))
 
 
-def drawn(size: float, joints: int, rng: np.random.Generator) -> Array:
+def draw_fault(size: float, joints: int, rng: np.random.Generator) -> Array:
     """Errors of one sigma per axis [m], rotated by 1 mrad a millimetre."""
     return np.repeat([size, size * _TURN_PER_METRE], 3) * rng.standard_normal((joints + 1, 6))
 
@@ -141,7 +141,7 @@ EFFECT = Effect(
         MILLI,
         0.5,
         "each link is off, one sigma per axis, and turned by 1 mrad a mm",
-        draw=drawn,
+        draw=draw_fault,
     ),
     absent={"candidate": "42 numbers of six joints: cross-validation chooses them, and their sigma shows them"},
 )

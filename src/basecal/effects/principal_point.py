@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import rounded
+from basecal.effects.faces.found import format_with_sigma
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
 from basecal.geometry import Array, Camera
@@ -23,11 +23,11 @@ def usual(camera: Camera) -> Array:
 def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
     """By how much it is off."""
     off = (stated.parameters - estimated.parameters)[2:4]
-    cx, cy = (rounded(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
+    cx, cy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
     return f"cx by {cx} px, cy by {cy} px"
 
 
-def drawn(size: float, camera: Camera) -> Camera:
+def draw_fault(size: float, camera: Camera) -> Camera:
     """A lens whose centre is to the right and below."""
     shifted = camera.parameters.copy()
     shifted[2:4] += size * np.sqrt(0.5)
@@ -37,7 +37,7 @@ def drawn(size: float, camera: Camera) -> Camera:
 EFFECT = Effect(
     "principal_point",
     lens=LensParameter(slice(2, 4), usual, "assumed: calibrations of one lens differ by a pixel or two", words),
-    fault=SimulatedFault("principal-point", "px", ONE, 5.0, "the lens's centre is not as stated", draw_lens=drawn),
+    fault=SimulatedFault("principal-point", "px", ONE, 5.0, "the lens's centre is not as stated", draw_lens=draw_fault),
     absent={
         "random": "a lens is the same in all views",
         "candidate": "a stated lens is estimated from the start, with the error of a usual calibration",

@@ -71,23 +71,23 @@ RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
 """Errors that a robot's stops share, by name."""
 
 
-def words_of(found: FoundEffect) -> Words:
+def describe_effect(effect: FoundEffect) -> Words:
     """A found effect in words, with those that the data do not tell from it."""
-    each = [_words(one) for one in (found, *found.alternatives)]
+    each = [_words(one) for one in (effect, *effect.alternatives)]
     first, *others = each
     if not others:
         return first
-    what = ", or ".join([first.what.rstrip("."), *(_continued(words.what.rstrip(".")) for words in others)])
+    what = ", or ".join([first.what.rstrip("."), *(_as_clause(words.what.rstrip(".")) for words in others)])
     do = tuple(dict.fromkeys(sentence for words in each for sentence in words.do))
     return Words(first.code, f"{what}.", do, "The data do not tell these apart.")
 
 
-def _words(found: FoundEffect) -> Words:
-    words = EFFECTS[found.effect].words
+def _words(effect: FoundEffect) -> Words:
+    words = EFFECTS[effect.effect].words
     assert words is not None
-    return words(found)
+    return words(effect)
 
 
-def _continued(sentence: str) -> str:
+def _as_clause(sentence: str) -> str:
     """A sentence as a clause: names are lower case, and other first words become so."""
     return sentence[:1].lower() + sentence[1:]

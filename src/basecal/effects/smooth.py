@@ -25,7 +25,7 @@ _LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single 
 def errors(poses: SE3, seen: BoolArray) -> SharedErrors | None:
     """Errors of each coordinate by modes, at recorded poses."""
     found = modes(poses, seen)
-    return SharedErrors.in_every_coordinate(found) if found.shape[1] else None
+    return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
 
 
 def modes(poses: SE3, seen: BoolArray) -> Array:

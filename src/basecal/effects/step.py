@@ -25,7 +25,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
         return
     since = tuple(int(views.samples[s]) for s in splits)
 
-    def after(k: int, name: str) -> Array | None:
+    def step_moves(k: int, name: str) -> Array | None:
         """How views of a group move, (n, splits, 6, 6)."""
         if not views.depends(k, name):
             return None
@@ -33,13 +33,13 @@ def candidates(views: Views) -> Iterator[Candidates]:
         return np.asarray(is_after[..., None, None] * views.frame_jacobian(k, name)[:, None])
 
     for name in views.frames:
-        moves = tuple(after(k, name) for k in range(len(views.groups)))
+        moves = tuple(step_moves(k, name) for k in range(len(views.groups)))
         yield Candidates("base-moved", (name,) * len(splits), since, "", moves)
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """What moved, by how much and when."""
-    what = f"{found.about} moved by {rounded_tangent(found)} at about sample {found.since}."
+    what = f"{effect.about} moved by {rounded_tangent(effect)} at about sample {effect.since}."
     do = "Check what was bumped, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.stated_number import StatedNumber
 from basecal.effects.faces.views import Views
 from basecal.geometry import Array
@@ -20,11 +20,11 @@ STATED = StatedNumber(5e-4, "assumed: a print measured by a caliper, to 0.1 mm o
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each target, larger by a fraction."""
     for target in views.targets:
-        moves = (by_size(views, k) if g.target == target else None for k, g in enumerate(views.groups))
+        moves = (size_moves(views, k) if g.target == target else None for k, g in enumerate(views.groups))
         yield one_candidate("length-scale", target, "", tuple(moves))
 
 
-def by_size(views: Views, k: int) -> Array:
+def size_moves(views: Views, k: int) -> Array:
     """How views of a group move with the size of their target by a fraction, (n, 6, 1).
 
     A target that is larger than stated appears nearer than it is, since its image is larger.
@@ -34,11 +34,11 @@ def by_size(views: Views, k: int) -> Array:
     return nearer
 
 
-def words(found: FoundEffect) -> Words:
+def words(effect: FoundEffect) -> Words:
     """Larger or smaller than stated."""
-    percent = 100 * found.size[0]
-    amount = f"{rounded(abs(percent), 100 * found.sigma)} %"
-    what = f"{found.about} is {amount} {'larger' if percent > 0 else 'smaller'} than stated."
+    percent = 100 * effect.size[0]
+    amount = f"{format_with_sigma(abs(percent), 100 * effect.sigma)} %"
+    what = f"{effect.about} is {amount} {'larger' if percent > 0 else 'smaller'} than stated."
     return Words("length-scale", what, ("Measure its print.", AGAIN))
 
 

@@ -24,7 +24,7 @@ from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
 
-_READINGS = 6  # rounds of choosing correspondences at most
+_READING_ROUNDS = 6  # rounds of choosing correspondences at most
 _LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
 _SAME_COST = 1e-6  # relative difference of costs that descents to one optimum may leave
 _PLAUSIBLE_PX = 3.0  # residual that a detector may have before another start is tried [px]
@@ -122,10 +122,10 @@ def solve_from(
     """Maximum likelihood and covariance downhill of a start."""
     found = solve_at_mode(problem, start, settings, findings)
     with settings.stage("noise"):
-        return integrated(found)
+        return integrate_solution(found)
 
 
-def integrated(solution: Solution, is_quick: bool = False, near: NoiseEstimate | None = None) -> Solution:
+def integrate_solution(solution: Solution, is_quick: bool = False, near: NoiseEstimate | None = None) -> Solution:
     """A solution whose covariance holds how well its sigmas are known, where these were estimated jointly.
 
     Args:
@@ -184,23 +184,23 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
         guess = guessed_state(problem, cell)
         if guess is None:
             raise InputError("start 'guess' needs a guess, a prior or a value for every transform of the cell")
-        return *_settled(problem, guess, settings)[:2], False
+        return *_settle_readings(problem, guess, settings)[:2], False
     if settings.start == "axis-shift":
-        return *_settled(problem, shifted_state(problem, cell), settings)[:2], False
-    first = _settled(problem, first_state(problem, cell, thorough=settings.start == "thorough"), settings)
-    if settings.start == "thorough" or _plausible(problem, first[2]):
+        return *_settle_readings(problem, shifted_state(problem, cell), settings)[:2], False
+    first = _settle_readings(problem, first_state(problem, cell, thorough=settings.start == "thorough"), settings)
+    if settings.start == "thorough" or _is_plausible(problem, first[2]):
         return *first[:2], False
     others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell)]
-    ends = [first, *(_settled(problem, state, settings) for state in others if state is not None)]
+    ends = [first, *(_settle_readings(problem, state, settings) for state in others if state is not None)]
     costs = [end[2] for end in ends]
     return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + _SAME_COST)
 
 
-def _settled(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
+def _settle_readings(problem: Problem, state: State, settings: Settings) -> tuple[Problem, State, float]:
     """The problem read as its own optimum predicts, that optimum, and its cost."""
     dof = degrees_of_freedom(problem)
     problem, _ = choose_correspondence(problem, state)
-    for _ in range(_READINGS):
+    for _ in range(_READING_ROUNDS):
         end = bundle_adjust(problem, state, dof, settings.iterations)
         state = end.state
         problem, changed = choose_correspondence(problem, state)
@@ -227,7 +227,7 @@ def shifted_state(problem: Problem, cell: Cell) -> State:
     return State(transforms | placed, cameras, np.zeros((len(problem.stops), 6)))
 
 
-def _plausible(problem: Problem, cost: float) -> bool:
+def _is_plausible(problem: Problem, cost: float) -> bool:
     """Whether a descent ended where data could have come from: residuals of a few sigmas or pixels, not more."""
     dof = degrees_of_freedom(problem)
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}

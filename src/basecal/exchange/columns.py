@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, listed
+from basecal.errors import DatasetError, list_names
 from basecal.fields.problems import shorten
 from basecal.geometry import Array
 
@@ -37,7 +37,7 @@ MOST_POSES = 200_000
 """Of a stream: as many as a recording may have samples."""
 
 
-def text_of(path: str, expected: str) -> str:
+def read_table_text(path: str, expected: str) -> str:
     """The text of a file, without a byte order mark.
 
     Raises:
@@ -60,7 +60,7 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
         DatasetError: naming the file and line, if a cell is not a finite number or a row has another length.
     """
     name = str(path)
-    rows = _rows(name, text_of(name, "comma-separated values"))
+    rows = _rows(name, read_table_text(name, "comma-separated values"))
     line, first = next(rows, (0, []))
     if not first:
         raise DatasetError(name, "is empty, expected a header that names the columns")
@@ -68,7 +68,7 @@ def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Tabl
     plain = [cell.lstrip("#").strip().lower() for cell in first]
     header = [known.get(cell, cell) for cell in plain]
     if len(set(header)) != len(header):
-        raise DatasetError(name, f"names a column twice: {listed(header)}", line)
+        raise DatasetError(name, f"names a column twice: {list_names(header)}", line)
     # As bytes, since lists of lists take forty times as much.
     values, lines = array("d"), array("q")
     for line, row in rows:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.cell import RobotState
-from basecal.errors import BasecalError, DatasetError, InputError, listed
-from basecal.exchange.columns import MOST_POSES, text_of
+from basecal.errors import BasecalError, DatasetError, InputError, list_names
+from basecal.exchange.columns import MOST_POSES, read_table_text
 from basecal.exchange.controllers.convention import (
     DEGREE,
     METRE,
@@ -22,7 +22,7 @@ from basecal.exchange.controllers.convention import (
 )
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, number_of, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import TextTable, parse_number, read_text_table, rows_of_numbers
 from basecal.exchange.poses import read_poses
 from basecal.geometry import SE3, Array
 
@@ -52,7 +52,7 @@ _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _
 _FULL_TURN = 2 * np.pi  # [rad]
 _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
 _ROW = 4  # numbers of a row of a matrix
-_FEWEST = 3  # poses of which all are turned little, before that is taken for a unit
+_FEWEST_POSES = 3  # poses of which all are turned little, before that is taken for a unit
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
         stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
         return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
     names = (_STAMP, *how.names) if is_stream else how.names
-    table = read_text_table(text_of(path, "a table of poses"), path, names)
+    table = read_text_table(read_table_text(path, "a table of poses"), path, names)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
     columns = _columns(table, how.names, reading)
@@ -158,7 +158,7 @@ def _is_stacked(path: str) -> bool:
     """Whether a file is an archive, has m00 ... m23 by name, or has the four rows of a matrix one below the other."""
     if ".npz" in path.lower() or path.lower().endswith((".npy", ".csv")):
         return True
-    lines = (line.split("#")[0].replace(",", " ").split() for line in text_of(path, "matrices").splitlines())
+    lines = (line.split("#")[0].replace(",", " ").split() for line in read_table_text(path, "matrices").splitlines())
     return len(next(filter(None, lines), [])) == _ROW
 
 
@@ -170,13 +170,15 @@ def guessed_format(path: str) -> str:
     """
     if not path.lower().endswith(".csv"):
         return "matrix"
-    first = next(iter(text_of(path, "a table of poses").splitlines()), "")
+    first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
     names = {_plain(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
     if "m00" in names:
         return "matrix"
     if {"qx", "qy", "qz", "qw"} <= names or {f"q_{axis}" for axis in "xyzw"} <= names:
         return "ros"
-    raise DatasetError(path, f"does not say by itself what its numbers are: give --format {listed(list(CONTROLLERS))}")
+    raise DatasetError(
+        path, f"does not say by itself what its numbers are: give --format {list_names(list(CONTROLLERS))}"
+    )
 
 
 def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:
@@ -191,7 +193,7 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
         if known is None:
             there = {_plain(column) for column in table.header}
             others = [each for each in CONTROLLERS if {n.lower() for n in CONTROLLERS[each].names} <= there]
-            hint = f"; these columns suit --format {listed(others)}" if others else ""
+            hint = f"; these columns suit --format {list_names(others)}" if others else ""
             raise DatasetError(
                 table.path,
                 f"has no column {name!r} but {', '.join(table.header)}; {reading.name} writes {', '.join(names)}{hint}",
@@ -212,9 +214,9 @@ def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
         unit = _UNIT.match(column.strip().lower())
         if unit is None:
             continue
-        units, used = _units_at(place, reading.convention)
+        units, used = _possible_units(place, reading.convention)
         if unit[2] not in units:
-            expected = f"expected {listed(tuple(units))}" if units else "expected no unit"
+            expected = f"expected {list_names(tuple(units))}" if units else "expected no unit"
             raise DatasetError(path, f"the column says {unit[2]}, {expected}", field=column)
         if units[unit[2]].size != used:
             option = units[unit[2]].option
@@ -223,7 +225,7 @@ def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
             )
 
 
-def _units_at(place: int, how: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
+def _possible_units(place: int, how: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
     """The units that a number of a convention may have, and the one it is read in; none of numbers without unit."""
     if isinstance(how, MatrixConvention):
         row, column = divmod(place, 4)
@@ -242,7 +244,9 @@ def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Readin
     if how.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
-    is_small = len(numbers) >= _FEWEST and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
+    is_small = (
+        len(numbers) >= _FEWEST_POSES and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
+    )
     if how.angle == DEGREE and is_small and reading.angle_rad is None:
         raise DatasetError(
             path,
@@ -262,9 +266,9 @@ def keyed_rows(table: TextTable) -> list[Row]:
     rows = []
     for row in table.rows:
         name = None if image is None else row.cells[image].strip("\"' ")
-        number = None if sample is None else number_of(row.cells[sample], table.path, row.line, sample)
+        number = None if sample is None else parse_number(row.cells[sample], table.path, row.line, sample)
         if sample is not None and number is not None and (number != int(number) or number < 0):
             raise DatasetError(table.path, f"{row.cells[sample]} is not a whole number from 0", row.line, sample)
-        stamp_s = None if stamp is None else number_of(row.cells[stamp], table.path, row.line, stamp)
+        stamp_s = None if stamp is None else parse_number(row.cells[stamp], table.path, row.line, stamp)
         rows.append(Row(image=name, sample=None if number is None else int(number), stamp_s=stamp_s))
     return rows

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.cell.format.yaml_text import LARGEST_BYTES, parse_yaml, read_text
-from basecal.errors import DatasetError, InputError, listed, nearest
+from basecal.errors import DatasetError, InputError, list_names, nearest
 from basecal.fields.problems import Loc, field_name, line_number, shorten
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3
@@ -54,7 +54,7 @@ class Field:
         if not isinstance(self.data, dict):
             raise self.error(f"is {shorten(self.data)}, expected a mapping with {names[0]!r}")
         there = [name for name in self.data if self.data[name] is not None]
-        raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {listed(there)}")
+        raise self.error(f"has no {' or '.join(names)}{nearest(names[0], there)}; it has {list_names(there)}")
 
     def items(self, kind: str) -> list[Field]:
         """The entries of a list of `kind`, at least one.
@@ -161,10 +161,10 @@ def read_fields(path: str | Path, largest: int = LARGEST_BYTES) -> Field:
     Raises:
         DatasetError: if it cannot be read.
     """
-    return fields_of(read_text(Path(path), "", largest), str(path))
+    return parse_fields(read_text(Path(path), "", largest), str(path))
 
 
-def fields_of(text: str, path: str) -> Field:
+def parse_fields(text: str, path: str) -> Field:
     """All of a YAML or JSON text.
 
     Raises:

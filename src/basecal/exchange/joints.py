@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import RobotState
 from basecal.errors import DatasetError
-from basecal.exchange.columns import MOST_POSES, text_of
+from basecal.exchange.columns import MOST_POSES, read_table_text
 from basecal.exchange.controller_poses import keyed_rows
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextTable, read_text_table, rows_of_numbers
@@ -19,7 +19,7 @@ from basecal.kinematics import SerialChain
 
 _BEYOND_LIMIT_RAD = 0.1  # past the URDF's limits, which some leave out or round
 _UNLIMITED_RAD = 2.2 * math.pi  # of a joint without limits: a turn and a bit
-_FEWEST = 3  # rows in which nothing moves beyond some degrees, before that is taken for a unit
+_FEWEST_ROWS = 3  # rows in which nothing moves beyond some degrees, before that is taken for a unit
 _DEGREE = math.radians(1)
 # How controllers number joints: j1, q1, a1 (KUKA), joint_1, theta1; from 0 or from 1.
 _NUMBERED = re.compile(r"(?:joint|axis|theta|j|q|a)[_ ]?(\d+)(?:[_. ]?(?:deg|rad|pos))?", re.IGNORECASE)
@@ -39,7 +39,7 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
         DatasetError: naming the file and line, if it holds anything else; also where a joint cannot be where it is, and
             in the other unit could.
     """
-    table = read_text_table(text_of(path, "a table of joints"), path, chain.joint_names)
+    table = read_text_table(read_table_text(path, "a table of joints"), path, chain.joint_names)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} rows, expected at most {MOST_POSES}")
     values = np.array(list(rows_of_numbers(table, _columns(table, chain))))
@@ -71,7 +71,12 @@ def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialC
     """Nothing, where every joint is within its limits, or a turn, by a margin."""
     lower = np.where(np.isfinite(chain.lower), chain.lower - _BEYOND_LIMIT_RAD, -_UNLIMITED_RAD)
     upper = np.where(np.isfinite(chain.upper), chain.upper + _BEYOND_LIMIT_RAD, _UNLIMITED_RAD)
-    if in_degrees and len(values) >= _FEWEST and np.abs(values).max() <= math.pi and np.ptp(values, axis=0).max() > 0:
+    if (
+        in_degrees
+        and len(values) >= _FEWEST_ROWS
+        and np.abs(values).max() <= math.pi
+        and np.ptp(values, axis=0).max() > 0
+    ):
         most = f"no joint of {len(values)} rows is beyond {np.abs(values).max():.3g} degrees"
         raise DatasetError(table.path, f"{most}: leave --deg away, these look like radians")
     outside = (joints < lower) | (joints > upper)

@@ -18,7 +18,7 @@ import numpy as np
 
 from basecal.bounded_file import read_bounded
 from basecal.cell import RobotState
-from basecal.errors import DatasetError, InputError, MissingExtra, listed
+from basecal.errors import DatasetError, InputError, MissingExtra, list_names
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
@@ -75,7 +75,7 @@ def read_episode(folder: Path, number: int) -> Episode:
         known |= set(episodes.tolist())
     if not values:
         raise DatasetError(
-            str(folder), f"has no episode {number}; there are: {listed([str(n) for n in sorted(known)])}"
+            str(folder), f"has no episode {number}; there are: {list_names([str(n) for n in sorted(known)])}"
         )
     return Episode(names, _array(folder, values, len(names)), np.array(stamps))
 

@@ -20,7 +20,7 @@ from basecal.cell.files import (
 from basecal.cell.format.writing import write_new
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
-from basecal.exchange.importing.placed import placed
+from basecal.exchange.importing.placed import place_files
 
 _SECTIONS = ("robots", "bases", "cameras", "targets")
 
@@ -76,10 +76,10 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
         first = min((sample.sample for sample in part.recording.samples), default=None)
         # Numbers go on behind those before.
         shift = max(sample.sample for sample in samples) + 1 - first if samples and first is not None else 0
-        samples += _moved(part, shift, files)
+        samples += _renumber_samples(part, shift, files)
         first_numbers.append(0 if first is None else first + shift)
     recording = Recording(tuple(samples), folder=str(output))
-    with placed(files, output):
+    with place_files(files, output):
         cell = cell_from_dict(parse_yaml(text, str(output / "cell.yaml")).data, str(output / "cell.yaml"), output)
         write_new(output / "cell.yaml", text)
         write_recording(recording, output)
@@ -141,11 +141,11 @@ def _difference(entry: str, first: Path, ours: Any, other: Path, theirs: Any) ->
     if isinstance(ours, dict) and isinstance(theirs, dict):
         key = next(key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key))
         return _difference(f"{entry}.{key}", first, ours.get(key), other, theirs.get(key))
-    states = f"{entry}: {first} states {_told(ours)}, {other} {_told(theirs)}"
+    states = f"{entry}: {first} states {_value_text(ours)}, {other} {_value_text(theirs)}"
     return f"{states}: give them other names, or correct the one that is wrong"
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return "nothing" if value is None else str(value)
 
 
@@ -185,7 +185,7 @@ def _add_models(files: dict[str, Path], part: Part) -> None:
             raise InputError(f"{earlier} and {source} differ, and would be one file: rename one, in its cell.yaml too")
 
 
-def _moved(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:
+def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:
     """The samples of a part renumbered; their pictures join `files`, under other names where theirs are taken."""
     moved = []
     for sample in part.recording.samples:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, listed
+from basecal.errors import DatasetError, list_names
 from basecal.fields.problems import CAUSE_LENGTH, shorten
 from basecal.geometry import Array
 
@@ -50,17 +50,17 @@ def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
         raise DatasetError(name, "not a NumPy archive of numbers")
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
-            return name, _unpacked(name, key, archive)
+            return name, _unpack(name, key, archive)
     except DatasetError:
         raise
     except (ValueError, EOFError, RuntimeError, OSError, zipfile.BadZipFile, zlib.error) as error:
         raise DatasetError(name, f"not a NumPy archive of numbers ({str(error)[:CAUSE_LENGTH]})") from None
 
 
-def _unpacked(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
+def _unpack(name: str, key: str, archive: zipfile.ZipFile) -> dict[str, Array]:
     entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
     if key and key not in entries:
-        raise DatasetError(name, f"has no array {key!r}; it holds {listed(list(entries))}")
+        raise DatasetError(name, f"has no array {key!r}; it holds {list_names(list(entries))}")
     if sum(entry.file_size for known, entry in entries.items() if key in ("", known)) > LARGEST_BYTES:
         raise DatasetError(name, f"unpacks to more than {LARGEST_BYTES / 2**20:.0f} MB; ask for one, as {name}:key")
     found = {}

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from basecal.errors import DatasetError, listed
+from basecal.errors import DatasetError, list_names
 from basecal.vision.image_header import header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
@@ -24,7 +24,7 @@ _STAMP = re.compile(r"\d+(?:[._]\d+)?")
 _SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 
 
-def pictures_of(folder: Path) -> tuple[Path, ...]:
+def list_pictures(folder: Path) -> tuple[Path, ...]:
     """The pictures of a folder; 2.png stands before 10.png.
 
     Raises:
@@ -39,7 +39,7 @@ def pictures_of(folder: Path) -> tuple[Path, ...]:
             each.name for each in files if each.is_dir() and any(p.suffix.lower() in ENDINGS for p in each.iterdir())
         ]
         if inner:
-            what = f"holds no pictures but folders of them: {listed(sorted(inner))}; import one camera's at a time"
+            what = f"holds no pictures but folders of them: {list_names(sorted(inner))}; import one camera's at a time"
             raise DatasetError(str(folder), what)
         others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
         there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
@@ -70,7 +70,7 @@ def picture_size(path: Path) -> tuple[int, int] | None:
     return None if found is None else found.size_px
 
 
-def stamp_of(name: str) -> float | None:
+def time_from_name(name: str) -> float | None:
     """The time [s] that is a picture's name, such as 1682512345.123.png or 1682512345123456789.png; None of others.
 
     Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds; fewer than

@@ -30,7 +30,7 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
     missing = [key for key in ("sample", "id", "u", "v") if key not in columns]
     if missing:
         raise DatasetError(name, f"has no {', '.join(missing)} but {', '.join(columns) or 'nothing'}; {_EXPECTED}")
-    samples, ids = _whole(name, columns, "sample"), _whole(name, columns, "id")
+    samples, ids = _whole_numbers(name, columns, "sample"), _whole_numbers(name, columns, "id")
     pixels = np.stack([columns["u"], columns["v"]], -1)
     views = {}
     for sample in np.unique(samples).tolist():
@@ -43,7 +43,7 @@ def read_pixels(path: str | Path) -> dict[int, tuple[IntArray, Array]]:
     return views
 
 
-def _whole(path: str, columns: Mapping[str, Array], key: str) -> IntArray:
+def _whole_numbers(path: str, columns: Mapping[str, Array], key: str) -> IntArray:
     whole = np.round(columns[key]).astype(np.int64)
     wrong = np.flatnonzero((columns[key] != whole) | (whole < 0))
     if len(wrong):

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.columns import MOST_POSES, read_columns, text_of
+from basecal.exchange.columns import MOST_POSES, read_columns, read_table_text
 from basecal.exchange.npz import read_arrays
 from basecal.fields.problems import shorten
 from basecal.fields.values import LARGEST_VALUE
@@ -66,16 +66,16 @@ def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
     if name.lower().endswith(".csv"):
         stream = _from_csv(name)
     elif ".npz" in name.lower() or name.lower().endswith(".npy"):
-        poses = _each(_from_archive(name), _matrix_pose, name, lambda i: (None, f"matrix {i}"))
+        poses = _make_each(_from_archive(name), _matrix_pose, name, lambda i: (None, f"matrix {i}"))
         stream = PoseStream(name, poses)
     else:
         matrices, lines = _from_text(name)
-        stream = PoseStream(name, _each(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
+        stream = PoseStream(name, _make_each(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
     scaled = SE3(stream.poses.rotation, stream.poses.translation * METRES[length_unit])
     return replace(stream, poses=scaled)
 
 
-def _each(
+def _make_each(
     rows: Array, make: Callable[[Array], SE3], path: str, where: Callable[[int], tuple[int | None, str | None]]
 ) -> SE3:
     """`make` of every row; an error says which one by `where`, a line and a field."""
@@ -97,7 +97,7 @@ def _matrix_pose(matrix: Array) -> SE3:
 
 
 def _from_text(path: str) -> tuple[Array, Sequence[int]]:
-    whole = text_of(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
+    whole = read_table_text(path, "rows of 4 numbers, or a name that ends in .csv or .npz")
     # As bytes, since lists of lists take forty times as much.
     values, lines = array("d"), array("q")
     for number, text in enumerate(StringIO(whole), start=1):
@@ -139,11 +139,11 @@ def _from_csv(path: str) -> PoseStream:
 
     if all(column in table.values for column in _QUATERNION):
         rows = table.stacked(_QUATERNION)
-        poses = _each(rows, lambda row: SE3.from_quaternion(row[3:], row[:3]), path, where)
+        poses = _make_each(rows, lambda row: SE3.from_quaternion(row[3:], row[:3]), path, where)
     elif all(column in table.values for column in _MATRIX):
         matrices = np.tile(np.eye(4), (len(table.lines), 1, 1))
         matrices[:, :3] = table.stacked(_MATRIX).reshape(-1, 3, 4)
-        poses = _each(matrices, _matrix_pose, path, where)
+        poses = _make_each(matrices, _matrix_pose, path, where)
     else:
         raise DatasetError(path, f"has columns {', '.join(table.values)}; {_ACCEPTED}", 1)
     return PoseStream(path, poses, table.values.get("stamp_s"))

@@ -16,7 +16,7 @@ from basecal.kinematics.urdf import JointOrigin, joint_origins
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_NAMED = ("link", "joint", "material", "transmission", "actuator", "ros2_control")
+_NAMED_ELEMENTS = ("link", "joint", "material", "transmission", "actuator", "ros2_control")
 _REFERRING = {"parent": "link", "child": "link", "mimic": "joint", "gazebo": "reference"}
 
 
@@ -72,8 +72,8 @@ def patched_urdf(
     for link in (parent_link, child_link):
         if link not in links:
             raise FrameNotFound(link, links)
-    up_from_parent, up_from_child = _between(above, parent_link, child_link)
-    chosen = _chosen([*up_from_parent, *up_from_child], joint, f"{parent_link!r} and {child_link!r}")
+    up_from_parent, up_from_child = _joints_between(above, parent_link, child_link)
+    chosen = _choose_joint([*up_from_parent, *up_from_child], joint, f"{parent_link!r} and {child_link!r}")
     if chosen in up_from_child:
         moved = _origin(chosen, up_from_parent, up_from_child, parent_from_child)
     else:
@@ -81,7 +81,7 @@ def patched_urdf(
     root = parsed_urdf(text)
     (element,) = (each for each in root.findall("joint") if each.get("name") == chosen.name)
     _set_origin(element, moved)
-    return _written(root, remarks)
+    return _write_urdf(root, remarks)
 
 
 def merged_urdf(
@@ -102,7 +102,7 @@ def merged_urdf(
     """
     from xml.etree.ElementTree import Element, SubElement
 
-    roots = {name: _root_of(part) for name, part in parts.items()}
+    roots = {name: _root_link(part) for name, part in parts.items()}
     root = Element("robot", name="_and_".join(parts))
     for name, part in parts.items():
         whole = parsed_urdf(part.text)
@@ -114,10 +114,10 @@ def merged_urdf(
         SubElement(joint, "parent", link=f"{reference}_{parts[reference].base_link}")
         SubElement(joint, "child", link=f"{name}_{top}")
         _set_origin(joint, reference_from_base @ root_from_base.inverse())
-    return _written(root, remarks)
+    return _write_urdf(root, remarks)
 
 
-def _upwards(above: Mapping[str, JointOrigin], link: str) -> list[JointOrigin]:
+def _joints_to_root(above: Mapping[str, JointOrigin], link: str) -> list[JointOrigin]:
     """Joints from a link to the root."""
     joints = []
     while link in above:
@@ -126,15 +126,17 @@ def _upwards(above: Mapping[str, JointOrigin], link: str) -> list[JointOrigin]:
     return joints
 
 
-def _between(above: Mapping[str, JointOrigin], first: str, second: str) -> tuple[list[JointOrigin], list[JointOrigin]]:
+def _joints_between(
+    above: Mapping[str, JointOrigin], first: str, second: str
+) -> tuple[list[JointOrigin], list[JointOrigin]]:
     """Joints from each of two links up to where they meet."""
-    ups = _upwards(above, first), _upwards(above, second)
+    ups = _joints_to_root(above, first), _joints_to_root(above, second)
     common = {joint.name for joint in ups[0]} & {joint.name for joint in ups[1]}
     own = [[joint for joint in up if joint.name not in common] for up in ups]
     return own[0], own[1]
 
 
-def _chosen(joints: Sequence[JointOrigin], name: str | None, between: str) -> JointOrigin:
+def _choose_joint(joints: Sequence[JointOrigin], name: str | None, between: str) -> JointOrigin:
     turning = [joint.name for joint in joints if joint.kind != "fixed"]
     if turning:
         raise InputError(f"joint {turning[0]!r} between {between} is not fixed: their place is not one transform")
@@ -163,12 +165,12 @@ def _origin(chosen: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[J
     return top_from_parent.inverse() @ top_from_b @ child_from_b.inverse()
 
 
-def _root_of(part: RobotPart) -> tuple[str, SE3]:
+def _root_link(part: RobotPart) -> tuple[str, SE3]:
     """The root link of a robot, and `root_from_base`."""
     above, links = joint_origins(part.text, part.path), link_names(part.text)
     if part.base_link not in links:
         raise FrameNotFound(part.base_link, links)
-    up = _upwards(above, part.base_link)
+    up = _joints_to_root(above, part.base_link)
     turning = [joint.name for joint in up if joint.kind != "fixed"]
     if turning:
         raise InputError(
@@ -179,7 +181,7 @@ def _root_of(part: RobotPart) -> tuple[str, SE3]:
 
 def _prefix(whole: Element, before: str) -> None:
     for element in whole.iter():
-        attribute = "name" if element.tag in _NAMED else _REFERRING.get(str(element.tag))
+        attribute = "name" if element.tag in _NAMED_ELEMENTS else _REFERRING.get(str(element.tag))
         if attribute is not None and element.get(attribute):
             element.set(attribute, before + element.get(attribute, ""))
 
@@ -193,7 +195,7 @@ def _set_origin(joint: Element, parent_from_child: SE3) -> None:
     origin.set("rpy", exactly(rpy_of_rotation(parent_from_child.rotation)))
 
 
-def _written(root: Element, remarks: Sequence[str]) -> str:
+def _write_urdf(root: Element, remarks: Sequence[str]) -> str:
     from xml.etree.ElementTree import tostring
 
     for place, line in enumerate(remarks):

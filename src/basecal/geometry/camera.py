@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from basecal.errors import InputError
 from basecal.geometry.array import Array, read_only, to_back, to_front
 from basecal.geometry.lens import BoolArray, Lens, Number, Projection
-from basecal.geometry.lenses.registry import lens_of, term_counts
+from basecal.geometry.lenses.registry import find_lens, term_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Camera:
 
     @property
     def _lens(self) -> Lens:
-        return lens_of(self.model, self.parameters.shape[-1] - 4)
+        return find_lens(self.model, self.parameters.shape[-1] - 4)
 
     @property
     def focal(self) -> Array:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, FrameNotFound, listed
+from basecal.errors import DatasetError, FrameNotFound, list_names
 from basecal.geometry import SE3, Array
 from basecal.kinematics.chain import SerialChain
 from basecal.kinematics.collision import Collision
@@ -246,7 +246,7 @@ def _tree(joints: list[_Joint], links: list[str], path: str) -> dict[str, _Joint
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if len(roots) != 1:
-        raise DatasetError(path, f"not a tree: the links without a parent are {listed(roots)}, expected one")
+        raise DatasetError(path, f"not a tree: the links without a parent are {list_names(roots)}, expected one")
     return above
 
 

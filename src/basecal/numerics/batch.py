@@ -27,7 +27,7 @@ def take(noun: T, rows: Rows | BoolArray | int) -> T:
     return taken
 
 
-def where(mask: BoolArray, first: T, second: T) -> T:
+def choose_where(mask: BoolArray, first: T, second: T) -> T:
     """The entries of `first` where `mask`, (b,), holds, of `second` elsewhere."""
     if mask.all():
         return first

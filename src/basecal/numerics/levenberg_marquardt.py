@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.batch import concatenate, take, where
+from basecal.numerics.batch import choose_where, concatenate, take
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.structured_secant import usable_curvature, with_secant
 
@@ -282,9 +282,9 @@ def _accept_step(
     )  # less would try nearly the same step again
     return _Flight(
         flight.row,
-        where(improved, candidate, flight.state),
+        choose_where(improved, candidate, flight.state),
         np.where(improved, cost, flight.cost),
-        where(improved, linearised, flight.about),
+        choose_where(improved, linearised, flight.about),
         flight.dof,
         np.where(improved, eased, stiffened),
         np.where(improved, 2.0, flight.growth * 2),

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from basecal.cell import Calibration
-from basecal.exchange.exports.digits import angle_decimals, fixed, length_decimals
+from basecal.exchange.exports.digits import angle_decimals, format_fixed, length_decimals
 from basecal.geometry import Array
 
 _MILLIMETRE = 1e-3
@@ -39,4 +39,4 @@ def html_summary(calibration: Calibration) -> str:
 
 
 def _numbers(values: Array, decimals: int) -> str:
-    return ", ".join(fixed(values.tolist(), decimals))
+    return ", ".join(format_fixed(values.tolist(), decimals))

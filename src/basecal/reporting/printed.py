@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.cell import Target
-from basecal.cell.format.writing import write_asked_for
+from basecal.cell.format.writing import write_output
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.reporting import pdf
@@ -92,14 +92,14 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
             stroked = [*(pdf.line(*each) for each in page.lines), *(pdf.circle(*each) for each in page.rings)]
             texts = [pdf.text(*each, _TEXT_MM) for each in page.texts]
             drawn.append((page.size_mm, pdf.page_content(filled, stroked, texts, _LINE_MM)))
-        write_asked_for(path, pdf.document(drawn))
+        write_output(path, pdf.document(drawn))
         return [path]
     if path.suffix != ".svg":
         raise InputError(f"{path} ends in {path.suffix!r}: expected .pdf or .svg")
     several = len(pages) > 1
     names = [path.with_stem(f"{path.stem}_{k}") if several else path for k in range(len(pages))]
     for name, page in zip(names, pages, strict=True):
-        write_asked_for(name, page_svg(page))
+        write_output(name, page_svg(page))
     return names
 
 

@@ -14,7 +14,7 @@ from basecal.exchange.exports.choice import frame_names
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera, PoseEstimate
-from basecal.geometry.lenses.registry import lens_of
+from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.robots import robot_blocks
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
@@ -165,7 +165,7 @@ class LensParameter(NamedTuple):
 def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
     """Focal lengths, centre and distortion of a lens, in the order of its covariance."""
     sigmas = np.sqrt(np.diag(covariance))
-    distortion = lens_of(camera.model, len(camera.distortion)).TERM_NAMES
+    distortion = find_lens(camera.model, len(camera.distortion)).TERM_NAMES
     names = [*_INTRINSIC_NAMES, *distortion][: len(sigmas)]
     units = ["px" if name in _INTRINSIC_NAMES else "" for name in names]
     return list(map(LensParameter, names, camera.parameters.tolist(), sigmas.tolist(), units))

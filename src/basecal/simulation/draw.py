@@ -7,7 +7,7 @@ import numpy as np
 from basecal.cell.target import Target
 from basecal.cell.targets.registry import TARGETS
 from basecal.geometry import SE3, Array, Camera
-from basecal.geometry.lenses.registry import lenses_of
+from basecal.geometry.lenses.registry import model_lenses
 from basecal.geometry.rotation import rotation_from_quaternion
 from basecal.simulation.scenario import Scenario
 
@@ -45,7 +45,7 @@ def lens(rng: Generator, scenario: Scenario) -> Camera:
     """The scenario's lens, or a usual one of its model."""
     if scenario.camera is not None:
         return scenario.camera
-    model = lenses_of(scenario.lens)[0]
+    model = model_lenses(scenario.lens)[0]
     fx = rng.uniform(*model.USUAL_FOCAL_PX)
     fy = fx * rng.uniform(0.995, 1.005)
     cx, cy = np.array(SIZE_PX) / 2 - 0.5 + rng.uniform(-15, 15, 2)

@@ -26,7 +26,7 @@ PAPER = "paper"
 
 OF_SHIFTS = (SHIFTS, PAPER)
 
-_NEARER, _FARTHER = 0.8, 1.2  # of the distance at home poses: cells differ, and its mean is what is asked for
+_NEAR_SHARE, _FAR_SHARE = 0.8, 1.2  # of the distance at home poses: cells differ, and its mean is what is asked for
 _OFF_AXIS = 0.1  # of the distance: where the light is seen before its shifts, at most
 _BASES_M = 1.5  # between the bases of the paper's method, about as in its own cell
 
@@ -50,7 +50,7 @@ def statuses(settings: Settings) -> dict[str, str]:
     return bases | mounts(plan.cameras, settings["camera_mount"]) | mounts(plan.targets, settings["target_mount"])
 
 
-def simulated(settings: Settings, seed: int) -> SimulatedCell:
+def simulate_cell(settings: Settings, seed: int) -> SimulatedCell:
     """A cell of these settings, its recording and the truth.
 
     Raises:
@@ -58,7 +58,7 @@ def simulated(settings: Settings, seed: int) -> SimulatedCell:
     """
     if settings["layout"] not in OF_SHIFTS:
         return simulate(_scenario(settings), seed)
-    made = _of_paper(settings) if settings["layout"] == PAPER else _shifted(settings, seed)
+    made = _paper_station(settings) if settings["layout"] == PAPER else _shift_station(settings, seed)
     sigmas = (settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"])
     if not (settings["state_robot_noise"] and any(sigmas)):
         return made
@@ -75,18 +75,18 @@ def _scenario(settings: Settings) -> Scenario:
         target=settings["target"] if board is None else board.kind,
         board=None if board is None else board.shape(),
         robot_noise=(settings["robot_sigma_t_m"], settings["robot_sigma_r_rad"]),
-        distance_m=(_NEARER * away, _FARTHER * away),
+        distance_m=(_NEAR_SHARE * away, _FAR_SHARE * away),
         **same,
     )
 
 
-def _shifted(settings: Settings, seed: int) -> SimulatedCell:
+def _shift_station(settings: Settings, seed: int) -> SimulatedCell:
     """One station of the paper's method, camera, light and bases standing anyhow."""
     rng = np.random.default_rng(seed)
     drawn = lens(rng, Scenario(lens=settings["lens"]))
     camera = Camera("pinhole", drawn.parameters[:4], drawn.size_px)
     turned = rotations(rng, 4)
-    away = rng.uniform(_NEARER, _FARTHER) * settings["distance_m"]
+    away = rng.uniform(_NEAR_SHARE, _FAR_SHARE) * settings["distance_m"]
     seen_at = away * np.array([*rng.uniform(-_OFF_AXIS, _OFF_AXIS, 2), 1.0])
     camera_from_light = SE3(turned[0], seen_at)
     eye_base_from_camera = SE3(turned[1], rng.uniform(-0.5, 0.5, 3))
@@ -95,7 +95,7 @@ def _shifted(settings: Settings, seed: int) -> SimulatedCell:
     return _station(settings, eye_base_from_hand_base, eye_base_from_camera, hand_base_from_light, camera)
 
 
-def _of_paper(settings: Settings) -> SimulatedCell:
+def _paper_station(settings: Settings) -> SimulatedCell:
     """The paper's station; the printed base's rotation, which is rounded, made one."""
     bed = paper_cell(paper_numbers())
     base = bed.eye_base_from_hand_base

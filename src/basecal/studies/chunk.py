@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.errors import BasecalError, DatasetError, printable
 from basecal.exchange.npz import read_arrays
 from basecal.geometry import SE3, Array, BoolArray, IntArray
-from basecal.studies.draws import DrawnCell, cell_of, draw
+from basecal.studies.draws import DrawnCell, draw, draw_cell
 from basecal.studies.solvers.registry import SOLVERS
-from basecal.studies.solvers.solver import Answers, unsolved
+from basecal.studies.solvers.solver import Answers, no_answers
 from basecal.studies.study import Chunk, Piece, Study
 
 
@@ -63,28 +63,28 @@ class ChunkResult:
     reasons: tuple[str, ...]
 
 
-def worked(study: Study, chunk: Chunk) -> ChunkResult:
+def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
     """What comes of a chunk, whoever works on it, whenever."""
     parts, reasons, cells = [], dict[str, None](), dict[int, DrawnCell]()
     for piece in chunk.pieces:
         begin = time.perf_counter()
         try:
             if piece.cell not in cells:
-                cells[piece.cell] = cell_of(chunk.point.settings, study.seed, piece.cell, study.transform)
+                cells[piece.cell] = draw_cell(chunk.point.settings, study.seed, piece.cell, study.transform)
             draws = draw(cells[piece.cell], chunk.point.settings, (study.seed, piece.cell, piece.block), piece.count)
             answers = SOLVERS[chunk.point.settings["solver"]].solve(draws)
             truth = draws.truth
         except BasecalError as error:  # a cell that cannot be made is no answer, and says why
-            answers, truth = unsolved(piece.count, str(error)), SE3.identity()
+            answers, truth = no_answers(piece.count, str(error)), SE3.identity()
         took = (time.perf_counter() - begin) / piece.count
-        parts.append(_judged(chunk, piece, answers, truth, took))
+        parts.append(_judge_answers(chunk, piece, answers, truth, took))
         if answers.reason:
             reasons[answers.reason] = None
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
     return ChunkResult(Trials(**joined), tuple(reasons))
 
 
-def _judged(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, took: float) -> Trials:
+def _judge_answers(chunk: Chunk, piece: Piece, answers: Answers, truth: SE3, took: float) -> Trials:
     """How far answers are from the truth, in millimetres, degrees and their own sigmas."""
     n, covariance = piece.count, answers.covariance
     error = (answers.transform.inverse() @ truth).log()
@@ -120,7 +120,7 @@ def chunk_path(folder: Path, chunk: Chunk) -> Path:
     return folder / "chunks" / f"{chunk.index:06d}.npz"
 
 
-def packed(study: Study, result: ChunkResult) -> bytes:
+def pack_result(study: Study, result: ChunkResult) -> bytes:
     """What a chunk's file holds."""
     stream = io.BytesIO()
     about = json.dumps({"study": study.identity, "reasons": result.reasons})
@@ -135,7 +135,7 @@ def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    write_whole(chunk_path(folder, chunk), content, within=folder)
+    write_atomically(chunk_path(folder, chunk), content, within=folder)
 
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:

@@ -32,7 +32,7 @@ def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator
         InputError: if no scheduler answers, it goes away, or workers do not have this version of basecal.
     """
     with _client(address) as client:
-        place, suspects = {future: k for k, future in enumerate(client.map(_made, calls, pure=False))}, []
+        place, suspects = {future: k for k, future in enumerate(client.map(_run_call, calls, pure=False))}, []
         for future in _dask().as_completed(list(place)):
             found, k = _result(future, address), place.pop(future)  # popped: nobody holds what was handed on
             if isinstance(found, str):
@@ -40,10 +40,10 @@ def called_on_cluster(address: str, calls: Sequence[partial[bytes]]) -> Iterator
             else:
                 yield k, found
         for k in suspects:  # what merely waited where another call killed its workers is done by itself
-            yield k, _result(client.submit(_made, calls[k], pure=False), address)
+            yield k, _result(client.submit(_run_call, calls[k], pure=False), address)
 
 
-def _made(call: partial[bytes]) -> bytes:
+def _run_call(call: partial[bytes]) -> bytes:
     _keep_memory()
     return call()
 

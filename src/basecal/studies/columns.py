@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.format.writing import beside, open_new
+from basecal.cell.format.writing import open_new, temporary_path
 from basecal.errors import InputError
 
 _NAME = "table"
@@ -41,7 +41,7 @@ def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
 @contextmanager
 def _appearing(path: Path) -> Iterator[Path]:
     """A name to write to, which is the file's at the end."""
-    part = beside(path)
+    part = temporary_path(path)
     try:
         yield part
         os.replace(part, path)

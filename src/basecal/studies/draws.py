@@ -14,7 +14,7 @@ from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array
 from basecal.simulation import SimulatedCell
-from basecal.studies.cells import Settings, simulated
+from basecal.studies.cells import Settings, simulate_cell
 
 _CELLS, _NOISE = 0, 1  # what a generator is for
 
@@ -44,10 +44,10 @@ class Draws:
 
     def measurement(self, group: int = 0) -> PixelMeasurement:
         """What the views of a group saw, in all trials."""
-        return pixels_of(self.problem.groups[group])
+        return group_pixels(self.problem.groups[group])
 
 
-def pixels_of(group: ViewGroup) -> PixelMeasurement:
+def group_pixels(group: ViewGroup) -> PixelMeasurement:
     """What a group saw, which in a study is pixels."""
     if not isinstance(group.measurement, PixelMeasurement):
         raise InputError(f"{group.camera} sees {group.target} not as pixels")
@@ -63,13 +63,15 @@ class DrawnCell:
     transform: str
 
 
-def cell_of(settings: Settings, seed: int, cell: int, transform: str | None) -> DrawnCell:
+def draw_cell(settings: Settings, seed: int, cell: int, transform: str | None) -> DrawnCell:
     """A cell by its number; the noise that is in its own recording is in no draw.
 
     Raises:
         InputError: if the settings do not go together, or hardly any pose sees the target.
     """
-    made = simulated(settings, int(np.random.SeedSequence([seed, _CELLS, cell]).generate_state(1, np.uint64)[0] >> 1))
+    made = simulate_cell(
+        settings, int(np.random.SeedSequence([seed, _CELLS, cell]).generate_state(1, np.uint64)[0] >> 1)
+    )
     problem, _ = build_problem(made.cell, made.recording)
     return DrawnCell(made, problem, transform or made.cell.asked[0])
 
@@ -116,7 +118,7 @@ def _redrawn(
     count: int,
 ) -> ViewGroup:
     """The group as each trial sees it."""
-    measurement = pixels_of(group)
+    measurement = group_pixels(group)
     exact = _exact_pixels(cell.made, group, errors, settings)
     shape = (count, *measurement.pixels.shape)
     pixels = exact + settings["pixel_px"] * rng.standard_normal(shape)
@@ -134,15 +136,15 @@ def _redrawn(
 
 def _exact_pixels(made: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
     """What the camera sees without noise, (n, p, 2), or (count, n, p, 2) where the robots have errors [px]."""
-    world_from_camera, world_from_target = (_placed(made, end, errors) for end in group.ends)
+    world_from_camera, world_from_target = (_place_flange(made, end, errors) for end in group.ends)
     camera_from_target = world_from_camera.inverse() @ world_from_target
-    true_points = settings["board_scale"] * pixels_of(group).points_in_target
+    true_points = settings["board_scale"] * group_pixels(group).points_in_target
     lens = made.cameras[group.camera]
     scale = np.concatenate([np.full(2, settings["focal_scale"]), np.ones(len(lens.parameters) - 2)])
     return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
 
 
-def _placed(made: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
+def _place_flange(made: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
     """Pose in the world of what an end carries, (n,), or (count, n) if its robot has errors at its stands."""
     world_from_flange = end.base_from_flange if end.base is None else made.truth[end.base] @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")

@@ -63,29 +63,29 @@ def done_jobs(jobs: Sequence[Job], where: Where) -> Iterator[Done]:
     if where.scheduler is not None:
         for place, content in called_on_cluster(where.scheduler, [job.call for job in jobs]):
             job = jobs[place]
-            yield job, _given_up(job, content) if isinstance(content, str) else content
+            yield job, _give_up(job, content) if isinstance(content, str) else content
     elif where.workers == 1:
         yield from ((job, job.call()) for job in jobs)
     else:
-        yield from _by_processes(jobs, where.workers)
+        yield from _run_in_processes(jobs, where.workers)
 
 
-def _by_processes(jobs: Iterable[Job], workers: int) -> Iterator[Done]:
+def _run_in_processes(jobs: Iterable[Job], workers: int) -> Iterator[Done]:
     left = {job.number: job for job in jobs}
     while left:
         try:
             with _pool(min(workers, len(left))) as pool:
-                for job, content in _completed({pool.submit(job.call): job for job in left.values()}):
+                for job, content in _as_completed({pool.submit(job.call): job for job in left.values()}):
                     del left[job.number]
                     yield job, content
         except BrokenProcessPool:
             # Jobs are begun in their order: one of the first that are left was at work in the process that died.
             for job in list(left.values())[: workers + 1]:
                 del left[job.number]
-                yield job, _alone(job)
+                yield job, _run_alone(job)
 
 
-def _alone(job: Job) -> bytes:
+def _run_alone(job: Job) -> bytes:
     """A job's bytes by a process that does nothing else."""
     for _ in range(_DEATHS):
         try:
@@ -93,16 +93,16 @@ def _alone(job: Job) -> bytes:
                 return pool.submit(job.call).result()
         except BrokenProcessPool:
             continue
-    return _given_up(job, f"the process that worked on it was killed {_DEATHS} times: is there memory enough?")
+    return _give_up(job, f"the process that worked on it was killed {_DEATHS} times: is there memory enough?")
 
 
-def _given_up(job: Job, why: str) -> bytes:
+def _give_up(job: Job, why: str) -> bytes:
     if job.killed is None:
         raise BasecalError(f"part {job.number} cannot be finished: {why}")
     return job.killed(why)
 
 
-def _completed(waiting: dict[Future[bytes], Job]) -> Iterator[Done]:
+def _as_completed(waiting: dict[Future[bytes], Job]) -> Iterator[Done]:
     """Jobs as they are done, their bytes held no longer than it takes to hand them on."""
     for future in as_completed(list(waiting)):
         yield waiting.pop(future), future.result()

@@ -63,7 +63,7 @@ def study_paper(seed: int | None = None, draws: int | None = None, length_draws:
         "table2_orthonormalised": {k: table_2[k].rotation.tolist() for k in levels},
         "table3_eye_base_from_hand_base": {k: _entry(table_3[k]) for k in levels},
         "orders_of_orthonormalising": {k: _orders(bed, numbers, k) for k in levels},
-        "shift_length": [_at_length(bed, length, seed, length_draws) for length in LENGTHS],
+        "shift_length": [_length_errors(bed, length, seed, length_draws) for length in LENGTHS],
         "settings": {"seed": seed, "draws": draws, "length_draws": length_draws, "sigma_px": SIGMA_PX},
         "paper": numbers,
     }
@@ -120,7 +120,7 @@ def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]
     }
 
 
-def _at_length(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[str, float]:
+def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[str, float]:
     """Rms errors over draws of pixel noise at one length of the shifts, and the Cramer-Rao bound."""
     rotation = nearest_rotation(bed.camera_from_light.rotation)
     true = SE3(rotation, bed.camera_from_light.translation.copy())

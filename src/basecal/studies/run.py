@@ -9,9 +9,9 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
-from basecal.cell.format.writing import make_folder, write_whole
+from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
-from basecal.studies.chunk import keep_chunk, packed, read_chunk, worked
+from basecal.studies.chunk import keep_chunk, pack_result, read_chunk, work_chunk
 from basecal.studies.jobs import Job, Where, done_jobs
 from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
@@ -39,7 +39,7 @@ def run_study(study: Study, folder: Path, where: Where, step: Step | None = None
     left = [chunk for chunk in study.chunks if read_chunk(folder, study, chunk) is None]
     done = total - sum(chunk.trials for chunk in left)
     tell(done, total)
-    jobs = [Job(chunk.index, chunk.trials, partial(chunk_of, study.text, chunk.index)) for chunk in left]
+    jobs = [Job(chunk.index, chunk.trials, partial(run_chunk, study.text, chunk.index)) for chunk in left]
     for job, content in done_jobs(jobs, where):
         keep_chunk(folder, study.chunks[job.number], content)
         done += job.size
@@ -56,13 +56,13 @@ def _claim(study: Study, folder: Path) -> None:
             raise InputError(f"{folder} holds another study ({STUDY} there differs): choose another folder with -o")
     elif any(folder.iterdir()):
         raise InputError(f"{folder} holds other files and no study: choose another folder with -o")
-    write_whole(path, study.text)
+    write_atomically(path, study.text)
 
 
-def chunk_of(text: str, index: int) -> bytes:
+def run_chunk(text: str, index: int) -> bytes:
     """What comes of a chunk of the study that a text describes, as its file keeps it."""
     study = _study(text)
-    return packed(study, worked(study, study.chunks[index]))
+    return pack_result(study, work_chunk(study, study.chunks[index]))
 
 
 @lru_cache(maxsize=2)

@@ -112,10 +112,10 @@ class Study:
     @cached_property
     def chunks(self) -> tuple[Chunk, ...]:
         """All trials; the same whoever works on them."""
-        groups = [(point, pieces) for point in self.points for pieces in self._grouped(point)]
+        groups = [(point, pieces) for point in self.points for pieces in self._group_pieces(point)]
         return tuple(Chunk(index, point, pieces) for index, (point, pieces) in enumerate(groups))
 
-    def _grouped(self, point: Point) -> Iterator[tuple[Piece, ...]]:
+    def _group_pieces(self, point: Point) -> Iterator[tuple[Piece, ...]]:
         most = BLOCK * SOLVERS[point.settings["solver"]].blocks
         group: list[Piece] = []
         for piece in self._pieces():

@@ -42,12 +42,12 @@ _Lens = Annotated[str, known_names("lens", lens_models())]
 _Layout = Annotated[str, known_names("layout", (*get_args(LayoutName), *OF_SHIFTS))]
 
 
-def _standing_anywhere(value: Any) -> Any:
+def _without_carrier(value: Any) -> Any:
     """A target's entry, which `cell.yaml` would have stand on something."""
     return {"on": "world", **value} if isinstance(value, dict) else value
 
 
-_Board = Annotated[AnyTargetEntry, BeforeValidator(_standing_anywhere)]
+_Board = Annotated[AnyTargetEntry, BeforeValidator(_without_carrier)]
 
 
 class SettingsEntry(Entry):

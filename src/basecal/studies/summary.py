@@ -32,7 +32,7 @@ def summarise(study: Study, folder: Path) -> dict[str, Any]:
         made = [result for _, result in group]
         joined = {name: np.concatenate([getattr(result.trials, name) for result in made]) for name in COLUMNS}
         reasons = dict.fromkeys(reason for result in made for reason in result.reasons)
-        points.append(_of_point(point, Trials(**joined), list(reasons)))
+        points.append(_point_summary(point, Trials(**joined), list(reasons)))
     return {
         "schema": SCHEMA,
         "title": study.title,
@@ -47,7 +47,7 @@ def summarise(study: Study, folder: Path) -> dict[str, Any]:
     }
 
 
-def _of_point(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any]:
+def _point_summary(point: Point, trials: Trials, reasons: list[str]) -> dict[str, Any]:
     solved = trials.solved
     nees, directions = trials.nees[solved], trials.directions[solved]
     judged = bool(len(nees)) and bool(np.all(directions > 0))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.cell.target import Target
 from basecal.errors import InputError
 from basecal.geometry import read_only, read_only_ids
@@ -50,6 +50,6 @@ def write(folder: Path, name: str, detection: Detection | None) -> None:
         ids = None if detection.ids is None else detection.ids.tolist()
         found = {"ids": ids, "pixels": detection.pixels.tolist(), "sigma_px": detection.sigma_px.tolist()}
     try:
-        write_whole(folder / _FOLDER / f"{name}.json", json.dumps(found), within=folder, durable=False)
+        write_atomically(folder / _FOLDER / f"{name}.json", json.dumps(found), within=folder, durable=False)
     except InputError:
         return

@@ -7,7 +7,7 @@ import pytest
 from tests.ends import end, problem_of, views, with_eye, with_hand
 
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.estimation.least_squares.jacobians import by_unknowns
+from basecal.estimation.least_squares.jacobians import unknown_jacobian
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Chain, Link
 from basecal.estimation.solve import solve_packed
@@ -27,7 +27,7 @@ def test_frames_move_views_as_unknowns_do():
     """Bases and mounts move `camera_from_target` by the same adjoints as the columns of the normal equations."""
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
-    derivative, columns = by_unknowns(of.problem, group, of.links[0], 6)
+    derivative, columns = unknown_jacobian(of.problem, group, of.links[0], 6)
     assert len(of.frames) == 3
     for name in of.frames:
         where = np.flatnonzero(np.isin(columns, np.arange(of.problem.width)[of.problem.columns[name]]))

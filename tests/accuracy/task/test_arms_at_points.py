@@ -15,7 +15,7 @@ from basecal.accuracy.task.arms_at_points import (
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.estimation.problem.robot_parameters import after_step
+from basecal.estimation.problem.robot_parameters import apply_step
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -41,7 +41,7 @@ def test_derivative_is_of_the_flange_in_its_base(arms):
     where = problem.columns[name]
     np.testing.assert_array_equal(columns, np.arange(where.start, where.stop))
     for column in range(len(columns)):
-        after = after_step(model, before, {name: STEP * np.eye(len(columns))[column]}).forward(joints)
+        after = apply_step(model, before, {name: STEP * np.eye(len(columns))[column]}).forward(joints)
         np.testing.assert_allclose((after.translation - poses.translation) / STEP, found[:, :3, column], atol=1e-5)
         turned = (after @ poses.inverse()).rotvec / STEP
         np.testing.assert_allclose(turned, found[:, 3:, column], atol=1e-5)

@@ -15,7 +15,7 @@ from basecal.accuracy.task.meeting_errors import _Expected, _mixture, _own_varia
 from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration
 from basecal.estimation.noise.joint_estimate import sigmas_with
-from basecal.estimation.problem.robot_parameters import after_step
+from basecal.estimation.problem.robot_parameters import apply_step
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -156,7 +156,7 @@ def test_what_meets_moves_with_the_base_and_both_arms():
         poses = before.forward(joints)
         for k in range(where.stop - where.start):
             values = {name: step * np.eye(where.stop - where.start)[k]}
-            after = after_step(model, before, values).forward(joints)
+            after = apply_step(model, before, values).forward(joints)
             shift, turn = (after.translation - poses.translation) / step, (after @ poses.inverse()).rotvec / step
             if robot == "eye":  # away from the point, in the axes of the hand's base
                 shift, turn = (-each @ base.rotation for each in (shift, turn))

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_of
+from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_per_unit
 from basecal.errors import DriverError
 
 
@@ -98,12 +98,12 @@ def said(unit, word=""):
 )
 def test_units_are_those_that_are_said(node, stated, radians):
     """By the server with its code or word, else by the cell."""
-    assert radians_of(node, "eye", stated) == radians
+    assert radians_per_unit(node, "eye", stated) == radians
 
 
 def test_units_are_never_guessed():
     """Where nobody says them, and where two say different things, it is an error."""
     with pytest.raises(DriverError, match="eye: A1 does not say its unit: say `unit: deg` or `unit: rad`"):
-        radians_of(Node("A1"), "eye", None)
+        radians_per_unit(Node("A1"), "eye", None)
     with pytest.raises(DriverError, match="eye: the server says that joints are not in rad"):
-        radians_of(said(17476), "eye", "rad")
+        radians_per_unit(said(17476), "eye", "rad")

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from basecal.exchange.bags.frames import pose_of, values_of
+from basecal.exchange.bags.frames import pose_from_values, transform_values
 from basecal.geometry import SE3
 from basecal.geometry.se3 import rotation_exp
 
@@ -26,7 +26,9 @@ def test_whoever_comes_later_gets_them():
     offer = Discovery(domain).wait_for(STATIC_TOPIC, 5.0)
     assert offer.is_latched
     (message,) = Listener(domain, offer, 10).messages(3.0)
-    found = {each.child_frame_id: (each.header.frame_id, values_of(each.transform)) for each in message.transforms}
+    found = {
+        each.child_frame_id: (each.header.frame_id, transform_values(each.transform)) for each in message.transforms
+    }
     assert {child: parent for child, (parent, _) in found.items()} == {"right_base": "left_base", "camera": "left_base"}
-    np.testing.assert_allclose(pose_of(found["right_base"][1], "").matrix, pose.matrix, atol=1e-12)
+    np.testing.assert_allclose(pose_from_values(found["right_base"][1], "").matrix, pose.matrix, atol=1e-12)
     del sender

@@ -11,15 +11,15 @@ import pytest
 from basecal.cell.format import writing
 from basecal.cell.format.writing import (
     append_durably,
-    beside,
     make_folder,
     open_new,
     open_own,
-    staged,
-    write_asked_for,
+    stage_folder,
+    temporary_path,
+    write_atomically,
     write_new,
+    write_output,
     write_private,
-    write_whole,
 )
 from basecal.errors import InputError
 
@@ -38,36 +38,36 @@ def fail(number: int):
 def test_a_file_is_written_whole(tmp_path):
     """The text, in folders made for it, nothing beside it; where that cannot be, an error with the path."""
     path = tmp_path / "runs" / "one" / "a.json"
-    write_whole(path, "grün")
-    write_whole(path, "blue \udcff")
+    write_atomically(path, "grün")
+    write_atomically(path, "blue \udcff")
     assert path.read_bytes() == b"blue \\udcff"
     assert [each.name for each in path.parent.iterdir()] == ["a.json"]
     with pytest.raises(InputError, match=r"a\.json/b cannot be written: "):
-        write_whole(path / "b", "x")
+        write_atomically(path / "b", "x")
 
 
 def test_what_is_asked_for_is_whole_or_goes_into_a_pipe(tmp_path, monkeypatch):
     """A file of a name that was given is the old one or the new one; a pipe of that name is written to."""
     path = tmp_path / "a.svg"
-    write_asked_for(path, b"old")
+    write_output(path, b"old")
     monkeypatch.setattr(os, "fsync", fail(errno.ENOSPC))
     with pytest.raises(InputError, match="No space left"):
-        write_asked_for(path, "new")
+        write_output(path, "new")
     assert path.read_bytes() == b"old"
     assert names(tmp_path) == ["a.svg"]
-    write_asked_for(Path(os.devnull), "gone")
+    write_output(Path(os.devnull), "gone")
     with pytest.raises(InputError, match="cannot be written"):
-        write_asked_for(tmp_path, "a folder")
+        write_output(tmp_path, "a folder")
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])
 def test_a_file_that_fails_is_as_it_was(tmp_path, monkeypatch, call):
     """A full disk leaves the old file, and nothing beside it."""
     path = tmp_path / "a"
-    write_whole(path, "old")
+    write_atomically(path, "old")
     monkeypatch.setattr(writing.os, call, fail(errno.ENOSPC))
     with pytest.raises(InputError, match="a cannot be written: No space left on device"):
-        write_whole(path, "new")
+        write_atomically(path, "new")
     assert path.read_text() == "old"
     assert names(tmp_path) == ["a"]
 
@@ -78,10 +78,10 @@ def test_what_is_durable_is_synchronised(tmp_path, monkeypatch):
     real_sync, real_replace = os.fsync, os.replace
     monkeypatch.setattr(writing.os, "fsync", lambda number: (done.append("sync"), real_sync(number)))
     monkeypatch.setattr(writing.os, "replace", lambda a, b: (done.append("name"), real_replace(a, b)))
-    write_whole(tmp_path / "a", "x")
+    write_atomically(tmp_path / "a", "x")
     assert done == ["sync", "name", "sync"]
     done.clear()
-    write_whole(tmp_path / "a", "x", durable=False)
+    write_atomically(tmp_path / "a", "x", durable=False)
     assert done == ["name"]
 
 
@@ -92,21 +92,21 @@ def test_links_are_replaced_and_not_followed(tmp_path):
     cell.mkdir()
     (outside / "victim").write_text("mine")
     (cell / "a").symlink_to(outside / "victim")
-    write_whole(cell / "a", "x", within=cell)
+    write_atomically(cell / "a", "x", within=cell)
     assert not (cell / "a").is_symlink()
     (cell / "runs").symlink_to(outside)
     for path in (cell / "runs" / "b", cell / "runs" / "new" / "b"):
         with pytest.raises(InputError, match="runs is a link; what is written stays in the cell"):
-            write_whole(path, "x", within=cell)
+            write_atomically(path, "x", within=cell)
     (tmp_path / "named").symlink_to(cell)
-    write_whole(tmp_path / "named" / "c", "x", within=tmp_path / "named")  # the cell itself may be one
+    write_atomically(tmp_path / "named" / "c", "x", within=tmp_path / "named")  # the cell itself may be one
     assert names(outside) == ["victim"]
     assert (outside / "victim").read_text() == "mine"
 
 
 def test_names_beside_are_never_taken(tmp_path):
     """They differ each time, and one that is there nevertheless is not written to."""
-    assert beside(tmp_path / "a") != beside(tmp_path / "a")
+    assert temporary_path(tmp_path / "a") != temporary_path(tmp_path / "a")
     (tmp_path / "victim").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "victim")
     with pytest.raises(FileExistsError):
@@ -133,12 +133,12 @@ def test_a_staged_folder_appears_at_once(tmp_path, before):
     """Into a folder that is not there, an empty one, and one that holds something, which stays."""
     folder = tmp_path / "cell"
     for name in before or ():
-        write_whole(folder / name, "old")
+        write_atomically(folder / name, "old")
     if before == []:
         folder.mkdir()
-    with staged(folder) as part:
-        write_whole(part / "recording" / "samples.jsonl", "1")
-        write_whole(part / "cell.yaml", "2")
+    with stage_folder(folder) as part:
+        write_atomically(part / "recording" / "samples.jsonl", "1")
+        write_atomically(part / "cell.yaml", "2")
         assert not (folder / "cell.yaml").exists()
     there = ["cell.yaml", "recording", "recording/samples.jsonl", *(before or [])]
     assert names(folder) == sorted(there)
@@ -149,14 +149,14 @@ def test_a_staged_folder_that_fails_leaves_nothing(tmp_path):
     """Whatever ended it."""
 
     def written(folder, error):
-        with staged(folder) as part:
-            write_whole(part / "a", "x")
+        with stage_folder(folder) as part:
+            write_atomically(part / "a", "x")
             raise error
 
     for error in (KeyboardInterrupt, InputError):
         with pytest.raises(error):
             written(tmp_path / "cell", error)
-    with pytest.raises(InputError, match="cannot be written: No space left"), staged(tmp_path / "cell"):
+    with pytest.raises(InputError, match="cannot be written: No space left"), stage_folder(tmp_path / "cell"):
         fail(errno.ENOSPC)()
     assert names(tmp_path) == []
 
@@ -176,7 +176,7 @@ def test_what_is_private_only_its_owner_reads(tmp_path, monkeypatch):
     before = os.umask(0)
     try:
         write_private(tmp_path / "key", "secret", within=tmp_path)
-        write_whole(tmp_path / "open", "all")
+        write_atomically(tmp_path / "open", "all")
     finally:
         os.umask(before)
     assert (tmp_path / "key").read_text() == "secret"
@@ -210,7 +210,7 @@ def test_bytes_and_text_go_into_a_pipe_alike(tmp_path):
     os.mkfifo(pipe)
     for content, wanted in ((b"\xffraw", b"\xffraw"), ("gr\u00fcn \udcff", "gr\u00fcn \\udcff".encode())):
         reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-        write_asked_for(pipe, content)
+        write_output(pipe, content)
         assert os.read(reader, 100) == wanted
         os.close(reader)
 
@@ -220,7 +220,7 @@ def test_what_cannot_be_staged_is_named(tmp_path, named, told):
     """The file of the fault where it is known, else the folder."""
     folder = tmp_path / "cell"
     error = OSError(errno.ENOSPC, "No space left", named and str(tmp_path / named))
-    with pytest.raises(InputError) as caught, staged(folder):
+    with pytest.raises(InputError) as caught, stage_folder(folder):
         raise error
     assert str(caught.value) == f"{tmp_path / told} cannot be written: No space left"
     assert names(tmp_path) == []

@@ -31,7 +31,7 @@ from basecal.cell.files import (
     latest_run,
     read_calibration,
     read_cell,
-    runs_of,
+    run_names,
     write_calibration,
 )
 from basecal.cell.results.calibration_file import read_calibration_data, run_folder
@@ -157,7 +157,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert calibration.validation is not None
     assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)
     assert calibration.residuals.per_sample == want.residuals.per_sample
-    found, was = calibration.parameters_of("hand"), want.parameters_of("hand")
+    found, was = calibration.robot_parameters("hand"), want.robot_parameters("hand")
     assert found.keys() == was.keys()
     for kind, of in found.items():
         assert of.joints == was[kind].joints
@@ -185,8 +185,8 @@ def test_the_latest_run_is_the_one_written_last(tmp_path: Path) -> None:
     os.utime(future / "calibration.json", ns=(1, 1))
     now = write_calibration(Calibration("good"), tmp_path)
     assert latest_run(tmp_path) == now.parent
-    assert runs_of(tmp_path) == (now.parent.name, "29990101T000000Z")
-    assert runs_of(tmp_path / "runs") == ()
+    assert run_names(tmp_path) == (now.parent.name, "29990101T000000Z")
+    assert run_names(tmp_path / "runs") == ()
 
 
 def test_hashes(folder: Path) -> None:
@@ -287,5 +287,5 @@ def test_only_folders_named_as_runs_are_runs(tmp_path: Path) -> None:
         if name != "20270101T000000Z":
             (folder / "calibration.json").write_text("{}")
             os.utime(folder / "calibration.json", ns=(1, 1))
-    assert runs_of(tmp_path) == ("20260101T000000Z-10", "20260101T000000Z-2", "20260101T000000Z")
+    assert run_names(tmp_path) == ("20260101T000000Z-10", "20260101T000000Z-2", "20260101T000000Z")
     assert latest_run(tmp_path / "nowhere") is None

@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from basecal.cell.schema.cell_schema import CellEntry
-from basecal.cell.schema.errors import check_entry, check_schema, first_problem, problems_of
+from basecal.cell.schema.errors import check_entry, check_schema, collect_problems, first_problem
 from basecal.errors import DatasetError
 from basecal.fields.problems import field_name
 
@@ -16,7 +16,7 @@ DATA = {"schema": "basecal/cell/1", "reference": "arm", "robots": {"arm": {}}}
 def problems(**changed):
     with pytest.raises(ValidationError) as caught:
         CellEntry.model_validate(DATA | changed)
-    return {field_name(p.loc): p.message for p in problems_of(caught.value, CellEntry)}
+    return {field_name(p.loc): p.message for p in collect_problems(caught.value, CellEntry)}
 
 
 def target(**fields):

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, alike, chosen, plane_grid
+from basecal.cell.targets.kind import (
+    Described,
+    TargetEntry,
+    TargetKind,
+    choose_dictionary,
+    is_indistinguishable,
+    plane_grid,
+)
 from basecal.cell.targets.registry import TARGETS, TargetKindName
 
 
@@ -38,7 +45,7 @@ def test_a_kind_reads_by_its_first_entry():
 
 def test_the_next_of_several_is_another() -> None:
     """What was said is the first, then what is usual without it; of too few the last."""
-    assert [chosen(("a", "b", "c"), "b", place) for place in range(4)] == ["b", "a", "c", "c"]
+    assert [choose_dictionary(("a", "b", "c"), "b", place) for place in range(4)] == ["b", "a", "c", "c"]
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -51,5 +58,5 @@ def test_several_of_a_kind(name: TargetKindName) -> None:
     for each in several:
         entry = kind.entries[kind.entry_index(each)]
         assert entry.model_validate({"on": "hand", **each}).shape() is not None
-    told = [not alike(kind, one, other) for one, other in combinations(several, 2)]
+    told = [not is_indistinguishable(kind, one, other) for one, other in combinations(several, 2)]
     assert any(told) == told[0] == (several[1] != several[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.effects.faces.found import FoundEffect, rounded, rounded_length, rounded_tangent
+from basecal.effects.faces.found import FoundEffect, format_with_sigma, rounded_length, rounded_tangent
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,7 @@ from basecal.effects.faces.found import FoundEffect, rounded, rounded_length, ro
 )
 def test_two_digits_of_sigma(value, sigma, text):
     """As many of the value."""
-    assert rounded(value, sigma) == text
+    assert format_with_sigma(value, sigma) == text
 
 
 def test_a_length_has_the_sigma_along_it():

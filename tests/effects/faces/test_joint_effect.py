@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.effects.faces.joint_effect import each_and_all, moves_by_joint, open_chains
+from basecal.effects.faces.joint_effect import joint_candidates, moves_by_joint, open_chains
 from basecal.simulation import Scenario
 from made_views import moved_by_pose, views_of
 
@@ -23,7 +23,7 @@ def test_a_unit_of_a_value_turns_its_joint():
 def test_each_joint_and_all_at_once():
     """The same moves, b of one size or one of b sizes."""
     moves = (np.arange(36.0).reshape(2, 6, 3), None)
-    each, together = each_and_all("gear", "eye", "", moves)
+    each, together = joint_candidates("gear", "eye", "", moves)
     assert (each.code, each.about, each.joint, each.sizes) == ("gear", ("eye",) * 3, (0, 1, 2), 1)
     assert (together.code, together.about, together.sizes) == ("gears", ("eye",), 3)
     np.testing.assert_array_equal(np.moveaxis(each.moves[0][..., 0], 1, 2), together.moves[0][:, 0])

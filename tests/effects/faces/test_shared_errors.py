@@ -11,11 +11,11 @@ from basecal.geometry import SE3
 def test_modes_are_alike_in_every_coordinate():
     """Each mode moves each coordinate by itself: shifts go by the first sigma, turns by the second."""
     modes = np.array([[1.0, 0.0], [0.6, 0.8]])
-    errors = SharedErrors.in_every_coordinate(modes)
+    errors = SharedErrors.repeat_coordinates(modes)
     size = np.where(errors.is_turn, 3.0, 2.0)
     covariance = (errors.by_stop[0] * size) @ (errors.by_stop[1] * size).T
     np.testing.assert_allclose(covariance, 0.6 * np.diag([4, 4, 4, 9, 9, 9]))
-    np.testing.assert_allclose(errors.at_flange(np.array([2.0, 3.0])), [2, 2, 2, 3, 3, 3])
+    np.testing.assert_allclose(errors.flange_sigmas(np.array([2.0, 3.0])), [2, 2, 2, 3, 3, 3])
 
 
 def test_what_a_base_or_a_mount_does_is_taken_up():
@@ -25,9 +25,9 @@ def test_what_a_base_or_a_mount_does_is_taken_up():
     by_base, bent = poses.inverse().adjoint()[..., :3], rng.standard_normal((9, 6, 1))
     by_mount = np.broadcast_to(np.eye(6)[:, 2:4], (9, 6, 2))
     errors = SharedErrors(np.concatenate([by_base, by_mount, bent], axis=-1), np.ones(6, dtype=bool))
-    left = errors.beyond_frames(poses)
+    left = errors.remove_frames(poses)
     np.testing.assert_allclose(left.by_stop[..., :5], 0.0, atol=1e-12)
-    np.testing.assert_allclose(left.beyond_frames(poses).by_stop, left.by_stop, atol=1e-12)
+    np.testing.assert_allclose(left.remove_frames(poses).by_stop, left.by_stop, atol=1e-12)
     assert np.sum(left.by_stop**2) > 0.5 * np.sum(bent**2)
 
 
@@ -36,7 +36,7 @@ def test_at_the_flange_is_the_root_mean_square_over_stops():
     by_stop = np.zeros((2, 6, 1))
     by_stop[:, 1, 0] = 3.0, 4.0
     np.testing.assert_allclose(
-        SharedErrors(by_stop, np.array([True])).at_flange(np.array([7.0, 2.0])), [0, np.sqrt(50), 0, 0, 0, 0]
+        SharedErrors(by_stop, np.array([True])).flange_sigmas(np.array([7.0, 2.0])), [0, np.sqrt(50), 0, 0, 0, 0]
     )
 
 
@@ -45,7 +45,7 @@ def test_what_frames_take_up_is_by_half_a_metre_a_radian():
     rng = np.random.default_rng(1)
     poses = SE3.exp(0.5 * rng.standard_normal((7, 6)))
     errors = SharedErrors(rng.standard_normal((7, 6, 3)), np.array([False, True, True]))
-    left = errors.beyond_frames(poses)
+    left = errors.remove_frames(poses)
     units = np.repeat([1.0, 0.5], 3)[:, None]
     for frames in (poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (7, 6, 6))):
         product = np.einsum("nij,nik->jk", units * frames, units * left.by_stop)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.least_squares import alike_pairs as module
-from basecal.estimation.least_squares.alike_pairs import alike_pairs
+from basecal.estimation.least_squares.alike_pairs import group_pairs
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.simulation import Scenario, simulate
@@ -21,7 +21,7 @@ def problem(scenario: Scenario):
 def test_rings_are_one_batch_but_for_the_reference() -> None:
     """Every pair is in one batch, once; pairs of the reference have a base less on one side or the other."""
     ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
-    batches = alike_pairs(ring)
+    batches = group_pairs(ring)
     assert sorted(number for of in batches for number in of.groups) == list(range(10))
     assert sorted(len(of.groups) for of in batches) == [2, 2, 6]
     for of in batches:
@@ -38,7 +38,7 @@ def test_other_noise_is_another_batch() -> None:
     ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
     noisier = np.array(ring.stops.robot) == "r3"
     sigma = np.where(noisier[:, None], 2 * ring.stops.sigma, ring.stops.sigma)
-    batches = alike_pairs(replace(ring, stops=replace(ring.stops, sigma=sigma)))
+    batches = group_pairs(replace(ring, stops=replace(ring.stops, sigma=sigma)))
     assert len(batches) > 3
     for of in batches:
         assert all((sigma[stops] == of.problem.stops.sigma).all() for stops in of.stops)
@@ -48,7 +48,7 @@ def test_many_views_go_in_parts(monkeypatch) -> None:
     """Of at most so many views, or of one pair; no pair is lost."""
     ring = problem(Scenario(layout="ring", robots=5, samples=50, robot_noise=(1e-4, 1e-4)))
     monkeypatch.setattr(module, "MOST_VIEWS", 12)
-    batches = alike_pairs(ring)
+    batches = group_pairs(ring)
     assert sorted(number for of in batches for number in of.groups) == list(range(10))
     assert all(of.rows.size <= 12 or len(of.groups) == 1 for of in batches)
     assert max(len(of.groups) for of in batches) == 2
@@ -60,7 +60,7 @@ def test_states_are_the_cells(monkeypatch) -> None:
     ring = build_problem(made.cell, made.recording)[0]
     state = State(made.truth, made.cameras, np.zeros((len(ring.stops), 6)))
     monkeypatch.setattr(module, "MOST_VIEWS", 4)
-    batches = alike_pairs(ring)
+    batches = group_pairs(ring)
     assert min(len(of.groups) for of in batches) == 1
     for of in batches:
         own = of.state(state)
@@ -73,7 +73,7 @@ def test_weights_of_views_go_with_those_of_each_pair(monkeypatch) -> None:
     """None where all count once; a view that is there again has none."""
     ring = problem(Scenario(layout="ring", robots=5, samples=53, robot_noise=(1e-4, 1e-4)))
     monkeypatch.setattr(module, "linearise", lambda problem, own, weights: weights)
-    for of in alike_pairs(ring):
+    for of in group_pairs(ring):
         once = bool(of.weight.all())
         assert (of.linearise(None, None) is None) == once
         assert (of.linearise(None, [np.ones(len(g)) for g in ring.groups]) is None) == once
@@ -89,11 +89,11 @@ def test_other_unknowns_are_another_batch() -> None:
     ring = problem(Scenario(layout="ring", robots=5, samples=50))
     mount = ring.groups[4].hand.mount
     known = replace(ring, columns={name: where for name, where in ring.columns.items() if name != mount})
-    apart = {of.groups: of.columns.shape[1] for of in alike_pairs(known)}
-    assert len(apart) > len(alike_pairs(ring))
+    apart = {of.groups: of.columns.shape[1] for of in group_pairs(known)}
+    assert len(apart) > len(group_pairs(ring))
     for groups, width in apart.items():
         for number in groups:
             assert width == 6 * sum(name in known.columns for name in ring.groups[number].frames)
-    assert [of.problem.point_mounts for of in alike_pairs(ring)] == [frozenset()] * len(alike_pairs(ring))
-    (light,) = alike_pairs(problem(Scenario(samples=4, target="led")))
+    assert [of.problem.point_mounts for of in group_pairs(ring)] == [frozenset()] * len(group_pairs(ring))
+    (light,) = group_pairs(problem(Scenario(samples=4, target="led")))
     assert light.problem.point_mounts == {"hand_mount"}

@@ -11,7 +11,7 @@ from tests.pose_problem import pose_problem
 from basecal.estimation.least_squares.bundle_adjustment import (
     ROUGH_SIGMAS,
     _Bundle,
-    batch_of,
+    batch_states,
     bundle_adjust,
     bundle_adjust_batch,
 )
@@ -116,7 +116,7 @@ def test_a_batch_is_each_state_by_itself(scenario):
     """Three starts side by side end where each ends alone, to 1e-9 of cost and of transforms."""
     problem, _ = problem_and_start(scenario, 0.0)
     starts = [problem_and_start(scenario, off)[1] for off in (0.01, 0.03, 0.05)]
-    together = bundle_adjust_batch(problem, batch_of(problem, starts), 100)
+    together = bundle_adjust_batch(problem, batch_states(problem, starts), 100)
     for row, start in enumerate(starts):
         alone = bundle_adjust(problem, start, 100)
         assert together.cost[row] == pytest.approx(alone.cost, rel=1e-9)
@@ -129,7 +129,7 @@ def test_views_and_weights_of_a_batch_are_its_own():
     """Entries that hold other views, and entries that weigh views by zero, end where a problem of those views does."""
     problem, start = problem_and_start(Scenario(target="points", samples=9), 0.02)
     subsets = np.array([[0, 1, 2, 3, 4, 5], [3, 4, 5, 6, 7, 8]])
-    states = batch_of(problem, [start, start])
+    states = batch_states(problem, [start, start])
     gathered = problem.with_groups(g.take(subsets) for g in problem.groups)
     weights = np.zeros((2, 9))
     np.put_along_axis(weights, subsets, 1.0, axis=1)

@@ -9,7 +9,7 @@ import pytest
 from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.estimation.least_squares import cauchy_irls as module
-from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust
+from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.least_squares.studentized import MahalanobisSquared
 
@@ -32,7 +32,7 @@ def test_three_tenths_of_outliers_pull_hardly():
     problem, state = with_outliers(9)
     plain = bundle_adjust(problem, state, 1).state.transforms[MOUNT].log()
     assert np.abs(plain[:3]).min() > 0.014
-    robust = cauchy_irls(problem, batch_of(problem, [state, state]))
+    robust = cauchy_irls(problem, batch_states(problem, [state, state]))
     assert np.abs(mount(robust)).max() < 1e-3
     np.testing.assert_allclose(mount(robust, 1), mount(robust, 0), atol=1e-9)
 
@@ -40,7 +40,7 @@ def test_three_tenths_of_outliers_pull_hardly():
 def test_it_is_where_the_weighted_forces_balance():
     """The weights 1 / (1 + d^2 / s), with s the quantile of six tenths of d^2, leave no force at the end."""
     problem, state = with_outliers(3, 0.01)
-    at = mount(cauchy_irls(problem, batch_of(problem, [state])))
+    at = mount(cauchy_irls(problem, batch_states(problem, [state])))
     errors = problem.groups[0].measurement.measured_camera_from_target.log()
     off = (errors + at) / SIGMA  # the mount moves the target in the camera backwards
     ratio = np.sum(off**2, -1) / 6
@@ -53,7 +53,7 @@ def test_it_is_where_the_weighted_forces_balance():
 def test_exact_views_are_no_error():
     """Without noise the scale is none, and the answer exact."""
     problem, state = pose_problem(np.zeros((10, 6)), SIGMA)
-    np.testing.assert_allclose(mount(cauchy_irls(problem, batch_of(problem, [state]))), 0.0, atol=1e-12)
+    np.testing.assert_allclose(mount(cauchy_irls(problem, batch_states(problem, [state]))), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("fails_at", [None, 4])
@@ -71,7 +71,7 @@ def test_a_few_steps_without_weights_are_followed_by_one_of_each_weights(monkeyp
 
     monkeypatch.setattr(module, "bundle_adjust_batch", adjusted)
     squares = [MahalanobisSquared(*each) for each in zip(values, freedoms, strict=True)]
-    monkeypatch.setattr(module, "studentized", lambda problem, states: squares)
+    monkeypatch.setattr(module, "studentize_views", lambda problem, states: squares)
     assert cauchy_irls(None, 0) == len(steps) == (fails_at or 25)
     assert [iterations for iterations, _ in steps] == [3, *[1] * (len(steps) - 1)]
     assert steps[0][1] is None

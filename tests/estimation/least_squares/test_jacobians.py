@@ -11,10 +11,10 @@ from tests.derivatives import check_derivative
 from tests.pose_problem import pose_problem
 
 from basecal.effects import joint_offsets, link_parameters
-from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, chain
-from basecal.estimation.problem.robot_parameters import RobotModel, after_step, robot_model
+from basecal.estimation.problem.robot_parameters import RobotModel, apply_step, robot_model
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, IntArray
 from basecal.simulation import Scenario, simulate
@@ -47,7 +47,7 @@ def test_views_move_with_every_unknown_as_the_derivative_says(name):
     problem, state = near_truth(CELLS[name])
     for group in problem.groups:
         links = chain(group, state, problem.stops)
-        derivative, columns = by_unknowns(problem, group, links, 6)
+        derivative, columns = unknown_jacobian(problem, group, links, 6)
         names = [n for n, where in problem.columns.items() if where.start in columns]
         assert len(names) >= 2
         for unknown in names:
@@ -70,7 +70,7 @@ def test_views_move_with_the_errors_of_their_stops_as_the_derivative_says(name):
     checked = 0
     for group in problem.groups:
         links = chain(group, state, problem.stops)
-        for stop, derivative in by_stop_errors(group, links, state, problem.stops, 6):
+        for stop, derivative in stop_error_jacobians(group, links, state, problem.stops, 6):
 
             def after(xi: np.ndarray, stop: IntArray = stop, group: ViewGroup = group) -> np.ndarray:
                 errors = state.stop_errors.copy()
@@ -100,9 +100,9 @@ def test_views_move_with_the_kinematics_of_their_robots_as_the_derivative_says(n
     errors = np.random.default_rng(0).standard_normal((len(problem.stops), 6))
     assert bool(len(errors)) == (noise is not None)
     state = State(made.truth, made.cameras, errors)
-    start = {name: after_step(model, state.kinematics(model), some_step(model)) for name, model in models.items()}
+    start = {name: apply_step(model, state.kinematics(model), some_step(model)) for name, model in models.items()}
     state = replace(state, robots=start)
-    derivative, columns = by_robot_models(problem, group, chain(group, state, problem.stops), state, 8)
+    derivative, columns = robot_model_jacobian(problem, group, chain(group, state, problem.stops), state, 8)
     assert derivative.shape == (2, 8, len(columns))
     assert not np.any(derivative[:, 6:])
     assert sorted(columns) == [
@@ -113,7 +113,7 @@ def test_views_move_with_the_kinematics_of_their_robots_as_the_derivative_says(n
 
         def after(step: np.ndarray, name: str = name, model: RobotModel = model) -> np.ndarray:
             parts = np.split(step, np.cumsum([*model.widths.values()])[:-1])
-            moved = after_step(model, state.robots[name], dict(zip(model.widths, parts, strict=True)))
+            moved = apply_step(model, state.robots[name], dict(zip(model.widths, parts, strict=True)))
             return moved_by(problem, group, state, replace(state, robots={**state.robots, name: moved}))
 
         at = [int(np.flatnonzero(columns == k)[0]) for k in of]
@@ -129,7 +129,7 @@ def test_robots_that_are_as_stated_have_no_columns():
     """And nothing is there to differentiate."""
     problem, state = near_truth(CELLS["dual"])
     (group,) = problem.groups
-    derivative, columns = by_robot_models(problem, group, chain(group, state, problem.stops), state, 6)
+    derivative, columns = robot_model_jacobian(problem, group, chain(group, state, problem.stops), state, 6)
     assert derivative.shape == (4, 6, 0)
     assert len(columns) == 0
 
@@ -139,12 +139,12 @@ def test_a_lens_has_columns_where_views_have_rows_of_it():
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
     free = replace(problem, columns={**problem.columns, "camera": slice(6, 10)})
-    derivative, columns = by_unknowns(free, group, links, 10)
+    derivative, columns = unknown_jacobian(free, group, links, 10)
     assert columns.tolist() == [*range(10)]
     np.testing.assert_array_equal(derivative[:, 6:, 6:], np.tile(np.eye(4), (3, 1, 1)))
     assert not derivative[:, 6:, :6].any()
     assert not derivative[:, :6, 6:].any()
-    of_pose, columns = by_unknowns(free, group, links, 6)
+    of_pose, columns = unknown_jacobian(free, group, links, 6)
     assert columns.tolist() == [*range(6)]
     np.testing.assert_array_equal(of_pose, derivative[:, :6, :6])
 
@@ -155,8 +155,8 @@ def test_without_unknowns_views_have_no_columns():
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
     asked = SimpleNamespace(modelled=lambda robot: robot and SimpleNamespace())
     for derivative, columns in (
-        by_unknowns(replace(problem, columns={}), group, links, 6),
-        by_robot_models(asked, group, links, state, 6),
+        unknown_jacobian(replace(problem, columns={}), group, links, 6),
+        robot_model_jacobian(asked, group, links, state, 6),
     ):
         assert derivative.shape == (3, 6, 0)
         assert columns.shape == (0,)
@@ -168,8 +168,8 @@ def test_a_robots_kinematics_do_not_move_the_lens():
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((len(problem.stops), 6)))
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
-    of_pose, columns = by_robot_models(problem, group, links, state, 6)
-    with_lens, same = by_robot_models(problem, group, links, state, 11)
+    of_pose, columns = robot_model_jacobian(problem, group, links, state, 6)
+    with_lens, same = robot_model_jacobian(problem, group, links, state, 11)
     np.testing.assert_array_equal(columns, same)
     np.testing.assert_array_equal(with_lens[:, :6], of_pose)
     assert not with_lens[:, 6:].any()

@@ -11,7 +11,7 @@ from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.effects import joint_offsets
-from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import (
     LinearisedViews,
     linearise,
@@ -91,12 +91,12 @@ def dense(problem: Problem, state: State):
             shaken = np.linalg.inv(spread + np.einsum("ni,nj->nij", *[JITTER_S * group.motion] * 2))
             gradient_of = (shaken @ spread @ view.gradient[..., None])[..., 0]
             view = view._replace(information=shaken, gradient=gradient_of)
-        derivative, columns = by_unknowns(problem, group, links, rows)
-        of_robots, more = by_robot_models(problem, group, links, state, rows)
+        derivative, columns = unknown_jacobian(problem, group, links, rows)
+        of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
         derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
         full = np.zeros((len(group), rows, p + 6 * k))
         full[..., columns] = derivative
-        for stop, by_error in by_stop_errors(group, links, state, problem.stops, rows):
+        for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, rows):
             for row, number in enumerate(stop):
                 full[row, :, p + 6 * number : p + 6 * number + 6] += by_error[row]
         flat = full.reshape(-1, full.shape[-1])
@@ -308,7 +308,7 @@ def test_weights_scale_what_views_say_and_none_silences_them(rng, batch):
     weight = np.broadcast_to([0.5, 1.0, 3.0], (*batch, 3))
     names = ("gradient", "information", "promised")
     for name in names:
-        plain, found = getattr(views, name), getattr(views.weighted(weight), name)
+        plain, found = getattr(views, name), getattr(views.weigh(weight), name)
         np.testing.assert_allclose(
             np.moveaxis(found, len(batch), 0),
             [k * np.take(plain, i, len(batch)) for i, k in enumerate((0.5, 1.0, 3.0))],
@@ -318,8 +318,8 @@ def test_weights_scale_what_views_say_and_none_silences_them(rng, batch):
         name: np.where(lost.reshape(3, *[1] * k), np.nan, getattr(views, name))
         for k, name in zip((1, 2, 0), names, strict=True)
     }
-    found = replace(views, **wild).weighted(np.where(lost, 0.0, weight))
-    expected = views.weighted(np.where(lost, 0.0, weight))
+    found = replace(views, **wild).weigh(np.where(lost, 0.0, weight))
+    expected = views.weigh(np.where(lost, 0.0, weight))
     for name in names:
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
         assert not np.take(getattr(found, name), 1, len(batch)).any()

@@ -11,12 +11,12 @@ from tests.pose_problem import pose_problem
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.studentized import (
-    _studentised,
+    _studentize,
     judged_by_view,
     leave_one_out,
-    studentized,
+    studentize_views,
     studentized_points,
     studentized_stops,
     studentized_views,
@@ -168,10 +168,10 @@ def dense_rows(problem, state):
         links = chain(group, state, problem.stops)
         error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
         inner = group.measurement.weight[..., None] * right_jacobian_inverse(error)
-        derivative, columns = by_unknowns(problem, group, links, 6)
+        derivative, columns = unknown_jacobian(problem, group, links, 6)
         full = np.zeros((len(group), 6, p + 6 * k))
         full[..., columns] = inner @ derivative
-        for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+        for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
             for view, number in enumerate(stop):
                 full[view, :, p + 6 * number : p + 6 * number + 6] += inner[view] @ by_error[view]
         residuals.append(group.measurement.weight * error)
@@ -253,10 +253,10 @@ def test_points_of_small_targets_deviate_as_all_else_says(arms):
     links = chain(group, state, problem.stops)
     points = point_jacobians(group.measurement, links.camera_from_target, state.cameras["wrist"], False)
     p, k = problem.width, len(problem.stops)
-    derivative, columns = by_unknowns(problem, group, links, 6)
+    derivative, columns = unknown_jacobian(problem, group, links, 6)
     full = np.zeros((8, 6, p + 6 * k))
     full[..., columns] = derivative
-    for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+    for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
         for view, number in enumerate(stop):
             full[view, :, p + 6 * number : p + 6 * number + 6] += by_error[view]
     rows = points.jacobian[..., :6] @ full[:, None]
@@ -276,7 +276,7 @@ def test_a_view_is_off_from_a_state_by_its_own_sigmas(batch):
     problem, state = pose_problem(errors, sigma)
     problem.groups[0].measurement.weight[2] = np.inf
     with np.errstate(invalid="ignore"):
-        (found,) = studentized(problem, state.spread(problem, 2) if batch else state)
+        (found,) = studentize_views(problem, state.spread(problem, 2) if batch else state)
     np.testing.assert_allclose(found.value, np.broadcast_to([14.0, 2.0, np.inf], (*batch, 3)), rtol=1e-5)
     np.testing.assert_array_equal(found.freedoms, np.full((*batch, 3), 6))
 
@@ -301,7 +301,7 @@ def lights(points, free_lens=False):
 def test_a_view_of_a_light_is_off_by_its_pixels_and_infinitely_far_behind_the_camera():
     """From the camera's own place on; as many freedoms are counted as it has equations."""
     problem, state = lights(np.array([[0.0, 0.0, 0.0]]))
-    (found,) = studentized(problem, state)
+    (found,) = studentize_views(problem, state)
     np.testing.assert_allclose(found.value, [25 / 4, 25 / 4, np.inf, np.inf], rtol=1e-9)
     assert found.freedoms.tolist() == [2, 2, 2, 2]
 
@@ -396,6 +396,6 @@ def test_a_point_counts_where_a_thousandth_of_its_noise_is_left(left, value, fre
     turn[:2, :2] = [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
     residual = np.tile(turn @ np.array([1.0, 2.0, 3.0])[:d], (1, 2, 1))
     jacobian = np.tile(turn @ np.diag(np.sqrt(1 - np.array(left))), (1, 2, 1, 1))
-    found = _studentised(residual, jacobian, np.eye(d)[None], np.array([[True, False]]))
+    found = _studentize(residual, jacobian, np.eye(d)[None], np.array([[True, False]]))
     np.testing.assert_allclose(found.value, [[value, np.nan]])
     assert found.freedoms.tolist() == [[freedoms, 0]]

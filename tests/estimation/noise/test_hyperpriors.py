@@ -42,7 +42,7 @@ def test_two_robots_are_expected_alike_and_slopes_are_derivatives():
 
 def test_errors_in_common_go_by_stops_or_stand_by_themselves():
     """Over the sigma of stops, and by the reach; or in radians, by their own lever, whatever stops do."""
-    model = _model(SharedErrors.in_every_coordinate(np.ones((8, 1))))
+    model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     over = hyperpriors(model, REACH_M, SharedPrior((2.5, 2.0), ""))
     np.testing.assert_allclose(np.exp(over.start[5:]), [3.75e-4, 7.5e-4, 6e-4, 7.5e-4], rtol=1e-9)
     alone = hyperpriors(model, REACH_M, KINEMATICS)
@@ -56,7 +56,7 @@ def test_errors_in_common_go_by_stops_or_stand_by_themselves():
 
 def test_beside_errors_in_common_single_stops_may_be_tied_less():
     """A tenth of a shift off from reach times turn costs what the tie says."""
-    model = _model(SharedErrors.in_every_coordinate(np.ones((8, 1))))
+    model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     off = np.zeros(9)
     off[1] = 0.1
     for tie in (1.05, 2.0):
@@ -133,7 +133,7 @@ def _apart(value, mean, factor):
 @pytest.mark.parametrize("is_over_stop", [True, False])
 def test_all_that_is_known_of_sigmas_is_one_density(lever, is_over_stop, rng):
     """Of views by their scatter, arms by reach and turns alike, errors in common, written out one by one."""
-    model = _model(SharedErrors.in_every_coordinate(np.ones((8, 1))))
+    model = _model(SharedErrors.repeat_coordinates(np.ones((8, 1))))
     common = SharedPrior((2.5, 3.0), "", is_over_stop, (lever, 1.7), tie=1.4)
     (key,) = model.sigmas.views
     model = replace(model, white={key: (9.0, 100.0)})
@@ -183,7 +183,7 @@ def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():
 
 def test_each_stamps_jitter_stands_between_stops_and_what_they_share():
     """Of two cameras one after the other; what is expected of all else is as without them."""
-    shared = SharedErrors.in_every_coordinate(np.ones((8, 1)))
+    shared = SharedErrors.repeat_coordinates(np.ones((8, 1)))
     common = SharedPrior((2.5, 2.0), "")
     plain = hyperpriors(_model(shared), REACH_M, common)
     prior = hyperpriors(_with_jitter(_model(shared), "left", "right"), REACH_M, common)

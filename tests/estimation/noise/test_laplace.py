@@ -63,7 +63,7 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
 def test_moments_are_of_the_whole_posterior():
     """Of the unknowns they are the covariance integrated about the state; of sigmas more than of the likeliest."""
     problem, state = at_truth(NOISY)
-    shared = {robot: SharedErrors.in_every_coordinate(np.ones((stops_made(problem, robot), 1))) for robot in ROBOTS}
+    shared = {robot: SharedErrors.repeat_coordinates(np.ones((stops_made(problem, robot), 1))) for robot in ROBOTS}
     model = mixed_model(problem, state, ROBOTS, shared)
     found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), SharedPrior((2.5, 2.0), "")))
     columns = np.arange(len(model.prior))

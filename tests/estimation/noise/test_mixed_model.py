@@ -13,7 +13,7 @@ from tests.pose_problem import MOUNT, pose_problem, two_arm_problem
 from basecal.cell import Unknown
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.noise.mixed_model import chunks, estimates_of, mixed_model
 from basecal.estimation.noise.reml import posterior
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
@@ -61,7 +61,7 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     problem, state = at_truth(replace(NOISY, arms=arms))
     rng = np.random.default_rng(0)
     modes = {name: rng.standard_normal((stops_made(problem, name), 2)) for name in ROBOTS}
-    shared = {name: SharedErrors.in_every_coordinate(of) for name, of in modes.items()}
+    shared = {name: SharedErrors.repeat_coordinates(of) for name, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
     errors, columns = rng.standard_normal(model.of_errors.shape), rng.standard_normal(len(model.prior))
     found, layout = model.stop_errors(errors, columns), model.layout
@@ -227,7 +227,7 @@ def test_what_is_known_beforehand_is_that_of_the_state():
     known = Unknown("prior", SE3.exp(np.zeros(6)), sigma)
     problem, state = pose_problem(np.zeros((3, 6)), None, known, np.ones(6))
     state = replace(state, transforms={**state.transforms, MOUNT: SE3.exp(1e-3 * sigma)})
-    shared = {"eye": SharedErrors.in_every_coordinate(np.ones((3, 1)))}
+    shared = {"eye": SharedErrors.repeat_coordinates(np.ones((3, 1)))}
     model = mixed_model(problem, state, ("eye",), shared)
     np.testing.assert_allclose(model.prior, np.diag([*sigma**-2, *[1.0] * 6]), rtol=1e-4, atol=10.0)
     np.testing.assert_array_equal(model.prior[6:], np.eye(12)[6:])
@@ -247,12 +247,12 @@ def test_a_shape_has_columns_of_its_own(rng):
     np.testing.assert_allclose(part.fixed[shape], view.gradient[:, 6:].sum(0), rtol=1e-12)
     np.testing.assert_allclose(part.fixed_fixed[shape, shape], view.information[:, 6:, 6:].sum(0), rtol=1e-12)
     (group,) = problem.groups
-    by_unknown, columns = by_unknowns(problem, group, chain(group, state, problem.stops), 6)
+    by_unknown, columns = unknown_jacobian(problem, group, chain(group, state, problem.stops), 6)
     both = np.einsum("nij,nik->jk", by_unknown, view.information[:, :6, 6:])
     np.testing.assert_allclose(part.fixed_fixed[columns, shape], both, rtol=1e-9, atol=1e-9 * np.abs(both).max())
     np.testing.assert_array_equal(part.fixed_fixed[shape, :18], part.fixed_fixed[:18, shape].T)
     across = part.errors_fixed[:, :6, shape]
-    of_eye = by_stop_errors(group, chain(group, state, problem.stops), state, problem.stops, 6)[0][1]
+    of_eye = stop_error_jacobians(group, chain(group, state, problem.stops), state, problem.stops, 6)[0][1]
     expected = of_eye.mT @ view.information[:, :6, 6:]
     np.testing.assert_allclose(across, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     np.testing.assert_array_equal(model.prior_gradient[shape], problem.shapes["board"])

@@ -40,7 +40,7 @@ def test_errors_are_of_the_stops(name):
     problem = simulated_problem(replace(SCENARIO, samples=12))
     errors = shared_errors(RANDOM_EFFECTS[name], problem, "hand")
     assert errors.by_stop.shape == (len(stands(problem, "hand")[0]), 6, len(errors.is_turn))
-    turned = errors.at_flange(np.ones(2))[3:]
+    turned = errors.flange_sigmas(np.ones(2))[3:]
     assert np.all((turned > 0.1) & (turned < 4))
 
 

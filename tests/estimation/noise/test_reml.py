@@ -9,7 +9,7 @@ import pytest
 from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWNS, made_up, written
 
 from basecal.effects.faces.shared_errors import SharedErrors
-from basecal.estimation.least_squares.jacobians import by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
 from basecal.estimation.noise.reml import _inverse, _lost, columns_given, posterior
 from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
@@ -38,11 +38,11 @@ def dense_model(problem, state, logs):
     error = (group.measurement.measured_camera_from_target.inverse() @ links.camera_from_target).log()
     inner = right_jacobian_inverse(error)
     n = len(group)
-    by_x, columns = by_unknowns(problem, group, links, 6)
+    by_x, columns = unknown_jacobian(problem, group, links, 6)
     x = np.zeros((6 * n, problem.width))
     x[:, columns] = (inner @ by_x).reshape(6 * n, -1)
     z = np.zeros((n, 6, len(problem.stops), 6))
-    for stop, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+    for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
         z[np.arange(n), :, stop] += inner @ by_error
     sigma = {robot: np.repeat(np.exp(logs[2 * i : 2 + 2 * i]), 3) for i, robot in enumerate(ROBOTS)}
     z = (z * np.array([sigma[robot] for robot in problem.stops.robot]).reshape(-1, 6)).reshape(
@@ -96,7 +96,7 @@ def test_slope_is_the_derivative(arms, smooth):
     rng = np.random.default_rng(0)
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
     modes = {robot: rng.standard_normal((stops_made(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
-    shared = {robot: SharedErrors.in_every_coordinate(of) for robot, of in modes.items()}
+    shared = {robot: SharedErrors.repeat_coordinates(of) for robot, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
     logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(model.sigmas.count)
     steps = 1e-4 * np.eye(len(logs))

@@ -14,7 +14,7 @@ from basecal.estimation.noise.some_views import recorded_alone, some_views
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import integrated, solve_at_mode
+from basecal.estimation.solve import integrate_solution, solve_at_mode
 from basecal.simulation import Scenario, simulate
 
 NOISY = Scenario(samples=60, target="pose", robot_noise=(3e-4, 5e-4))
@@ -77,7 +77,7 @@ def test_sigmas_are_those_of_all_views(monkeypatch):
     start = State(made.truth, {}, np.zeros((len(problem.stops), 6)))
 
     def found():
-        return integrated(solve_at_mode(problem, start, Settings(robot_noise="estimated"), ()))
+        return integrate_solution(solve_at_mode(problem, start, Settings(robot_noise="estimated"), ()))
 
     whole = found()
     taken = []

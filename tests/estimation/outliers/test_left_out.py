@@ -13,7 +13,7 @@ from basecal.estimation.outliers.classify import classify_inliers
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
 from basecal.estimation.outliers.left_out import measure_left_out
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -150,7 +150,7 @@ def test_ids_are_those_of_the_recording():
     """A view that is read from the other end than it was recorded has its points counted from that end."""
     cell, problem, state = cell_at_truth(Scenario(samples=4, target="chessboard"))
     (group,) = problem.groups
-    turned = half_turned(group.measurement)
+    turned = half_turn_views(group.measurement)
     pixels = np.where((np.arange(4) == 2)[:, None, None], turned.pixels, group.measurement.pixels)
     recorded = problem.with_groups([replace(group, measurement=replace(group.measurement, pixels=pixels))])
     found = measured(cell, problem, state, points=[(1, 0), (2, 0)], recorded=recorded)

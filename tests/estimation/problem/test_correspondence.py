@@ -12,7 +12,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import choose_correspondence, half_turn, half_turned
+from basecal.estimation.problem.correspondence import choose_correspondence, half_turn, half_turn_views
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -90,7 +90,7 @@ def test_each_view_is_read_as_the_state_predicts(detected):
         return np.where(flips.reshape(6, *[1] * (array.ndim - 1)), array[:, ::-1], array)
 
     wrong = replace(right, **{name: turned(getattr(right, name)) for name in fields})
-    mixed = replace(group, measurement=wrong, readings=(wrong, half_turned(wrong)))
+    mixed = replace(group, measurement=wrong, readings=(wrong, half_turn_views(wrong)))
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
     after, changed = choose_correspondence(problem.with_groups([mixed]), state)
     assert changed

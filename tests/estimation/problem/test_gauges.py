@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from basecal.effects import deflection, joint_offsets, link_parameters
-from basecal.estimation.problem.gauges import LEAST_RMS, beyond, of_ends, told_directions, told_joints
+from basecal.estimation.problem.gauges import (
+    LEAST_RMS,
+    determined_directions,
+    determined_joints,
+    end_moves,
+    independent_moves,
+)
 from basecal.estimation.problem.robot_parameters import robot_model
 
 OFFSETS = {"joint_offsets": joint_offsets.Stated(status="free")}
@@ -49,7 +55,7 @@ def test_of_joints_in_one_gauge_the_first_is_held():
     """Two that move the flange alike, one that moves it otherwise: the first of the pair goes."""
     moves = np.random.default_rng(0).standard_normal((8, 6, 3))
     moves[..., 2] = moves[..., 1]
-    assert told_joints(moves, np.zeros((8, 6, 0))).tolist() == [0, 2]
+    assert determined_joints(moves, np.zeros((8, 6, 0))).tolist() == [0, 2]
 
 
 @pytest.mark.parametrize(("size", "told"), [(2.0, 1), (0.5, 0)])
@@ -57,7 +63,7 @@ def test_motions_as_small_as_noise_tell_nothing(size, told):
     """Twice and half the rms below which a motion counts for none; half a metre counts as a radian."""
     moves = np.zeros((4, 6, 1))
     moves[:, 0, 0] = 0.5 * size * LEAST_RMS
-    assert told_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
+    assert determined_directions(moves, np.zeros((4, 6, 0))).shape == (1, told)
 
 
 def test_what_others_take_up_is_not_counted(rng):
@@ -67,7 +73,7 @@ def test_what_others_take_up_is_not_counted(rng):
     flat = others.reshape(120, 3) / np.tile([0.5] * 3 + [1.0] * 3, 20)[:, None]
     own = rest.reshape(120, 1)
     left = own - flat @ np.linalg.lstsq(flat, own, rcond=None)[0]
-    found = beyond(rest + others @ np.ones((3, 1)), others)
+    found = independent_moves(rest + others @ np.ones((3, 1)), others)
     np.testing.assert_allclose(found.values, np.sum(left**2) / 20, rtol=1e-9)
     np.testing.assert_allclose(np.abs(found.vectors), 1)
 
@@ -75,10 +81,10 @@ def test_what_others_take_up_is_not_counted(rng):
 def test_ends_move_the_flange_as_base_and_mounts_do(arm, joints):
     """A twist of the base by the adjoint, in units of half a metre and a radian; nothing where neither is free."""
     flange = arm.forward(joints)
-    moves = of_ends(flange, (True, True))
+    moves = end_moves(flange, (True, True))
     np.testing.assert_allclose(moves[..., :3], 0.5 * flange.inverse().adjoint()[..., :3], atol=1e-15)
     np.testing.assert_allclose(moves[0, :, 6:], np.diag([0.5] * 3 + [1.0] * 3))
-    assert of_ends(flange, (False, False)).shape == (30, 6, 0)
+    assert end_moves(flange, (False, False)).shape == (30, 6, 0)
 
 
 def test_links_that_pass_through_joints_are_no_columns(arm, joints):
@@ -127,7 +133,7 @@ def test_others_as_small_as_noise_take_up_nothing(size, left, count):
     """Half and twice the rms below which their motion counts for none, along the very same way."""
     moves = np.zeros((count, 6, 1))
     moves[:, 4, 0] = 1.0
-    found = beyond(moves, size * LEAST_RMS * moves)
+    found = independent_moves(moves, size * LEAST_RMS * moves)
     np.testing.assert_allclose(found.values, [left], atol=1e-9)
 
 
@@ -135,8 +141,8 @@ def test_of_each_gauge_among_joints_one_is_held():
     """Two pairs that move the flange alike: the first of each; and all of three of which any two make the third."""
     moves = np.random.default_rng(0).standard_normal((8, 6, 4))
     moves[..., 1], moves[..., 3] = 2.0 * moves[..., 0], moves[..., 2]
-    told = told_joints(moves, np.zeros((8, 6, 0)))
+    told = determined_joints(moves, np.zeros((8, 6, 0)))
     assert len(told) == 2
     assert np.linalg.matrix_rank(moves[..., told].reshape(48, 2)) == 2
     two = np.concatenate([moves[..., [0, 2]], moves[..., [0]] + moves[..., [2]]], -1)
-    assert len(told_joints(two, np.zeros((8, 6, 0)))) == 2
+    assert len(determined_joints(two, np.zeros((8, 6, 0)))) == 2

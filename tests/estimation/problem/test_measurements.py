@@ -10,7 +10,7 @@ import pytest
 from basecal.cell import CandidateObservation, PixelObservation, PointObservation, PoseObservation, Recording
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.measurements import measurement_of, readings_of
+from basecal.estimation.problem.measurements import alternative_readings, make_measurement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -20,7 +20,7 @@ def test_a_stated_sigma_is_kept_and_a_detected_one_weighs():
     cell = replace(simulate(Scenario(samples=4), seed=0).cell, pixel_px=None)
     stated = PixelObservation("wrist", "board", np.array([0, 2]), np.ones((2, 2)), np.array([0.1, 0.3]))
     of_detector = replace(stated, detected=True)
-    measurement = measurement_of(cell, "wrist", "board", "PixelObservation", [stated, of_detector])
+    measurement = make_measurement(cell, "wrist", "board", "PixelObservation", [stated, of_detector])
     np.testing.assert_allclose(measurement.stated[:, [0, 2]], [[10, 1 / 0.3], [0, 0]])
     np.testing.assert_allclose(measurement.relative[1, [0, 2]], [2, 2 / 3])
     assert np.count_nonzero(measurement.seen) == 4
@@ -31,7 +31,7 @@ def test_poses_state_a_sigma_or_none():
     """1 / sigma of each freedom where it was stated, zero where it was not."""
     cell = simulate(Scenario(samples=4, target="pose"), seed=0).cell
     seen = [PoseObservation("wrist", "board", SE3.identity(), sigma) for sigma in (None, np.full(6, 0.25))]
-    measurement = measurement_of(cell, "wrist", "board", "PoseObservation", seen)
+    measurement = make_measurement(cell, "wrist", "board", "PoseObservation", seen)
     np.testing.assert_array_equal(measurement.stated, [[0.0] * 6, [4.0] * 6])
 
 
@@ -40,9 +40,9 @@ def test_points_of_a_target_without_a_kind_are_refused():
     cell = simulate(Scenario(samples=4), seed=0).cell
     (board,), (wrist,) = cell.targets.values(), cell.cameras.values()
     with pytest.raises(InputError, match="'board' is seen as points and has no `kind`"):
-        measurement_of(replace(cell, targets={"board": replace(board, target=None)}), "wrist", "board", "Pixel", [])
+        make_measurement(replace(cell, targets={"board": replace(board, target=None)}), "wrist", "board", "Pixel", [])
     with pytest.raises(InputError, match="'wrist' gives pixels and has no `intrinsics`"):
-        measurement_of(replace(cell, cameras={"wrist": replace(wrist, intrinsics=None)}), "wrist", "board", "P", [])
+        make_measurement(replace(cell, cameras={"wrist": replace(wrist, intrinsics=None)}), "wrist", "board", "P", [])
 
 
 def test_an_error_in_common_needs_the_noise_of_single_points():
@@ -78,7 +78,7 @@ def test_3d_points_stand_in_the_rows_of_their_ids():
     rng, ids = np.random.default_rng(0), board.target.ids
     stated = PointObservation("wrist", "board", ids[[3, 1]], rng.standard_normal((2, 3)), np.array([0.5, 0.25]))
     silent = PointObservation("wrist", "board", ids[[0]], rng.standard_normal((1, 3)))
-    measurement = measurement_of(cell, "wrist", "board", "PointObservation", [stated, silent])
+    measurement = make_measurement(cell, "wrist", "board", "PointObservation", [stated, silent])
     expected, inverse = np.zeros((2, len(ids), 3)), np.zeros((2, len(ids)))
     expected[0, [3, 1]], expected[1, 0], inverse[0, [3, 1]] = stated.points_in_camera, silent.points_in_camera, (2, 4)
     np.testing.assert_array_equal(measurement.points_in_camera, expected)
@@ -96,10 +96,10 @@ def test_detected_sigmas_are_shares_of_the_cells():
     )
     plain = PixelObservation("wrist", "board", np.array([0, 1, 2]), pixels)
     stated = PixelObservation("wrist", "board", np.array([0, 1, 2]), pixels, np.array([0.2, 0.1, 0.05]))
-    measurement = measurement_of(cell, "wrist", "board", "PixelObservation", [detected, plain, stated])
+    measurement = make_measurement(cell, "wrist", "board", "PixelObservation", [detected, plain, stated])
     np.testing.assert_allclose(measurement.stated[:, :3], [[1, 2, 4], [2, 2, 2], [5, 10, 20]])
     np.testing.assert_allclose(measurement.relative[:, :3], [[0.5, 1, 2], [1, 1, 1], [1, 1, 1]])
-    assert measurement_of(cell, "wrist", "board", "PixelObservation", [plain, stated]).relative is None
+    assert make_measurement(cell, "wrist", "board", "PixelObservation", [plain, stated]).relative is None
 
 
 def test_views_of_fewer_spots_are_read_by_their_first():
@@ -108,26 +108,26 @@ def test_views_of_fewer_spots_are_read_by_their_first():
     spots = np.arange(20.0).reshape(10, 2)
     (light,) = cell.targets.values()
     few = [CandidateObservation("wrist", light.name, spots[:n], 0.1 * (1 + np.arange(n))) for n in (3, 1, 2)]
-    measurement = measurement_of(cell, "wrist", light.name, "PixelObservation", few)
+    measurement = make_measurement(cell, "wrist", light.name, "PixelObservation", few)
     np.testing.assert_allclose(measurement.stated[:, 0], 10.0)
-    readings = readings_of(measurement, light.target, few)
+    readings = alternative_readings(measurement, light.target, few)
     assert [reading.pixels[:, 0, 0].tolist() for reading in readings] == [[0, 0, 0], [2, 0, 2], [4, 0, 0]]
     for name in ("stated", "weight"):
         inverse = [getattr(reading, name)[:, 0] for reading in readings]
         np.testing.assert_allclose(inverse, [[10, 10, 10], [5, 10, 5], [10 / 3, 10, 10]])
     detected = [replace(of, detected=True) for of in few]
-    measurement = measurement_of(replace(cell, pixel_px=None), "wrist", light.name, "PixelObservation", detected)
-    readings = readings_of(measurement, light.target, detected)
+    measurement = make_measurement(replace(cell, pixel_px=None), "wrist", light.name, "PixelObservation", detected)
+    readings = alternative_readings(measurement, light.target, detected)
     np.testing.assert_allclose([r.relative[:, 0] for r in readings], [[1, 1, 1], [0.5, 1, 0.5], [1 / 3, 1, 1]])
     assert not any(reading.stated.any() for reading in readings)
     assert {reading.stated.shape for reading in readings} == {(3, 1)}
     half = [detected[0], few[2]]
-    measurement = measurement_of(replace(cell, pixel_px=None), "wrist", light.name, "PixelObservation", half)
-    assert [r.relative[1, 0] for r in readings_of(measurement, light.target, half)] == [1, 1, 1]
+    measurement = make_measurement(replace(cell, pixel_px=None), "wrist", light.name, "PixelObservation", half)
+    assert [r.relative[1, 0] for r in alternative_readings(measurement, light.target, half)] == [1, 1, 1]
     many = [CandidateObservation("wrist", light.name, spots)]
-    assert len(readings_of(measurement_of(cell, "wrist", light.name, "P", many), light.target, many)) == 8
+    assert len(alternative_readings(make_measurement(cell, "wrist", light.name, "P", many), light.target, many)) == 8
     mixed = [few[0], PixelObservation("wrist", light.name, light.target.ids, spots[9:])]
-    readings = readings_of(measurement_of(cell, "wrist", light.name, "P", mixed), light.target, mixed)
+    readings = alternative_readings(make_measurement(cell, "wrist", light.name, "P", mixed), light.target, mixed)
     assert [reading.pixels[:, 0, 0].tolist() for reading in readings] == [[0, 18], [2, 18], [4, 18]]
 
 
@@ -136,6 +136,6 @@ def test_only_pixels_are_read_in_several_ways():
     board = simulate(Scenario(samples=3, target="chessboard"), 0).cell.targets["board"].target
     cell = simulate(Scenario(samples=4, target="pose"), seed=0).cell
     seen = [PoseObservation("wrist", "board", SE3.identity(), None)]
-    measurement = measurement_of(cell, "wrist", "board", "PoseObservation", seen)
-    assert readings_of(measurement, board, seen) == ()
-    assert readings_of(measurement, None, seen) == ()
+    measurement = make_measurement(cell, "wrist", "board", "PoseObservation", seen)
+    assert alternative_readings(measurement, board, seen) == ()
+    assert alternative_readings(measurement, None, seen) == ()

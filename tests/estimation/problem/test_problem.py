@@ -110,20 +110,20 @@ def test_columns_of_robots_follow_all_others(problem, joints):
     offsets = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01)}
     links = {"link_parameters": link_parameters.Stated(status="free")}
     model = robot_model("hand", six_axis(), offsets | links, joints, (True, True))
-    assert problem.modelled("hand") is None
+    assert problem.robot_model("hand") is None
     within = problem.with_models({"hand": model})
     assert within.columns["hand_joint_offsets"] == slice(27, 33)
     assert within.columns["hand_link_parameters"] == slice(33, 33 + model.widths["hand_link_parameters"])
-    assert within.modelled("hand") is model
-    assert within.modelled("eye") is None
-    assert within.modelled(None) is None
+    assert within.robot_model("hand") is model
+    assert within.robot_model("eye") is None
+    assert within.robot_model(None) is None
     fewer = robot_model("hand", six_axis(), offsets, joints)
     again = within.with_models({"hand": fewer})
     assert again.width == 33
     assert replace(problem, columns={}).with_models({"hand": fewer}).columns == {"hand_joint_offsets": slice(0, 6)}
     assert again.columns.keys() == {*problem.columns, "hand_joint_offsets"}
     assert within.with_models({}).columns == problem.columns
-    assert replace(within, columns=problem.columns).modelled("hand") is None
+    assert replace(within, columns=problem.columns).robot_model("hand") is None
 
 
 def product(group, state, stops):
@@ -196,8 +196,8 @@ def test_a_state_spread_out_is_itself_many_times(problem, state):
     assert (state.batch, many.batch) == ((), (3,))
     for name, transform in many.transforms.items():
         np.testing.assert_array_equal(transform.matrix, np.stack([state.transforms[name].matrix] * 3))
-        assert many.beside_views(name).shape == (3, 1)
-        assert state.beside_views(name).shape == ()
+        assert many.view_transform(name).shape == (3, 1)
+        assert state.view_transform(name).shape == ()
     np.testing.assert_array_equal(many.stop_errors, np.stack([state.stop_errors] * 3))
     assert many.cameras["wrist"].parameters.shape == (3, 9)
     known = replace(problem, columns={n: c for n, c in problem.columns.items() if n != "wrist"})

@@ -13,14 +13,14 @@ from basecal.cell import RobotState
 from basecal.effects import deflection, joint_offsets, link_parameters
 from basecal.errors import InputError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust, bundle_adjust_batch
-from basecal.estimation.least_squares.jacobians import by_robot_models
+from basecal.estimation.least_squares.jacobians import robot_model_jacobian
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.build import build_problem, free_ends
 from basecal.estimation.problem.problem import State, chain
 from basecal.estimation.problem.robot_parameters import (
     Kinematics,
-    after_step,
-    by_columns,
+    apply_step,
+    column_derivative,
     column_values,
     robot_model,
 )
@@ -41,7 +41,7 @@ def test_one_joint_alone(arm, joints):
     """Of all that a prior keeps, the columns and sigmas of one; other kinds stay as they are."""
     stated = {"joint_offsets": joint_offsets.Stated(status="prior", sigma_rad=0.01), "deflection": FREE_DEFLECTION}
     model = robot_model("hand", arm, stated, joints)
-    one = model.of_joint("joint_offsets", 2)
+    one = model.select_joint("joint_offsets", 2)
     assert model.widths == {"hand_joint_offsets": 6, "hand_deflection": 4}
     assert one.widths == {"hand_joint_offsets": 1, "hand_deflection": 4}
     assert np.flatnonzero(one.columns["joint_offsets"].basis).tolist() == [2]
@@ -83,9 +83,9 @@ def test_columns_are_derivatives_of_the_flange(arm, joints):
     def after(step):
         parts = dict(zip(model.widths, np.split(step, np.cumsum([*model.widths.values()])[:-1]), strict=True))
         parts["hand_deflection"] = _PER_NEWTON_METRE * parts["hand_deflection"]
-        return (before @ after_step(model, at, parts).forward(joints)).log()
+        return (before @ apply_step(model, at, parts).forward(joints)).log()
 
-    derivative = by_columns(model, at, joints)
+    derivative = column_derivative(model, at, joints)
     derivative[..., -model.widths["hand_deflection"] :] *= _PER_NEWTON_METRE
     check_derivative(after, derivative)
 
@@ -102,13 +102,15 @@ def test_a_batch_of_kinematics_is_each_by_itself(arm, joints):
     sizes = {"joint_offsets": (0.1, (6,)), "link_parameters": (0.1, (7, 6)), "deflection": (1e-3, (6,))}
     many = Kinematics(arm, {k: size * rng.standard_normal((3, *shape)) for k, (size, shape) in sizes.items()}, stated)
     steps = {name: 1e-3 * rng.standard_normal((3, width)) for name, width in model.widths.items()}
-    after = after_step(model, many, steps)
+    after = apply_step(model, many, steps)
     for k in range(3):
         alone = Kinematics(arm, {kind: values[k] for kind, values in many.values.items()}, stated)
         np.testing.assert_allclose(many.forward(joints).matrix[k], alone.forward(joints).matrix, atol=1e-14)
-        columns = by_columns(model, alone, joints)
-        np.testing.assert_allclose(by_columns(model, many, joints)[k], columns, atol=1e-13 * np.abs(columns).max())
-        stepped = after_step(model, alone, {name: step[k] for name, step in steps.items()})
+        columns = column_derivative(model, alone, joints)
+        np.testing.assert_allclose(
+            column_derivative(model, many, joints)[k], columns, atol=1e-13 * np.abs(columns).max()
+        )
+        stepped = apply_step(model, alone, {name: step[k] for name, step in steps.items()})
         for kind, values in stepped.values.items():
             np.testing.assert_allclose(after.values[kind][k], values, rtol=1e-12, atol=1e-15)
         found = column_values(model, many)["hand_joint_offsets"][k]
@@ -153,7 +155,7 @@ def test_views_move_with_the_kinematics_of_their_robots(layout, noise):
     normal = linearise(problem, state)
     (group,) = problem.groups
     links = chain(group, state, problem.stops)
-    derivative, columns = by_robot_models(problem, group, links, state, 6)
+    derivative, columns = robot_model_jacobian(problem, group, links, state, 6)
     assert len(columns) == 54 * len(made.robots)
     size = np.concatenate([np.ones(48), np.full(6, _PER_NEWTON_METRE)] * len(made.robots))
     ways = size[:, None] * np.linalg.qr(np.random.default_rng(1).standard_normal((len(columns), 6)))[0]

@@ -10,7 +10,7 @@ from tests.ends import end, views
 
 from basecal.cell.targets.points import points_target
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import State
 from basecal.estimation.start import pair_views as module
 from basecal.estimation.start.pair_views import as_light, pair_views, umeyama
@@ -125,7 +125,7 @@ def test_a_chessboard_is_read_from_one_end():
     """
 
     def some_turned(group):
-        turned = half_turned(group.measurement)
+        turned = half_turn_views(group.measurement)
         pixels = np.where((np.arange(10) % 3 == 1)[:, None, None], turned.pixels, group.measurement.pixels)
         return replace(group, measurement=replace(group.measurement, pixels=pixels))
 

@@ -10,7 +10,7 @@ import pytest
 from tests.bag_of_cell import BEGIN_S, KINDS, Kind, new_bag
 
 from basecal.errors import DatasetError, MissingExtra
-from basecal.exchange.bags.bag import JOINTS, opened, stamp_of
+from basecal.exchange.bags.bag import JOINTS, message_time, open_bag
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -19,21 +19,21 @@ def test_topics_and_messages(kind: Kind, tmp_path: Path) -> None:
     for k in range(3):
         writer.joints("/joint_states", BEGIN_S + k, ["a", "b"], np.array([k, -k], dtype=float))
     writer.text("/robot_description", "<robot/>")
-    with opened(writer.close()) as bag:
+    with open_bag(writer.close()) as bag:
         assert {topic.name: topic.messages for topic in bag.topics.values()} == {
             "/joint_states": 3,
             "/robot_description": 1,
         }
-        assert [topic.name for topic in bag.of_kind(JOINTS)] == ["/joint_states"]
+        assert [topic.name for topic in bag.topics_of_type(JOINTS)] == ["/joint_states"]
         found = list(bag.read(["/joint_states"]))
-        assert [stamp_of(message.data.header, 0.0) for message in found] == [BEGIN_S, BEGIN_S + 1, BEGIN_S + 2]
+        assert [message_time(message.data.header, 0.0) for message in found] == [BEGIN_S, BEGIN_S + 1, BEGIN_S + 2]
         assert found[2].data.position.tolist() == [2.0, -2.0]
         assert list(bag.read(["/nothing"])) == []
 
 
 def test_a_header_without_time_is_of_when_it_was_recorded(tmp_path: Path) -> None:
     writer = new_bag(tmp_path, "mcap")
-    assert stamp_of(writer.header(0.0), 7.5) == 7.5
+    assert message_time(writer.header(0.0), 7.5) == 7.5
 
 
 @pytest.mark.parametrize(
@@ -50,18 +50,18 @@ def test_a_header_without_time_is_of_when_it_was_recorded(tmp_path: Path) -> Non
 def test_what_is_none(name: str, content: bytes | None, said: str, tmp_path: Path) -> None:
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(DatasetError, match=said) as error, opened(tmp_path / name):
+    with pytest.raises(DatasetError, match=said) as error, open_bag(tmp_path / name):
         pass
     assert "\n" not in str(error.value)
 
 
 def test_a_folder_without_metadata_names_the_file_in_it(tmp_path: Path) -> None:
     (tmp_path / "x_0.mcap").touch()
-    with pytest.raises(DatasetError, match=r"give the file in it: x_0\.mcap"), opened(tmp_path):
+    with pytest.raises(DatasetError, match=r"give the file in it: x_0\.mcap"), open_bag(tmp_path):
         pass
 
 
 def test_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
-    with pytest.raises(MissingExtra, match=r"basecal\[bags\]"), opened(tmp_path):
+    with pytest.raises(MissingExtra, match=r"basecal\[bags\]"), open_bag(tmp_path):
         pass

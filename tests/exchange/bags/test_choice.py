@@ -10,7 +10,7 @@ import pytest
 from basecal.cell import Cell, CellCamera, Robot
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.bags.bag import IMAGE, JOINTS, POSE, Bag, Topic
-from basecal.exchange.bags.choice import chosen
+from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.frames import Hang, Tree
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses
 from basecal.exchange.bags.survey import Survey
@@ -51,7 +51,7 @@ ARM = tree(("base_link", "link_1"), ("link_1", "tool0"))
     ],
 )
 def test_robots_by_usual_names(frames: Tree, found: dict[str, tuple[str, str]]) -> None:
-    taken = chosen(bag_of(), Survey(frames), Asked(), None)
+    taken = choose_sources(bag_of(), Survey(frames), Asked(), None)
     assert taken.robots == {name: ByFrames(*each) for name, each in found.items()}
 
 
@@ -59,16 +59,16 @@ def test_no_usual_name() -> None:
     with pytest.raises(
         InputError, match=r"give --robot NAME=BASE,FLANGE or NAME=/TOPIC; frames of tf are: gripper, root"
     ):
-        chosen(bag_of(), Survey(tree(("root", "gripper"))), Asked(), None)
+        choose_sources(bag_of(), Survey(tree(("root", "gripper"))), Asked(), None)
 
 
 def test_a_cell_says_its_frames() -> None:
     cell = Cell("a", {"a": Robot("a", frames={"base": "root", "flange": "hand"})}, {}, {}, {})
-    taken = chosen(bag_of(), Survey(tree(("root", "hand"))), Asked(), cell)
+    taken = choose_sources(bag_of(), Survey(tree(("root", "hand"))), Asked(), cell)
     assert taken.robots == {"a": ByFrames("root", "hand")}
     other = Cell("b", {"b": Robot("b")}, {}, {}, {})
     with pytest.raises(InputError, match="which frames are b"):
-        chosen(bag_of(), Survey(ARM), Asked(), other)
+        choose_sources(bag_of(), Survey(ARM), Asked(), other)
 
 
 def test_joints_before_tf(arm: SerialChain) -> None:
@@ -76,16 +76,16 @@ def test_joints_before_tf(arm: SerialChain) -> None:
     urdf = {"/robot_description": chain_urdf(arm, "base_link", "tool0")}
     joints = {"/joint_states": frozenset(arm.joint_names)}
     survey = Survey(ARM, urdfs={"/other_description": "<robot", **urdf}, joints=joints)
-    source = chosen(bag_of(Topic("/joint_states", JOINTS, 9)), survey, Asked(), None).robots["arm"]
+    source = choose_sources(bag_of(Topic("/joint_states", JOINTS, 9)), survey, Asked(), None).robots["arm"]
     assert isinstance(source, ByJoints)
     assert (source.topic, source.urdf) == ("/joint_states", "/robot_description")
-    assert isinstance(chosen(bag_of(), survey, Asked(by_tf=True), None).robots["arm"], ByFrames)
+    assert isinstance(choose_sources(bag_of(), survey, Asked(by_tf=True), None).robots["arm"], ByFrames)
     few = Survey(ARM, urdfs=urdf, joints={"/joint_states": frozenset(arm.joint_names[1:])})
-    assert isinstance(chosen(bag_of(), few, Asked(), None).robots["arm"], ByFrames)
+    assert isinstance(choose_sources(bag_of(), few, Asked(), None).robots["arm"], ByFrames)
     known = Cell(
         "arm", {"arm": Robot("arm", chain=arm, urdf="a.urdf", base_link="base_link", flange_link="tool0")}, {}, {}, {}
     )
-    source = chosen(bag_of(), Survey(ARM, joints=joints), Asked(), known).robots["arm"]
+    source = choose_sources(bag_of(), Survey(ARM, joints=joints), Asked(), known).robots["arm"]
     assert isinstance(source, ByJoints)
     assert source.urdf is None
 
@@ -93,26 +93,26 @@ def test_joints_before_tf(arm: SerialChain) -> None:
 def test_poses_by_topic() -> None:
     bag = bag_of(Topic("/arm/pose", POSE, 5), Topic("/tag", POSE, 5))
     asked = Asked(robots={"arm": "/arm/pose"}, views={("eye", "tag"): "/tag", ("eye", "box"): "tool0, base_link"})
-    taken = chosen(bag, Survey(ARM), asked, None)
+    taken = choose_sources(bag, Survey(ARM), asked, None)
     assert taken.robots == {"arm": ByPoses("/arm/pose")}
     assert taken.views == {("eye", "tag"): ByPoses("/tag"), ("eye", "box"): ByFrames("tool0", "base_link")}
     with pytest.raises(FrameNotFound):
-        chosen(bag, Survey(ARM), Asked(robots={"arm": "/arm/poses"}), None)
+        choose_sources(bag, Survey(ARM), Asked(robots={"arm": "/arm/poses"}), None)
 
 
 def test_cameras_by_usual_names() -> None:
     """One topic of each namespace, the raw one; depth is none."""
     topics = ("/w/image_raw", "/w/image_rect", "/w/image_raw/compressed", "/d/depth/image_raw", "/image", "/x/mask")
-    taken = chosen(bag_of(), Survey(ARM, **images(*topics)), Asked(), None)
+    taken = choose_sources(bag_of(), Survey(ARM, **images(*topics)), Asked(), None)
     assert {name: source.topic for name, source in taken.cameras.items()} == {"camera": "/image", "w": "/w/image_raw"}
     assert taken.cameras["w"].info is None
     cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
-    taken = chosen(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(), cell)
+    taken = choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(), cell)
     assert (taken.cameras["wrist"].topic, taken.cameras["wrist"].on) == ("/w/image_raw", "world")
     with pytest.raises(InputError, match="say whose pictures are"):
-        chosen(bag_of(), Survey(ARM, **images("/w/image_raw", "/v/image_raw")), Asked(), cell)
+        choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw", "/v/image_raw")), Asked(), cell)
     with pytest.raises(FrameNotFound):
-        chosen(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(cameras={"wrist": "/w/image"}), cell)
+        choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(cameras={"wrist": "/w/image"}), cell)
 
 
 def test_what_carries_a_camera() -> None:
@@ -121,8 +121,8 @@ def test_what_carries_a_camera() -> None:
     survey = Survey(
         frames, **images("/a/image_raw", "/b/image_raw", frames={"/a/image_raw": "eye", "/b/image_raw": "post"})
     )
-    taken = chosen(bag_of(), survey, Asked(), None)
+    taken = choose_sources(bag_of(), survey, Asked(), None)
     assert {name: source.on for name, source in taken.cameras.items()} == {"a": "arm", "b": "world"}
-    assert chosen(bag_of(), survey, Asked(on={"b": "arm"}), None).cameras["b"].on == "arm"
+    assert choose_sources(bag_of(), survey, Asked(on={"b": "arm"}), None).cameras["b"].on == "arm"
     with pytest.raises(InputError, match="there is no such robot"):
-        chosen(bag_of(), survey, Asked(on={"b": "leg"}), None)
+        choose_sources(bag_of(), survey, Asked(on={"b": "leg"}), None)

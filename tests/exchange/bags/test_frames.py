@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.bags.frames import Hang, Tree, along, hint, pose_of
+from basecal.exchange.bags.frames import Hang, Tree, compose_path, hint, pose_from_values
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.5, (4, 6)))
@@ -29,10 +29,10 @@ TREE = Tree(
 
 def test_ways_go_up_and_down() -> None:
     """A way from one branch to another is the product of its steps, some of them turned back."""
-    found = along(TREE, TREE.way("eye", "tool"), {}, "x")
+    found = compose_path(TREE, TREE.way("eye", "tool"), {}, "x")
     np.testing.assert_allclose(found.matrix, (POSES[3].inverse() @ POSES[2]).matrix, atol=1e-12)
     moved = SE3.exp(np.random.default_rng(1).normal(0, 0.5, (2, 6)))
-    found = along(TREE, TREE.way("world", "tool"), {"wrist": values_of_all(moved)}, "x")
+    found = compose_path(TREE, TREE.way("world", "tool"), {"wrist": values_of_all(moved)}, "x")
     np.testing.assert_allclose(found.matrix, (POSES[0] @ moved @ POSES[2]).matrix, atol=1e-12)
 
 
@@ -42,7 +42,7 @@ def values_of_all(poses: SE3) -> np.ndarray:
 
 def test_what_goes_with_what() -> None:
     assert TREE.above("tool") == ["tool", "wrist", "base", "world"]
-    assert TREE.rigid_above("tool") == ["tool", "wrist"]
+    assert TREE.rigid_ancestors("tool") == ["tool", "wrist"]
     assert "nowhere" in hint(TREE)
 
 
@@ -62,4 +62,4 @@ def test_what_is_no_pose() -> None:
     """Numbers that are none, or beyond any length, are told before anything is reckoned with them."""
     for bad in (np.nan, np.inf, 1e200):
         with pytest.raises(InputError, match="x: not all numbers are finite"):
-            pose_of(np.array([bad, 0, 0, 0, 0, 0, 1]), "x")
+            pose_from_values(np.array([bad, 0, 0, 0, 0, 0, 1]), "x")

@@ -10,8 +10,8 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.cell import PoseObservation
 from basecal.errors import InputError
-from basecal.exchange.bags.bag import opened
-from basecal.exchange.bags.rows import rows_of, still_instants, stream_instants, write_pictures
+from basecal.exchange.bags.bag import open_bag
+from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_pictures
 from basecal.exchange.bags.sources import CameraSource, Taken
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3
@@ -24,7 +24,7 @@ TAG = Track(TIMES[5:7], SE3.exp(np.ones((2, 6)) * 0.1))
 def test_a_row_for_each_record_and_look(tmp_path: Path) -> None:
     """By time, robots and looks in lines of their own."""
     tracks = Tracks({"arm": ARM}, {("eye", "tag"): TAG}, {})
-    rows = list(rows_of(tracks, stream_instants(tracks, "x"), tmp_path))
+    rows = list(make_rows(tracks, stream_instants(tracks, "x"), tmp_path))
     assert len(rows) == 22
     assert [row.stamp_s for row in rows] == sorted(row.stamp_s for row in rows)
     assert sum(bool(row.robots) for row in rows) == 20
@@ -40,10 +40,10 @@ def test_pictures_of_stops_only(tmp_path: Path) -> None:
     instants = still_instants(tracks, "x")
     folder = tmp_path / "pictures"
     folder.mkdir()
-    with opened(writer.close()) as bag:
+    with open_bag(writer.close()) as bag:
         taken = Taken(cameras={"eye": CameraSource("/eye/image_raw", None, "arm")})
         write_pictures(bag, taken, instants, folder)
-    (row,) = rows_of(tracks, instants, folder)
+    (row,) = make_rows(tracks, instants, folder)
     assert [path.name for path in folder.rglob("*.*")] == [f"{seen[1]:.6f}.pgm"]
     assert row.pictures["eye"].read_bytes().endswith(bytes([1] * 12))
     assert isinstance(row.observations[0], PoseObservation)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.exchange.bags.stops import looks_of, stops_of, why_none
+from basecal.exchange.bags.stops import collect_looks, explain_no_stop, find_stops
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3
 
@@ -25,7 +25,7 @@ def tracks(noise: float = 0.0, pictures: np.ndarray | None = None, rate: float =
 
 
 def test_one_for_each_stop_from_its_middle() -> None:
-    found = stops_of(tracks())
+    found = find_stops(tracks())
     assert [round(stop.looks[0].stamp_s, 1) for stop in found] == [0.5, 2.5, 4.5, 6.5]
     for k, stop in enumerate(found):
         np.testing.assert_allclose(stop.robots["arm"].joints_rad, [k, -k], atol=1e-12)
@@ -33,7 +33,7 @@ def test_one_for_each_stop_from_its_middle() -> None:
 
 def test_noise_of_read_back_is_no_movement_and_is_averaged() -> None:
     """At 0.1 mrad noise, which is as much as a tenth of a degree a second is in 0.06 s, all stops are found."""
-    found = stops_of(tracks(noise=1e-4))
+    found = find_stops(tracks(noise=1e-4))
     assert len(found) == 4
     off = [np.abs(stop.robots["arm"].joints_rad - [k, -k]).max() for k, stop in enumerate(found)]
     # A mean of 30 has a sigma of 0.018 mrad; four of these.
@@ -44,44 +44,44 @@ def test_slow_movement_is_movement() -> None:
     """A milliradian a second, of which 0.3 s are three times what is still."""
     times = np.arange(0, 3, 1 / RATE)
     slow = Track(times, joints=1e-3 * times[:, None])
-    assert stops_of(Tracks({"arm": slow}, {}, {"eye": np.array([1.0, 2.0])})) == ()
+    assert find_stops(Tracks({"arm": slow}, {}, {"eye": np.array([1.0, 2.0])})) == ()
     turning = Track(times, joints=2e-2 * (times[:, None] - 1.0) ** 2)
-    assert stops_of(Tracks({"arm": turning}, {}, {"eye": np.array([1.0])})) == ()
+    assert find_stops(Tracks({"arm": turning}, {}, {"eye": np.array([1.0])})) == ()
 
 
 def test_all_robots_must_stand() -> None:
     times = np.arange(0, 7, 1 / RATE)
     both = {"a": Track(times, joints=path(times)), "b": Track(times, joints=np.sin(times)[:, None])}
-    assert stops_of(Tracks(both, {}, {"eye": np.arange(0, 7, 0.1)})) == ()
+    assert find_stops(Tracks(both, {}, {"eye": np.arange(0, 7, 0.1)})) == ()
 
 
 def test_places_are_told_apart_without_a_picture_between() -> None:
     """One picture at each stop; and two at one stop are one sample."""
-    assert len(stops_of(tracks(pictures=np.array([0.5, 2.5, 4.5])))) == 3
-    assert len(stops_of(tracks(pictures=np.array([0.4, 0.6])))) == 1
+    assert len(find_stops(tracks(pictures=np.array([0.5, 2.5, 4.5])))) == 3
+    assert len(find_stops(tracks(pictures=np.array([0.4, 0.6])))) == 1
 
 
 def test_poses_are_averaged_on_their_manifold() -> None:
     times = np.arange(0, 1, 1 / RATE)
     pose = SE3.exp(np.array([0.3, 0.2, 0.5, 1.0, 2.0, 0.1]))
     track = Track(times, SE3.stack([pose] * len(times)))
-    found = stops_of(Tracks({"arm": track}, {}, {"eye": np.array([0.5])}))[0].robots["arm"].base_from_flange
+    found = find_stops(Tracks({"arm": track}, {}, {"eye": np.array([0.5])}))[0].robots["arm"].base_from_flange
     assert found is not None
     np.testing.assert_allclose(found.matrix, pose.matrix, atol=1e-12)
 
 
 def test_why_there_is_none() -> None:
-    assert "recorded every 1 s" in why_none(tracks(rate=1.0))
-    assert "no picture" in why_none(tracks(pictures=np.array([])))
-    assert "no robot stands" in why_none(tracks(pictures=np.array([1.5])))
+    assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
+    assert "no picture" in explain_no_stop(tracks(pictures=np.array([])))
+    assert "no robot stands" in explain_no_stop(tracks(pictures=np.array([1.5])))
 
 
 def test_looks_are_in_order_and_of_different_times() -> None:
-    found = looks_of(tracks(pictures=np.array([2.0, 1.0, 2.0])))
+    found = collect_looks(tracks(pictures=np.array([2.0, 1.0, 2.0])))
     assert [(look.stamp_s, look.place) for look in found] == [(1.0, 1), (2.0, 0)]
 
 
 def test_more_noise_than_arms_have_is_movement() -> None:
     """States that scatter by 2 mrad are no read-back: nothing stands."""
-    assert len(stops_of(tracks(noise=3e-4))) == 4
-    assert stops_of(tracks(noise=2e-3)) == ()
+    assert len(find_stops(tracks(noise=3e-4))) == 4
+    assert find_stops(tracks(noise=2e-3)) == ()

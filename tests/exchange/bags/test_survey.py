@@ -9,8 +9,8 @@ import pytest
 from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.errors import DatasetError
-from basecal.exchange.bags.bag import IMAGE, Bag, Topic, opened
-from basecal.exchange.bags.survey import plain, surveyed
+from basecal.exchange.bags.bag import IMAGE, Bag, Topic, open_bag
+from basecal.exchange.bags.survey import plain, survey_bag
 from basecal.geometry import SE3
 
 
@@ -26,8 +26,8 @@ def test_all_that_may_be_taken(tmp_path: Path) -> None:
     writer.text("/chatter", "hello")
     writer.image("/eye/image_raw", BEGIN_S, np.zeros((4, 6), np.uint8), frame="/eye")
     writer.camera_info("/eye/camera_info", BEGIN_S, (6, 4), np.zeros(9), np.zeros(0))
-    with opened(writer.close()) as bag:
-        found = surveyed(bag)
+    with open_bag(writer.close()) as bag:
+        found = survey_bag(bag)
     assert set(found.tree.names) == {"base", "plate", "tool", "eye"}
     assert not found.tree.hangs["tool"].is_fixed
     assert found.tree.hangs["eye"].is_fixed
@@ -44,4 +44,4 @@ def test_a_topic_that_holds_less_than_it_says() -> None:
     """As where a name in a bag is damaged."""
     bag = Bag("x.bag", {"/eye": Topic("/eye", IMAGE, 3)}, lambda names: iter(()))
     with pytest.raises(DatasetError, match="/eye says 3 messages and holds none"):
-        surveyed(bag)
+        survey_bag(bag)

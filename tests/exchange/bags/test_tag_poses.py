@@ -15,13 +15,13 @@ from tests.bag_of_cell import BEGIN_S, Wrote, new_bag
 from basecal.cell import Cell, PoseObservation
 from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
-from basecal.exchange.bags.bag import opened
-from basecal.exchange.bags.choice import chosen
-from basecal.exchange.bags.rows import rows_of, stream_instants
+from basecal.exchange.bags.bag import open_bag
+from basecal.exchange.bags.choice import choose_sources
+from basecal.exchange.bags.rows import make_rows, stream_instants
 from basecal.exchange.bags.sources import Asked
-from basecal.exchange.bags.survey import surveyed
+from basecal.exchange.bags.survey import survey_bag
 from basecal.exchange.bags.tag_poses import PACKAGES, POSE_DEFINITIONS, TAG_POSES, frames_of_tags
-from basecal.exchange.bags.tags import corners_of
+from basecal.exchange.bags.tags import tag_corners
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.geometry import SE3
 
@@ -50,7 +50,7 @@ def cell() -> Cell:
 def as_published(camera_from_target: SE3, number: int, half_m: float) -> SE3:
     """What the node computes: solvePnP of the square (-s,-s), (s,-s), (s,s), (-s,s) and of the detector's corners.
 
-    The detector begins lower left and goes against the clock: corners that `corners_of` names by the target's ids are
+    The detector begins lower left and goes against the clock: corners that `tag_corners` names by the target's ids are
     the points of the target, which an image of the cube shows where they are.
     """
     shape = cell().targets["cube"].target
@@ -60,7 +60,7 @@ def as_published(camera_from_target: SE3, number: int, half_m: float) -> SE3:
     points = SimpleNamespace(
         id=number, family="tag36h11", corners=[SimpleNamespace(x=float(k), y=0.5) for k in range(4)]
     )
-    named = corners_of(SimpleNamespace(detections=[points]), shape.tags)
+    named = tag_corners(SimpleNamespace(detections=[points]), shape.tags)
     assert named is not None
     of_corner = {round(x + 0.5): int(name) for name, (x, _) in zip(named.ids, named.pixels, strict=True)}
     places = shape.points[shape.rows(np.array([of_corner[k] for k in range(4)]))]
@@ -98,10 +98,10 @@ def written(folder: Path, package: str, *pictures: list[tuple[list[int], SE3]]) 
 
 def views(path: Path, target: str, folder: Path) -> list[SE3]:
     asked = Asked(robots={"arm": "/arm/pose"}, views={("wrist", target): "/tag_detections"}, on={target: "world"})
-    with opened(path) as bag:
-        survey = surveyed(bag)
-        tracks = read_tracks(bag, survey, chosen(bag, survey, asked, cell()))
-        rows = list(rows_of(tracks, stream_instants(tracks, bag.path), folder))
+    with open_bag(path) as bag:
+        survey = survey_bag(bag)
+        tracks = read_tracks(bag, survey, choose_sources(bag, survey, asked, cell()))
+        rows = list(make_rows(tracks, stream_instants(tracks, bag.path), folder))
     seen = [view for row in rows for view in row.observations]
     assert all(isinstance(view, PoseObservation) for view in seen)
     return [view.camera_from_target for view in seen if isinstance(view, PoseObservation)]

@@ -15,12 +15,12 @@ from basecal.cell.files import cell_from_dict
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.target import Tags
 from basecal.errors import InputError
-from basecal.exchange.bags.bag import opened
-from basecal.exchange.bags.choice import chosen
-from basecal.exchange.bags.rows import rows_of, stream_instants
+from basecal.exchange.bags.bag import open_bag
+from basecal.exchange.bags.choice import choose_sources
+from basecal.exchange.bags.rows import make_rows, stream_instants
 from basecal.exchange.bags.sources import Asked
-from basecal.exchange.bags.survey import surveyed
-from basecal.exchange.bags.tags import DEFINITIONS, TAGS, corners_of
+from basecal.exchange.bags.survey import survey_bag
+from basecal.exchange.bags.tags import DEFINITIONS, TAGS, tag_corners
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.geometry import SE3
 
@@ -53,7 +53,7 @@ TAGS_OF_BOARD = Tags("tag36h11", np.array([0, 1, 3]), np.array([[3, 2, 1, 0], [7
 def test_corners_have_the_ids_of_the_target() -> None:
     """They are taken as OpenCV goes round a tag, and counted from the centre of the first pixel; strangers are left."""
     stranger, other = detection(9, SQUARE), detection(0, SQUARE, "tag25h9")
-    seen = corners_of(array(detection(3, SQUARE), stranger, other, detection(1, SQUARE + 100)), TAGS_OF_BOARD)
+    seen = tag_corners(array(detection(3, SQUARE), stranger, other, detection(1, SQUARE + 100)), TAGS_OF_BOARD)
     assert seen is not None
     np.testing.assert_array_equal(seen.ids, [15, 14, 13, 12, 7, 6, 5, 4])
     np.testing.assert_allclose(seen.pixels, np.vstack([SQUARE, SQUARE + 100]))
@@ -70,7 +70,7 @@ def test_corners_have_the_ids_of_the_target() -> None:
 )
 def test_what_is_no_tag_of_the_target(found: SimpleNamespace) -> None:
     """No tag, a stranger, one tag twice, and corners that are no numbers."""
-    assert corners_of(found, TAGS_OF_BOARD) is None
+    assert tag_corners(found, TAGS_OF_BOARD) is None
 
 
 def add_tags(bag: Wrote, time: float, *found: SimpleNamespace) -> None:
@@ -100,13 +100,13 @@ def test_a_bag_of_detections_gives_rows(kind: Kind, tmp_path: Path) -> None:
     """Each picture in which a tag was found is a row with its corners by the ids of the target."""
     cell = cell_from_dict(parse_yaml(CELL, "cell.yaml").data)
     asked = Asked(robots={"arm": "/arm/pose"}, views={("wrist", "board"): "/detections"})
-    with opened(written(tmp_path, kind)) as bag:
-        survey = surveyed(bag)
-        taken = chosen(bag, survey, asked, cell)
+    with open_bag(written(tmp_path, kind)) as bag:
+        survey = survey_bag(bag)
+        taken = choose_sources(bag, survey, asked, cell)
         tracks = read_tracks(bag, survey, taken)
-        rows = list(rows_of(tracks, stream_instants(tracks, bag.path), tmp_path))
+        rows = list(make_rows(tracks, stream_instants(tracks, bag.path), tmp_path))
         with pytest.raises(InputError, match=r"'none' must be in cell\.yaml, with the sizes of its tags"):
-            chosen(bag, survey, Asked(asked.robots, views={("wrist", "none"): "/detections"}), cell)
+            choose_sources(bag, survey, Asked(asked.robots, views={("wrist", "none"): "/detections"}), cell)
     views = [view for row in rows for view in row.observations]
     assert len(views) == 30
     assert isinstance(views[2], PixelObservation)

@@ -9,9 +9,9 @@ import pytest
 from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal.errors import InputError
-from basecal.exchange.bags.bag import opened
+from basecal.exchange.bags.bag import open_bag
 from basecal.exchange.bags.sources import ByFrames, ByPoses, CameraSource, Taken
-from basecal.exchange.bags.survey import surveyed
+from basecal.exchange.bags.survey import survey_bag
 from basecal.exchange.bags.tracks import LEAST_APART_S, Tracks, _Gathered, read_tracks
 from basecal.geometry import SE3
 
@@ -19,8 +19,8 @@ POSES = SE3.exp(np.random.default_rng(0).normal(0, 0.4, (5, 6)))
 
 
 def read(path: Path, taken: Taken) -> Tracks:
-    with opened(path) as bag:
-        return read_tracks(bag, surveyed(bag), taken)
+    with open_bag(path) as bag:
+        return read_tracks(bag, survey_bag(bag), taken)
 
 
 def test_frames_that_move_are_read_where_they_have_one_stamp(tmp_path: Path) -> None:

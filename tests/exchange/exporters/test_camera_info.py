@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from basecal.errors import InputError
-from basecal.exchange.exporters.camera_info import exported
+from basecal.exchange.exporters.camera_info import export_text
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.geometry import Camera
@@ -24,7 +24,7 @@ def of(camera):
 
 def test_what_ros_reads_gives_the_lens_back():
     """The fields of camera_calibration_parsers, by a parser of YAML."""
-    read = YAML(typ="safe", pure=True).load(exported(of(LENS)))
+    read = YAML(typ="safe", pure=True).load(export_text(of(LENS)))
     assert (read["image_width"], read["image_height"], read["camera_name"]) == (640, 480, "wrist")
     assert read["distortion_model"] == "plumb_bob"
     matrix = np.reshape(read["camera_matrix"]["data"], (3, 3))
@@ -39,7 +39,7 @@ def test_what_ros_reads_gives_the_lens_back():
 def test_an_image_size_that_is_not_known_is_said():
     """ROS cannot do without it."""
     with pytest.raises(InputError, match="image size of 'wrist' is not known"):
-        exported(of(Camera("pinhole", LENS.parameters)))
+        export_text(of(Camera("pinhole", LENS.parameters)))
 
 
 @pytest.mark.parametrize(("model", "terms"), [("pinhole", 5), ("pinhole", 8), ("fisheye", 4)])
@@ -47,7 +47,7 @@ def test_our_own_import_reads_it(model, terms, tmp_path):
     """As the same lens."""
     camera = Camera(model, np.array([800.5, 801, 320, 240, *(0.01 * np.arange(1, terms + 1))]), (640, 480))
     path = tmp_path / "ost.yaml"
-    path.write_text(exported(of(camera)))
+    path.write_text(export_text(of(camera)))
     read = read_camera_info(path)
     assert (read.camera.model, read.camera.size_px) == (model, (640, 480))
     np.testing.assert_array_equal(read.camera.parameters, camera.parameters)

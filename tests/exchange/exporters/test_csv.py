@@ -8,7 +8,7 @@ from io import StringIO
 import numpy as np
 import pytest
 
-from basecal.exchange.exporters.csv import exported
+from basecal.exchange.exporters.csv import export_text
 from basecal.geometry import SE3
 from export_example import all_poses, wanted
 
@@ -17,7 +17,7 @@ from export_example import all_poses, wanted
 def test_all_digits_come_back(name):
     """By the columns' names, frames with commas and quotes in them too."""
     (one,) = wanted(name).transforms
-    (row,) = csv.DictReader(StringIO(exported(wanted(name))))
+    (row,) = csv.DictReader(StringIO(export_text(wanted(name))))
     numbers = {key: float(row[key]) for key in row if key[:1] in "xyzqs" and key != "status"}
     read = SE3.from_quaternion([numbers[f"q{i}"] for i in "xyzw"], [numbers[f"{i}_m"] for i in "xyz"])
     np.testing.assert_allclose(read.matrix, one.estimate.mean.matrix, atol=1e-15)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from basecal.exchange.exporters.mujoco import exported
+from basecal.exchange.exporters.mujoco import export_text
 from export_example import BASE, FIXED, MOUNT, all_poses, wanted
 
 
@@ -24,7 +24,7 @@ def pose_in(data, model, child):
 def test_mujoco_puts_the_frame_there(name):
     """To 1e-12; the parent is at its origin."""
     (one,) = wanted(name).transforms
-    model = mujoco.MjModel.from_xml_string(exported(wanted(name)))
+    model = mujoco.MjModel.from_xml_string(export_text(wanted(name)))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     np.testing.assert_allclose(pose_in(data, model, one.parent), np.eye(4), atol=1e-15)
@@ -34,10 +34,10 @@ def test_mujoco_puts_the_frame_there(name):
 def test_several_transforms_are_one_model():
     """Each frame in its own tree."""
     several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT, FIXED))
-    model = mujoco.MjModel.from_xml_string(exported(replace(wanted(), transforms=several)))
+    model = mujoco.MjModel.from_xml_string(export_text(replace(wanted(), transforms=several)))
     assert model.nbody == 1 + 6
 
 
 def test_comments_keep_xml_whole():
     """Two hyphens, which XML forbids there, are parted."""
-    mujoco.MjModel.from_xml_string(exported(replace(wanted(), remarks=("a -- b --- c-",))))
+    mujoco.MjModel.from_xml_string(export_text(replace(wanted(), remarks=("a -- b --- c-",))))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from basecal.exchange.exporters.opencv import exported
+from basecal.exchange.exporters.opencv import export_text
 from basecal.exchange.exports.wanted import Wanted
 from basecal.geometry import Camera
 from export_example import BASE, CALIBRATION, all_poses, wanted
@@ -22,7 +22,7 @@ def storage(text):
 def test_opencv_reads_the_transform(name):
     """All digits, and its own rotation vector."""
     (one,) = wanted(name).transforms
-    file = storage(exported(wanted(name)))
+    file = storage(export_text(wanted(name)))
     node = file.getNode(name)
     np.testing.assert_array_equal(node.getNode("R").mat(), one.estimate.mean.rotation)
     np.testing.assert_array_equal(node.getNode("t").mat()[:, 0], one.estimate.mean.translation)
@@ -34,7 +34,9 @@ def test_opencv_reads_the_transform(name):
 def test_opencv_projects_with_the_lens():
     """As the camera itself does, to 1e-9 px."""
     lens = Camera("pinhole", np.array([800, 801, 320, 240, -0.1, 0.01, 1e-3, -1e-3, 0.02]), (640, 480))
-    file = storage(exported(Wanted((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist")))
+    file = storage(
+        export_text(Wanted((), (), replace(CALIBRATION, cameras={"wrist": (lens, np.eye(9))}), camera="wrist"))
+    )
     assert (file.getNode("image_width").real(), file.getNode("image_height").real()) == (640, 480)
     points = np.random.default_rng(0).uniform([-0.3, -0.2, 1], [0.3, 0.2, 2], (20, 3))
     matrix, terms = (file.getNode(key).mat() for key in ("camera_matrix", "distortion_coefficients"))
@@ -45,4 +47,4 @@ def test_opencv_projects_with_the_lens():
 def test_several_transforms_are_several_maps():
     """In one file."""
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted("board_from_hand_flange").transforms))
-    assert set(storage(exported(both)).root().keys()) == {BASE, "board_from_hand_flange"}
+    assert set(storage(export_text(both)).root().keys()) == {BASE, "board_from_hand_flange"}

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from basecal.errors import InputError
-from basecal.exchange.exporters.ros import exported
+from basecal.exchange.exporters.ros import export_text
 from basecal.exchange.ros2 import ros_covariance
 from basecal.geometry import SE3
 from export_example import BASE, INVERSE, all_poses, wanted
@@ -38,17 +38,17 @@ def message_of(text):
 def test_the_types_of_ros_take_it(name):
     """And hold the pose and its covariance to 1e-12, row by row, in the parent's frame."""
     (one,) = wanted(name).transforms
-    read = message_of(exported(wanted(name)))
+    read = message_of(export_text(wanted(name)))
     place, turn = read.pose.pose.position, read.pose.pose.orientation
     again = SE3.from_quaternion([turn.x, turn.y, turn.z, turn.w], [place.x, place.y, place.z])
     np.testing.assert_allclose(again.matrix, one.estimate.mean.matrix, atol=1e-12)
     np.testing.assert_allclose(read.pose.covariance.reshape(6, 6), ros_covariance(one.estimate), atol=1e-18)
     assert read.header.frame_id == one.parent
-    assert f"# child frame: {one.child}\n" in exported(wanted(name))
+    assert f"# child frame: {one.child}\n" in export_text(wanted(name))
 
 
 def test_a_message_holds_one_pose():
     """Which one is asked, where there are several."""
     both = replace(wanted(), transforms=(*wanted(BASE).transforms, *wanted(INVERSE).transforms))
     with pytest.raises(InputError, match=f"with --transform: {BASE}, {INVERSE}"):
-        exported(both)
+        export_text(both)

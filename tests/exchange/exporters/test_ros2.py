@@ -8,7 +8,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from basecal.exchange.exporters.ros2 import exported
+from basecal.exchange.exporters.ros2 import export_text
 from basecal.geometry import SE3
 from export_example import BASE, all_poses, wanted
 
@@ -37,7 +37,7 @@ def launch(monkeypatch):
 def test_nodes_publish_the_transform(name, launch):
     """Python runs the file, and the flags hold the transform to 1e-8, whatever characters frames have."""
     (one,) = wanted(name).transforms
-    (node,) = launch(exported(wanted(name)))
+    (node,) = launch(export_text(wanted(name)))
     assert (node["package"], node["executable"], node["name"]) == ("tf2_ros", "static_transform_publisher", name)
     words = node["arguments"]
     flags = dict(zip(words[::2], words[1::2], strict=True))
@@ -48,4 +48,4 @@ def test_nodes_publish_the_transform(name, launch):
 
 def test_the_command_stands_in_a_comment():
     """For who wants no launch file."""
-    assert "# ros2 run tf2_ros static_transform_publisher --x 0.812345679 " in exported(wanted(BASE))
+    assert "# ros2 run tf2_ros static_transform_publisher --x 0.812345679 " in export_text(wanted(BASE))

@@ -12,7 +12,7 @@ import pytest
 
 from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exporters.urdf import exported
+from basecal.exchange.exporters.urdf import export_text
 from basecal.exchange.exports.wanted import Wanted
 from basecal.kinematics import read_chain
 
@@ -33,7 +33,7 @@ def calibrated(**parameters):
 
 
 def urdf_of(cell, folder, calibration, of):
-    return exported(Wanted((), (), calibration, cell, folder, of))
+    return export_text(Wanted((), (), calibration, cell, folder, of))
 
 
 def flange_of(text: str, folder: Path):

@@ -11,7 +11,7 @@ import pytest
 
 from basecal.cell import Calibration, Cell, Robot
 from basecal.errors import InputError
-from basecal.exchange.exporters.urdf_cell import exported
+from basecal.exchange.exporters.urdf_cell import export_text
 from basecal.exchange.exports.wanted import Wanted
 from export_example import CALIBRATION, POSE
 
@@ -32,27 +32,27 @@ def stands(text: str, parent: str, child: str):
 
 def test_robots_stand_where_they_were_found():
     """From the URDFs given, the base being the link that the cell names, or else the root."""
-    text = exported(Wanted((), ("made by",), CALIBRATION, CELL, DATA, urdfs=BOTH))
+    text = export_text(Wanted((), ("made by",), CALIBRATION, CELL, DATA, urdfs=BOTH))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
     assert "<!-- made by -->" in text
     assert "<!-- hand: six_axis.urdf, its base is the link base_link -->" in text
     nameless = replace(CELL, robots={"eye": EYE, "hand": Robot("hand")})
-    text = exported(Wanted((), (), CALIBRATION, nameless, DATA, urdfs=BOTH))
+    text = export_text(Wanted((), (), CALIBRATION, nameless, DATA, urdfs=BOTH))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_world"), POSE.matrix, atol=1e-12)
 
 
 def test_urdfs_of_the_cell_are_taken_where_none_is_given():
     """In its own folder."""
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
-    text = exported(Wanted((), (), CALIBRATION, own, DATA))
+    text = export_text(Wanted((), (), CALIBRATION, own, DATA))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
 
 
 def test_what_is_missing_is_said():
     """A URDF, the place of a robot, and the cell."""
     with pytest.raises(InputError, match="1 URDFs for 2 robots: give one each, --urdf for eye, hand"):
-        exported(Wanted((), (), CALIBRATION, CELL, DATA))
+        export_text(Wanted((), (), CALIBRATION, CELL, DATA))
     with pytest.raises(InputError, match="where 'hand' stands is not known: there is no eye_base_from_hand_base"):
-        exported(Wanted((), (), Calibration("good"), CELL, DATA, urdfs=BOTH))
+        export_text(Wanted((), (), Calibration("good"), CELL, DATA, urdfs=BOTH))
     with pytest.raises(InputError, match="needs the cell and its folder"):
-        exported(Wanted((), (), CALIBRATION))
+        export_text(Wanted((), (), CALIBRATION))

@@ -10,7 +10,7 @@ import pinocchio
 import pytest
 
 from basecal.errors import InputError
-from basecal.exchange.exporters.urdf_joint import exported
+from basecal.exchange.exporters.urdf_joint import export_text
 from export_example import BASE, MOUNT, POSE, wanted
 
 SCENE = """<robot name="scene"><link name="table"/><link name="left base's"/><link name="right_base"/>
@@ -28,7 +28,7 @@ def scene(tmp_path: Path) -> Path:
 
 def test_the_base_stands_there(scene):
     """Between the links that the cell's `frames` name; its provenance is in a comment."""
-    text = exported(replace(wanted(BASE), urdfs=(scene,), joint="right"))
+    text = export_text(replace(wanted(BASE), urdfs=(scene,), joint="right"))
     model = pinocchio.buildModelFromXML(text)
     data = model.createData()
     pinocchio.framesForwardKinematics(model, data, pinocchio.neutral(model))
@@ -47,4 +47,4 @@ def test_what_is_missing_is_said(scene):
         (replace(wanted(BASE, cell=None), urdfs=(scene,)), "no 'eye_base'.*links are named by `frames"),
     ):
         with pytest.raises(InputError, match=message):
-            exported(given)
+            export_text(given)

@@ -10,7 +10,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 from basecal.errors import MissingExtra
-from basecal.exchange.exporters.usd import exported
+from basecal.exchange.exporters.usd import export_text
 from export_example import BASE, MOUNT, all_poses, wanted
 
 
@@ -24,7 +24,7 @@ def stage_of(text):
 def test_usd_puts_the_frame_there(name):
     """To 1e-12; USD's vectors are rows, so that its matrices are transposed."""
     (one,) = wanted(name).transforms
-    stage = stage_of(exported(wanted(name)))
+    stage = stage_of(export_text(wanted(name)))
     root = stage.GetDefaultPrim()
     (child,) = root.GetChildren()
     whole = np.array(UsdGeom.Xformable(child).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
@@ -35,18 +35,18 @@ def test_usd_puts_the_frame_there(name):
 
 def test_frames_have_valid_names():
     """What USD cannot say in a name is an underscore."""
-    stage = stage_of(exported(wanted(BASE)))
+    stage = stage_of(export_text(wanted(BASE)))
     assert [prim.GetName() for prim in stage.Traverse()] == ["left_base_s", "right_base"]
 
 
 def test_several_transforms_are_one_stage():
     """Each a tree of its own."""
     several = tuple(wanted(name).transforms[0] for name in (BASE, MOUNT))
-    assert len(list(stage_of(exported(replace(wanted(), transforms=several))).Traverse())) == 4
+    assert len(list(stage_of(export_text(replace(wanted(), transforms=several))).Traverse())) == 4
 
 
 def test_without_its_library_the_install_line_is_said(monkeypatch):
     """Instead of an error of Python's."""
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(MissingExtra, match=r"pip install 'basecal\[usd\]'"):
-        exported(wanted())
+        export_text(wanted())

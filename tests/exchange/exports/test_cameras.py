@@ -9,7 +9,7 @@ import pytest
 
 from basecal.cell import CellCamera, Intrinsics
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.exports.cameras import exported_camera, only_camera
+from basecal.exchange.exports.cameras import choose_camera, exported_camera
 from basecal.exchange.exports.wanted import Wanted
 from basecal.geometry import Camera
 from export_example import CALIBRATION, CELL
@@ -35,10 +35,10 @@ def test_what_was_estimated_is_taken_before_what_is_stated():
 
 def test_the_only_camera_needs_no_name():
     """Several do."""
-    assert only_camera(Wanted((), (), ESTIMATED)) == "wrist"
-    assert only_camera(Wanted((), (), ESTIMATED, stating(None), camera="top")) == "top"
+    assert choose_camera(Wanted((), (), ESTIMATED)) == "wrist"
+    assert choose_camera(Wanted((), (), ESTIMATED, stating(None), camera="top")) == "top"
     with pytest.raises(InputError, match="with --camera: wrist, top"):
-        only_camera(Wanted((), (), ESTIMATED, stating(None)))
+        choose_camera(Wanted((), (), ESTIMATED, stating(None)))
 
 
 @pytest.mark.parametrize("intrinsics", [None, Intrinsics("free", OTHER), Intrinsics("free")])

@@ -8,7 +8,13 @@ import pytest
 from basecal.exchange.controllers.abb import CONVENTION as ABB
 from basecal.exchange.controllers.kuka import CONVENTION as KUKA
 from basecal.exchange.controllers.ur import CONVENTION as UR
-from basecal.exchange.exports.digits import angle_decimals, fixed, length_decimals, unit_decimals, written_numbers
+from basecal.exchange.exports.digits import (
+    angle_decimals,
+    format_fixed,
+    length_decimals,
+    unit_decimals,
+    written_numbers,
+)
 from basecal.geometry import SE3, PoseEstimate
 from export_example import ESTIMATE
 
@@ -48,4 +54,4 @@ def test_rounding_is_a_hundredth_of_a_sigma_at_most():
 
 def test_no_negative_zero():
     """A sign before zeros reads as an option to some programs."""
-    assert fixed([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]
+    assert format_fixed([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]

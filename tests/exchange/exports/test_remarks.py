@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from basecal.exchange.exports.remarks import about, comments, provenance
+from basecal.exchange.exports.remarks import comments, describe_transform, provenance
 from export_example import BASE, CALIBRATION, FIXED, wanted
 
 
@@ -27,10 +27,10 @@ def test_what_is_doubtful_says_why():
 def test_direction_units_and_sigma_are_said():
     """And that nothing is known of the error of what is fixed."""
     (base,), (fixed,) = wanted(BASE).transforms, wanted(FIXED).transforms
-    assert about(base, "m") == (
+    assert describe_transform(base, "m") == (
         "eye_base_from_hand_base: the pose of hand_base in eye_base, m; 1 sigma 0.62 mm and 0.057 deg"
     )
-    assert about(fixed, "m").endswith("the pose of board in hand_flange, m; fixed")
+    assert describe_transform(fixed, "m").endswith("the pose of board in hand_flange, m; fixed")
 
 
 def test_a_comment_is_one_line():

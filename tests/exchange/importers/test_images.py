@@ -105,7 +105,7 @@ def test_a_new_cell_takes_the_size_of_its_pictures(tmp_path: Path, capsys: pytes
     assert "size_px: [64, 48]" in different[0][1]
     other = photos(tmp_path / "q", ["9.png"], (32, 24))
     assert main(["import", "images", cell, other, "--camera", "camera"]) == 3
-    assert "cameras.camera.size_px: states [64, 48], what is imported says [32, 24]" in capsys.readouterr().err
+    assert "cameras.camera.size_px: states [64, 48], imported data say [32, 24]" in capsys.readouterr().err
 
 
 def test_poor_pictures_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

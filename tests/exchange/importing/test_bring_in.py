@@ -9,7 +9,7 @@ import pytest
 from basecal.cell import Cell, Recording, RobotState
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.importing.bring_in import bring_in
+from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
 
@@ -44,9 +44,9 @@ def content(folder: Path) -> dict[str, bytes]:
 
 def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
     """The first robot makes cell and recording, the second completes both."""
-    made = bring_in(tmp_path / "c", poses("left", 3), fine)
+    made = add_to_cell(tmp_path / "c", poses("left", 3), fine)
     assert (made.is_new_cell, made.made) == (True, 3)
-    done = bring_in(tmp_path / "c", poses("right", 3), fine)
+    done = add_to_cell(tmp_path / "c", poses("right", 3), fine)
     assert (done.is_new_cell, done.made, done.changed) == (False, 0, ("robots.right",))
     assert list(read_cell(tmp_path / "c").robots) == ["left", "right"]
     assert [sorted(s.robots) for s in read_recording(tmp_path / "c").samples] == [["left", "right"]] * 3
@@ -59,7 +59,7 @@ def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
     folder = pictures(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
     begin = Imported("", "", (), {"robots": {"left": {}}})
     for each in [begin, table, folder] if first == "poses" else [begin, folder, table]:
-        bring_in(tmp_path / "c", each, fine)
+        add_to_cell(tmp_path / "c", each, fine)
     for sample in read_recording(tmp_path / "c").samples:
         number = int(Path(sample.images["cam"]).stem[4:])
         pose = sample.robots["left"].base_from_flange
@@ -69,29 +69,29 @@ def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
 
 def test_what_fails_leaves_everything(tmp_path: Path) -> None:
     """A robot recorded already, another count, and what the check refuses change nothing in the folder."""
-    bring_in(tmp_path, poses("left", 3), fine)
+    add_to_cell(tmp_path, poses("left", 3), fine)
     before = content(tmp_path)
 
     def refuse(cell: Cell, recording: Recording) -> None:
         raise InputError("cannot be")
 
     with pytest.raises(InputError, match="recorded already"):
-        bring_in(tmp_path, poses("left", 3), fine)
+        add_to_cell(tmp_path, poses("left", 3), fine)
     with pytest.raises(InputError, match=r"right.csv holds 2, the recording has 3"):
-        bring_in(tmp_path, poses("right", 2), fine)
+        add_to_cell(tmp_path, poses("right", 2), fine)
     with pytest.raises(InputError, match="cannot be"):
-        bring_in(tmp_path, poses("right", 3), refuse)
+        add_to_cell(tmp_path, poses("right", 3), refuse)
     photos = pictures(tmp_path.with_suffix(".photos"), ["a.png", "b.png"])
     with pytest.raises(InputError, match=r"holds 2, the recording has 3"):
-        bring_in(tmp_path, photos, fine)
+        add_to_cell(tmp_path, photos, fine)
     assert content(tmp_path) == before
 
 
 def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
     """What was recorded before is not held against what comes now."""
-    bring_in(tmp_path, poses("left", 2), fine)
+    add_to_cell(tmp_path, poses("left", 2), fine)
     told: list[Recording] = []
-    bring_in(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording) or ())
+    add_to_cell(tmp_path, poses("right", 2), lambda cell, recording: told.append(recording) or ())
     assert [sorted(sample.robots) for sample in told[0].samples] == [["right"]] * 2
 
 
@@ -100,9 +100,9 @@ def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:
 )
 def test_damaged_names_of_pictures_are_said(text: str, tmp_path: Path) -> None:
     """Names of an earlier table that are not as they were written are an error that says what to remove."""
-    bring_in(tmp_path, poses("left", 2, names=True), fine)
+    add_to_cell(tmp_path, poses("left", 2, names=True), fine)
     path = tmp_path / "recording" / "image_names.json"
     assert path.exists()
     path.write_text(text)
     with pytest.raises(DatasetError, match=r"image_names\.json: expected .* remove it and import the table again"):
-        bring_in(tmp_path, poses("right", 2), fine)
+        add_to_cell(tmp_path, poses("right", 2), fine)

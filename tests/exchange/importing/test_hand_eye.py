@@ -13,13 +13,13 @@ from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
-from basecal.exchange.importing.bring_in import bring_in
+from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.hand_eye import (
     Names,
     chosen_names,
     imported_hand_eye,
     imported_joint_states,
-    told_by_cell,
+    is_camera_on_robot,
 )
 from basecal.geometry import SE3
 from cell_example import URDF
@@ -39,7 +39,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
 
 
 def brought(folder: Path, cell: Cell | None, record: HandEyeRecord, names: Names) -> tuple[Cell, Recording]:
-    done = bring_in(folder, imported_hand_eye(cell, record, names), lambda _, __: ())
+    done = add_to_cell(folder, imported_hand_eye(cell, record, names), lambda _, __: ())
     return done.cell, done.recording
 
 
@@ -68,20 +68,20 @@ def test_a_cell_that_is_there_tells_names_and_arrangement(tmp_path: Path) -> Non
     """The only camera and target, and the robot that carries the one that is carried; its mount stays as stated."""
     mount = {"status": "fixed", "t_m": [0, 0, 0.1], "q_xyzw": [0, 0, 0, 1]}
     cell = cell_in(tmp_path, cameras={"wrist": {"on": "arm", "mount": mount}}, targets={"tag": {"on": "world"}})
-    assert told_by_cell(cell, None) is True
+    assert is_camera_on_robot(cell, None) is True
     names = chosen_names(cell, None, None, None, True)
     assert names == Names("arm", "wrist", "tag")
     after, recording = brought(tmp_path, cell, recorded(True, camera_mount=POSES[0]), names)
     assert after.cameras["wrist"].mount.status == "fixed"
     assert len(recording.samples) == 3
-    assert told_by_cell(None, None) is None
-    assert told_by_cell(cell, "other") is None
+    assert is_camera_on_robot(None, None) is None
+    assert is_camera_on_robot(cell, "other") is None
 
 
 def test_another_carrier_is_told(tmp_path: Path) -> None:
     """Where cell.yaml has the camera on the world and the file on the robot, its line is named."""
     cell = cell_in(tmp_path, cameras={"hall": {"on": "world"}}, targets={"tag": {"on": "arm"}})
-    with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: states world, what is imported says arm"):
+    with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: states world, imported data say arm"):
         brought(tmp_path, cell, recorded(True), Names("arm", "hall", "tag"))
 
 

@@ -11,7 +11,7 @@ from basecal.cell import Cell
 from basecal.cell.files import read_cell
 from basecal.cell.format.yaml_text import yaml_text
 from basecal.errors import InputError
-from basecal.exchange.importing.bring_in import bring_in
+from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.lens import chosen_camera, imported_lens, imported_target, mount_by_chain
 from basecal.exchange.lens_files.stated import StatedLens
@@ -28,7 +28,7 @@ def cell_in(folder: Path, **more: object) -> Cell:
 
 
 def brought(folder: Path, imported: Imported) -> Cell:
-    return bring_in(folder, imported, lambda cell, recording: ()).cell
+    return add_to_cell(folder, imported, lambda cell, recording: ()).cell
 
 
 def test_a_new_cell_has_the_camera_on_a_robot(tmp_path: Path) -> None:

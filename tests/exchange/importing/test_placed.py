@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from basecal.errors import InputError
-from basecal.exchange.importing.placed import placed
+from basecal.exchange.importing.placed import place_files
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def source(tmp_path: Path) -> Path:
 def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) -> None:
     """A file is in the cell, as the same file where linked; a second time nothing changes."""
     for _ in range(2):
-        with placed({"recording/images/cam/a.png": source}, tmp_path / "cell", link):
+        with place_files({"recording/images/cam/a.png": source}, tmp_path / "cell", link):
             pass
     there = tmp_path / "cell" / "recording" / "images" / "cam" / "a.png"
     assert there.read_bytes() == b"picture"
@@ -32,10 +32,10 @@ def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) ->
 def test_a_failure_leaves_nothing(tmp_path: Path, source: Path) -> None:
     """What follows fails: files and folders that were made are gone, others stay."""
     (tmp_path / "cell").mkdir()
-    with pytest.raises(ValueError, match="later"), placed({"x/y/a.png": source}, tmp_path / "cell"):
+    with pytest.raises(ValueError, match="later"), place_files({"x/y/a.png": source}, tmp_path / "cell"):
         raise ValueError("later")
     assert list((tmp_path / "cell").iterdir()) == []
-    with pytest.raises(ValueError, match="later"), placed({"x/a.png": source}, tmp_path / "new"):
+    with pytest.raises(ValueError, match="later"), place_files({"x/a.png": source}, tmp_path / "new"):
         raise ValueError("later")
     assert not (tmp_path / "new").exists()
 
@@ -44,7 +44,7 @@ def test_another_file_is_not_overwritten(tmp_path: Path, source: Path) -> None:
     """A file of other bytes stays, and is named."""
     (tmp_path / "cell").mkdir()
     (tmp_path / "cell" / "a.png").write_bytes(b"older")
-    with pytest.raises(InputError, match="is there already"), placed({"a.png": source}, tmp_path / "cell"):
+    with pytest.raises(InputError, match="is there already"), place_files({"a.png": source}, tmp_path / "cell"):
         pass
     assert (tmp_path / "cell" / "a.png").read_bytes() == b"older"
 
@@ -54,6 +54,6 @@ def test_nothing_leaves_the_cell(tmp_path: Path, source: Path) -> None:
     (tmp_path / "cell").mkdir()
     (tmp_path / "cell" / "out").symlink_to(tmp_path)
     for name in ("../b.png", "out/b.png"):
-        with pytest.raises(InputError, match="leaves the cell"), placed({name: source}, tmp_path / "cell"):
+        with pytest.raises(InputError, match="leaves the cell"), place_files({name: source}, tmp_path / "cell"):
             pass
     assert not (tmp_path / "b.png").exists()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.importing.text_table import TextTable, is_picture, number_of, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import TextTable, is_picture, parse_number, read_text_table, rows_of_numbers
 
 NAMES = ("x", "y", "z")
 
@@ -78,4 +78,4 @@ def test_lines_are_those_of_the_file() -> None:
     """Empty lines and comments count."""
     table: TextTable = read_text_table("x,y,z\n\n# one\n1,2,3\n", "t.csv", NAMES)
     assert table.rows[0].line == 4
-    assert number_of(" '1,5' ", "t.csv", 4, "x") == 1.5
+    assert parse_number(" '1,5' ", "t.csv", 4, "x") == 1.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.fields import fields_of
+from basecal.exchange.fields import parse_fields
 from basecal.exchange.lens_files.stated import (
     OPENCV_TERMS,
     camera_entry,
@@ -13,14 +13,14 @@ from basecal.exchange.lens_files.stated import (
     matrix_parameters,
     opencv_terms,
 )
-from basecal.geometry.lenses.registry import lenses_of
+from basecal.geometry.lenses.registry import model_lenses
 
-HERE = fields_of("k: 1", "a.yaml").at("k")
+HERE = parse_fields("k: 1", "a.yaml").at("k")
 
 
 def test_terms_are_those_of_the_lenses_there_are() -> None:
     """The numbers of terms that are read are those that a pinhole may have."""
-    assert tuple(sorted({count for lens in lenses_of("pinhole") for count in lens.TERMS})) == OPENCV_TERMS
+    assert tuple(sorted({count for lens in model_lenses("pinhole") for count in lens.TERMS})) == OPENCV_TERMS
 
 
 def test_a_sensor_that_is_not_tilted_needs_no_tilt() -> None:

@@ -7,14 +7,14 @@ import pytest
 from ruamel.yaml import YAML
 
 from basecal.errors import InputError
-from basecal.exchange.motions.ros2_trajectory import written
+from basecal.exchange.motions.ros2_trajectory import write_motion
 from shared.motion_ways import HOLD_S, joints_of, of_joints, of_poses
 
 
 def test_goals_are_in_step() -> None:
     """A document for each arm with the fields of JointTrajectory; all are at each sample at once, and hold."""
     way = of_joints()
-    goals = [each["trajectory"] for each in YAML(typ="safe", pure=True).load_all(written(way))]
+    goals = [each["trajectory"] for each in YAML(typ="safe", pure=True).load_all(write_motion(way))]
     assert len(goals) == 2
     times = []
     for robot, goal in zip(way.robots, goals, strict=True):
@@ -31,4 +31,4 @@ def test_goals_are_in_step() -> None:
 def test_poses_are_refused() -> None:
     """A trajectory is of joints."""
     with pytest.raises(InputError, match="joints are not known"):
-        written(of_poses())
+        write_motion(of_poses())

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import InputError
-from basecal.exchange.motions.ur_script import written
+from basecal.exchange.motions.ur_script import write_motion
 from basecal.geometry import SE3
 from shared.motion_ways import joints_of, of_joints, of_poses
 
@@ -21,19 +21,19 @@ def moves(text: str) -> list[tuple[str, list[float]]]:
 
 def test_joints_are_gone_to_in_order() -> None:
     """A move, a rest and a question for each sample; the program is begun, for one arm."""
-    text = written(of_joints("eye"))
+    text = write_motion(of_joints("eye"))
     assert np.allclose([numbers for _, numbers in moves(text)], joints_of(of_joints(), "eye"), atol=1e-6)
     assert text.count("sleep(2)") == text.count("blocking=True") == 3
     assert text.startswith("def basecal_eye():")
     assert text.rstrip().endswith("end\nbasecal_eye()")
     with pytest.raises(InputError, match="--robot"):
-        written(of_joints())
+        write_motion(of_joints())
 
 
 def test_poses_are_rotation_vectors() -> None:
     """Of the flange in the base, for a tool that is the flange."""
     way = of_poses()
-    text = written(way)
+    text = write_motion(way)
     assert "set_tcp(p[0, 0, 0, 0, 0, 0])" in text
     for (kind, numbers), sample in zip(moves(text), way.samples, strict=True):
         apart = way.pose("hand", sample).inverse() @ SE3.from_rotvec(np.array(numbers[3:]), np.array(numbers[:3]))

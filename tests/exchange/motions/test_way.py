@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import FrameNotFound, InputError
-from basecal.exchange.motions.way import way_of
+from basecal.exchange.motions.way import make_way
 from shared.motion_ways import ARMS, HOLD_S, SPEED_RAD_S, joints_of, of_joints, of_poses
 
 
@@ -26,7 +26,7 @@ def test_one_robot_or_all() -> None:
     with pytest.raises(InputError, match=r"--robot: eye, hand"):
         of_joints().only()
     with pytest.raises(FrameNotFound, match="hand"):
-        way_of(ARMS.cell, ARMS.recording.samples, "han")
+        make_way(ARMS.cell, ARMS.recording.samples, "han")
 
 
 def test_poses_have_no_joints() -> None:

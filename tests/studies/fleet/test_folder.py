@@ -7,7 +7,7 @@ import os
 import pytest
 
 from basecal.errors import InputError
-from basecal.studies.fleet.folder import cells_in, fingerprint
+from basecal.studies.fleet.folder import find_cells, fingerprint
 
 
 def cell(folder, text="x"):
@@ -26,15 +26,15 @@ def test_cells_at_any_depth(tmp_path) -> None:
     (tmp_path / "bare" / "recording").mkdir(parents=True)
     (tmp_path / "notes").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "a")
-    assert cells_in(tmp_path) == ("a", "b/two", "bare")
+    assert find_cells(tmp_path) == ("a", "b/two", "bare")
 
 
 def test_no_cell_is_told(tmp_path) -> None:
     """Of a folder without any, and of a path that is no folder."""
     with pytest.raises(InputError, match="holds no cell"):
-        cells_in(tmp_path)
+        find_cells(tmp_path)
     with pytest.raises(InputError, match="is no folder"):
-        cells_in(tmp_path / "none")
+        find_cells(tmp_path / "none")
 
 
 def test_fingerprints_tell_changes(tmp_path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from basecal.cell.files import calibration_from_dict, input_hashes, write_cell, write_recording
 from basecal.simulation import Scenario, simulate
 from basecal.studies.fleet import row as module
-from basecal.studies.fleet.row import COLUMNS, calibrated, killed
+from basecal.studies.fleet.row import COLUMNS, calibrate_row, killed_row
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def folder(tmp_path):
 
 def test_a_good_cell_has_numbers(folder) -> None:
     """Those of its calibration, which is given too, with hashes of what was read."""
-    found = json.loads(calibrated(str(folder), "a"))
+    found = json.loads(calibrate_row(str(folder), "a"))
     row, made = found["row"], calibration_from_dict(found["calibration"])
     assert tuple(row) == COLUMNS
     assert (row["cell"], row["verdict"], row["samples"]) == ("a", made.verdict, 10)
@@ -37,19 +37,19 @@ def test_a_good_cell_has_numbers(folder) -> None:
 def test_a_cell_that_cannot_be_read_is_a_row(folder) -> None:
     """With what `calibrate` says of it, on one line."""
     (folder / "a" / "cell.yaml").write_text("gossip: 1\n")
-    found = json.loads(calibrated(str(folder), "a"))
+    found = json.loads(calibrate_row(str(folder), "a"))
     assert found["row"]["verdict"] == "unreadable"
     assert "cell.yaml" in found["row"]["said"]
     assert "\n" not in found["row"]["said"]
     assert found["calibration"] is None
-    assert json.loads(calibrated(str(folder), "none"))["row"]["verdict"] == "unreadable"
+    assert json.loads(calibrate_row(str(folder), "none"))["row"]["verdict"] == "unreadable"
 
 
 def test_a_refused_cell_has_its_finding(folder) -> None:
     """Its code, and what it says."""
     samples = folder / "a" / "recording" / "samples.jsonl"
     samples.write_text(samples.read_text().splitlines()[0] + "\n")
-    row = json.loads(calibrated(str(folder), "a"))["row"]
+    row = json.loads(calibrate_row(str(folder), "a"))["row"]
     assert (row["verdict"], row["transform"], row["sigma_mm"]) == ("refused", None, None)
     assert "too-few-samples" in row["findings"].split()
     assert row["said"]
@@ -66,7 +66,7 @@ def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
         raise error
 
     monkeypatch.setattr(module, "calibrate", fails)
-    found = json.loads(calibrated(str(folder), "a"))
+    found = json.loads(calibrate_row(str(folder), "a"))
     assert found["row"]["verdict"] == "failed"
     assert said in found["row"]["said"]
     assert ("Traceback" in found["fault"]) == isinstance(error, TypeError)
@@ -74,5 +74,5 @@ def test_a_fault_is_a_row(folder, monkeypatch, error, said) -> None:
 
 def test_a_cell_that_kills_is_a_row() -> None:
     """It says why."""
-    row = json.loads(killed("a", "is there memory enough?"))["row"]
+    row = json.loads(killed_row("a", "is there memory enough?"))["row"]
     assert (row["cell"], row["verdict"], row["said"]) == ("a", "failed", "is there memory enough?")

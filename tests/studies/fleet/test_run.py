@@ -11,8 +11,8 @@ from basecal.cell.files import read_calibration, write_cell, write_recording
 from basecal.errors import InputError
 from basecal.simulation import Scenario, simulate
 from basecal.studies.fleet import run as module
-from basecal.studies.fleet.run import fleet_of, run_fleet
-from basecal.studies.fleet.summary import rows_of
+from basecal.studies.fleet.run import make_fleet, run_fleet
+from basecal.studies.fleet.summary import fleet_rows
 from basecal.studies.jobs import Where
 
 
@@ -25,32 +25,34 @@ def make(folder: Path, names: list[str]) -> Path:
 
 
 def without_time(fleet) -> list[dict]:
-    return [{name: value for name, value in row.items() if name != "time_s"} for row in rows_of(fleet)]
+    return [{name: value for name, value in row.items() if name != "time_s"} for row in fleet_rows(fleet)]
 
 
 def test_what_has_not_changed_is_not_done_again(tmp_path, monkeypatch) -> None:
     """Cut off after a cell the run goes on with the next; a cell that changes is calibrated anew, alone."""
     folder, done = make(tmp_path / "cells", ["a", "b", "line/c"]), []
-    fleet = fleet_of(folder, tmp_path / "out")
+    fleet = make_fleet(folder, tmp_path / "out")
 
     def once(of, cell):
         """A row of nothing, until one was made."""
         if len(done) == 1:
             raise KeyboardInterrupt
         done.append(cell)
-        return module.killed(cell, "not tried")
+        return module.killed_row(cell, "not tried")
 
-    monkeypatch.setattr(module, "calibrated", once)
+    monkeypatch.setattr(module, "calibrate_row", once)
     with pytest.raises(KeyboardInterrupt):
         run_fleet(fleet, Where(1))
-    monkeypatch.setattr(module, "calibrated", lambda of, cell: done.append(cell) or module.killed(cell, "not tried"))
+    monkeypatch.setattr(
+        module, "calibrate_row", lambda of, cell: done.append(cell) or module.killed_row(cell, "not tried")
+    )
     told: list[tuple[int, int]] = []
     run_fleet(fleet, Where(1), lambda *at: told.append(at))
     assert done == ["a", "b", "line/c"]
     assert told == [(1, 3), (2, 3), (3, 3)]
     samples = folder / "b" / "recording" / "samples.jsonl"
     samples.write_text(samples.read_text() + "\n")
-    run_fleet(fleet_of(folder, tmp_path / "out"), Where(1))
+    run_fleet(make_fleet(folder, tmp_path / "out"), Where(1))
     assert done[3:] == ["b"]
 
 
@@ -58,10 +60,10 @@ def test_calibrations_are_kept_beside_rows(tmp_path) -> None:
     """And nothing is written among the cells; damaged rows are made again."""
     folder = make(tmp_path / "cells", ["a"])
     before = sorted(path for path in folder.rglob("*"))
-    fleet = fleet_of(folder, tmp_path / "out")
+    fleet = make_fleet(folder, tmp_path / "out")
     run_fleet(fleet, Where(1))
     assert sorted(path for path in folder.rglob("*")) == before
-    row = rows_of(fleet)[0]
+    row = fleet_rows(fleet)[0]
     kept = read_calibration(tmp_path / "out" / "cells" / "a")
     assert kept.verdict == row["verdict"]
     assert row["x_m"] == pytest.approx(kept["eye_base_from_hand_base"].mean.translation[0], abs=1e-12)
@@ -76,17 +78,17 @@ def test_one_process_and_two_make_the_same_rows(tmp_path) -> None:
     folder = make(tmp_path / "cells", ["a", "b", "c", "d"])
     (folder / "c" / "cell.yaml").write_text("gossip: 1\n")
     for workers in (1, 2):
-        run_fleet(fleet_of(folder, tmp_path / str(workers)), Where(workers))
-    assert without_time(fleet_of(folder, tmp_path / "1")) == without_time(fleet_of(folder, tmp_path / "2"))
+        run_fleet(make_fleet(folder, tmp_path / str(workers)), Where(workers))
+    assert without_time(make_fleet(folder, tmp_path / "1")) == without_time(make_fleet(folder, tmp_path / "2"))
 
 
 def test_folders_for_what_comes_out(tmp_path) -> None:
     """None among the cells, none with other things in it."""
     folder = make(tmp_path / "cells", ["a"])
     with pytest.raises(InputError, match="is among the cells"):
-        fleet_of(folder, folder / "out")
+        make_fleet(folder, folder / "out")
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     with pytest.raises(InputError, match="holds other files"):
-        fleet_of(folder, tmp_path / "notes")
+        make_fleet(folder, tmp_path / "notes")
     assert [path.name for path in (tmp_path / "notes").iterdir()] == ["mine.txt"]

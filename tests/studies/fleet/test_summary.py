@@ -7,7 +7,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.studies.fleet.row import COLUMNS
 from basecal.studies.fleet.run import Fleet
-from basecal.studies.fleet.summary import rows_of, summarise_fleet, write_fleet_table
+from basecal.studies.fleet.summary import fleet_rows, summarise_fleet, write_fleet_table
 from fleet_example import ROWS
 
 
@@ -34,4 +34,4 @@ def test_the_table_has_a_row_for_each_cell(tmp_path) -> None:
 def test_a_row_that_is_not_there_is_told(tmp_path) -> None:
     """With what to do."""
     with pytest.raises(InputError, match="lacks the row of a: run the command again"):
-        rows_of(Fleet(tmp_path, ("a",), tmp_path / "out"))
+        fleet_rows(Fleet(tmp_path, ("a",), tmp_path / "out"))

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.solve import shifted_state
-from basecal.studies.draws import cell_of, draw
+from basecal.studies.draws import draw, draw_cell
 from basecal.studies.solvers.closed_form import solve
 from study_example import study
 
@@ -16,7 +16,7 @@ HOLD = "layout: shifts, distance_m: 3, pixel_px: 0.0"
 def test_as_the_estimators_own() -> None:
     """Without noise it is what the method gives for the cell's own recording, to 1e-9."""
     settings = study(hold=HOLD).points[0].settings
-    cell = cell_of(settings, 0, 0, None)
+    cell = draw_cell(settings, 0, 0, None)
     found = solve(draw(cell, settings, (0, 0, 0), 2))
     problem, _ = build_problem(cell.made.cell, cell.made.recording)
     own = shifted_state(problem, cell.made.cell).transforms["eye_base_from_hand_base"]

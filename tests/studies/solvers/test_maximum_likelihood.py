@@ -9,7 +9,7 @@ import pytest
 
 from basecal.estimation.solve import solve_packed
 from basecal.estimation.solve_batch import SolutionBatch
-from basecal.studies.draws import Draws, cell_of, draw, pixels_of
+from basecal.studies.draws import Draws, draw, draw_cell, group_pixels
 from basecal.studies.solvers import maximum_likelihood
 from basecal.studies.solvers.maximum_likelihood import solve
 from study_example import SMALL, study
@@ -17,7 +17,7 @@ from study_example import SMALL, study
 
 def drawn(hold: str, count: int = 4) -> Draws:
     settings = study(hold=f"{SMALL}, {hold}").points[0].settings
-    return draw(cell_of(settings, 2, 0, None), settings, (2, 0, 0), count)
+    return draw(draw_cell(settings, 2, 0, None), settings, (2, 0, 0), count)
 
 
 @pytest.mark.parametrize(
@@ -30,8 +30,8 @@ def test_together_is_as_one_by_one(hold: str) -> None:
     found = solve(draws)
     group = draws.problem.groups[0]
     for trial in range(draws.count):
-        pixels = pixels_of(group).pixels[trial]
-        alone = draws.problem.with_groups([replace(group, measurement=replace(pixels_of(group), pixels=pixels))])
+        pixels = group_pixels(group).pixels[trial]
+        alone = draws.problem.with_groups([replace(group, measurement=replace(group_pixels(group), pixels=pixels))])
         own = solve_packed(alone, draws.made.cell).transforms[draws.transform]
         apart = (own.mean.inverse() @ found.transform[trial]).log()
         assert np.abs(apart / np.sqrt(np.diag(own.covariance))).max() < 1e-3
@@ -70,6 +70,6 @@ def test_a_trial_in_another_valley_is_solved_by_itself(monkeypatch: pytest.Monke
 def test_what_cannot_be_seen_has_no_answer() -> None:
     """Two samples leave the base open."""
     settings = study(hold=SMALL.replace("samples: 8", "samples: 2")).points[0].settings
-    found = solve(draw(cell_of(settings, 0, 0, None), settings, (0, 0, 0), 3))
+    found = solve(draw(draw_cell(settings, 0, 0, None), settings, (0, 0, 0), 3))
     assert not found.solved.any()
     assert found.reason

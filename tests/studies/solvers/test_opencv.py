@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.studies.draws import cell_of, draw
+from basecal.studies.draws import draw, draw_cell
 from basecal.studies.solvers.opencv import solve, unfit
 from study_example import SMALL, study
 
@@ -23,8 +23,8 @@ def test_exact_pixels_give_the_truth(layout: str) -> None:
         study(hold=f"{SMALL}, layout: {layout}, pixel_px: 0.0, camera_mount: {_mount(layout)}").points[0].settings
     )
     for name in LAYOUTS[layout]:
-        found = solve(draw(cell_of(settings, 0, 0, name), settings, (0, 0, 0), 1))
-        truth = cell_of(settings, 0, 0, name).made.truth[name]
+        found = solve(draw(draw_cell(settings, 0, 0, name), settings, (0, 0, 0), 1))
+        truth = draw_cell(settings, 0, 0, name).made.truth[name]
         assert found.solved.all()
         np.testing.assert_allclose((truth.inverse() @ found.transform[0]).log(), 0, atol=1e-6)
 

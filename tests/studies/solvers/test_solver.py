@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.studies.solvers.registry import SOLVERS
-from basecal.studies.solvers.solver import unsolved
+from basecal.studies.solvers.solver import no_answers
 from study_example import study
 
 
@@ -22,7 +22,7 @@ def test_every_solver_has_the_face(name: str) -> None:
 
 def test_unsolved_has_no_answers() -> None:
     """But a reason."""
-    none = unsolved(3, "because")
+    none = no_answers(3, "because")
     assert not none.solved.any()
     assert (len(none.transform), none.covariance, none.reason) == (3, None, "because")
     assert np.array_equal(none.transform.matrix[0], np.eye(4))

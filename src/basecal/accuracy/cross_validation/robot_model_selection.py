@@ -133,7 +133,7 @@ def _models(
     joint: int | None = None,
 ) -> Models:
     models = {r: robot_model(r, chains[r], stated, recorded_joints(problem, r), free_ends(problem, r)) for r in robots}
-    return models if joint is None else {r: model.of_joint(OFFSETS, joint) for r, model in models.items()}
+    return models if joint is None else {r: model.select_joint(OFFSETS, joint) for r, model in models.items()}
 
 
 def _of(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidate) -> Models:

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.folds import Split
 from basecal.accuracy.cross_validation.refit import refit_folds
-from basecal.estimation.least_squares.jacobians import by_stop_errors
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import Array
@@ -70,7 +70,7 @@ def _predicted(problem: Problem, group: ViewGroup, state: State) -> _Views:
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), False)
     gradient, information = view.gradient[:, :6], view.information[:, :6, :6]
     spread = np.zeros((len(group), 6, 6))
-    for _, by_error in by_stop_errors(group, links, state, problem.stops, 6):
+    for _, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
         spread += by_error @ by_error.mT
     shared = np.linalg.solve(np.eye(6) + information @ spread, gradient[..., None])[..., 0]
     cost = view.cost - np.einsum("ni,nij,nj->n", gradient, spread, shared)

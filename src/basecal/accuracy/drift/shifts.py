@@ -17,7 +17,7 @@ from scipy.special import chdtri, chndtr, fdtrc, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
 from basecal.accuracy.systematic_errors.score_tests import log_chance_of
-from basecal.effects.target_size import by_size
+from basecal.effects.target_size import size_moves
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
@@ -102,7 +102,7 @@ def size_shifts(innovations: Innovations) -> Iterator[Shift]:
     problem = innovations.situation.problem
     for target in sorted({g.target for g in problem.groups if g.hand.mount not in problem.point_mounts}):
         groups = enumerate(problem.groups)
-        moves = [by_size(innovations.situation, k) * float(group.target == target) for k, group in groups]
+        moves = [size_moves(innovations.situation, k) * float(group.target == target) for k, group in groups]
         yield _shift(innovations, target, SIZE_KIND, None, np.concatenate(moves))
 
 

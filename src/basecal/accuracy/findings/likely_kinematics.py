@@ -7,7 +7,7 @@ from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection
-from basecal.effects.registry import RANDOM_EFFECTS, words_of
+from basecal.effects.registry import RANDOM_EFFECTS, describe_effect
 
 _STRONG_EVIDENCE = 10.0  # of twice the log of the evidence, beyond which it is very strong (Kass & Raftery 1995)
 _ARM_CODES = {"robot-model", "deflection"}
@@ -26,7 +26,7 @@ def likely_kinematics(evidence: Evidence) -> list[Finding]:
         return []
     words = likely(sigmas)
     found = evidence.systematic_error
-    if found is not None and words_of(found).code in _ARM_CODES:
+    if found is not None and describe_effect(found).code in _ARM_CODES:
         return []
     if words.code == "robot-model" and robot_model(evidence):
         return []

@@ -7,7 +7,7 @@ from pathlib import Path
 from basecal.accuracy.input_check.plausibility import impossible_input
 from basecal.cell import Cell, Recording
 from basecal.errors import InputError
-from basecal.exchange.importing.bring_in import Brought, bring_in
+from basecal.exchange.importing.bring_in import Brought, add_to_cell
 from basecal.exchange.importing.imported import Imported
 
 
@@ -33,7 +33,7 @@ def import_into(cell: str | Path, imported: Imported) -> Brought:
         return (f"{told}; {imported.advice}",) if found else ()
 
     try:
-        return bring_in(Path(cell), imported, implausible)
+        return add_to_cell(Path(cell), imported, implausible)
     finally:
         if imported.scratch is not None:
             imported.scratch.cleanup()

@@ -12,7 +12,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
-from basecal.estimation.solve import Solution, integrated, solve_packed
+from basecal.estimation.solve import Solution, integrate_solution, solve_packed
 
 
 def solve_all(case: Case) -> Case:
@@ -59,7 +59,7 @@ def widen_lenses(case: Case) -> Case:
 def integrate_noise(case: Case) -> Case:
     """Integrate the covariance over all that unstated sigmas may be."""
     assert case.robust is not None
-    return replace(case, robust=replace(case.robust, solution=integrated(case.solution)))
+    return replace(case, robust=replace(case.robust, solution=integrate_solution(case.solution)))
 
 
 def is_explained(case: Case) -> bool:

@@ -142,7 +142,7 @@ def _with_columns(views: LinearisedViews, moves: Array, more: IntArray) -> Linea
 
 def weighed(model: Linearised, weights: Sequence[Array]) -> Linearised:
     """The same with views that count otherwise; `weights` by group, (n,)."""
-    views = tuple(each.weighted(weight) for each, weight in zip(model.views, weights, strict=True))
+    views = tuple(each.weigh(weight) for each, weight in zip(model.views, weights, strict=True))
     return _sum_views(model.problem, model.state, views, len(model.gradient))
 
 

@@ -116,7 +116,7 @@ class Situation:
     def estimated(self) -> dict[str, frozenset[str]]:
         """Names of the effects that are estimated as unknowns, by robot or camera."""
         clocks = dict.fromkeys(self.recorded.open_clocks, frozenset({"clock_offset"}))
-        models = {robot: self.problem.modelled(robot) for robot in self.problem.models}
+        models = {robot: self.problem.robot_model(robot) for robot in self.problem.models}
         return clocks | {robot: frozenset(model.columns) for robot, model in models.items() if model is not None}
 
     def rank(self, group: Group) -> IntArray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from basecal.accuracy.input_check.target_sizes import as_written
 from basecal.cell import Cell, Finding
-from basecal.effects.faces.found import FoundEffect, rounded
+from basecal.effects.faces.found import FoundEffect, format_with_sigma
 
 _CODES = "board-size", "length-scale"
 
@@ -31,7 +31,7 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | Non
         return [f for f in findings if f.code != "board-size"]
     target, factor = size.about, 1 / (1 - size.size[0])
     sigma = size.sigma * factor**2
-    what = f"{target} is {rounded(factor, sigma)} times as large as stated"
+    what = f"{target} is {format_with_sigma(factor, sigma)} times as large as stated"
     robots = [each.about for each in either if not each.is_target]
     if robots:
         what += f" if the lengths of the poses of {' and '.join(robots)} are right, which the data do not tell"

@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.errors import NotConverged
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.problem.robot_parameters import Kinematics, by_columns
+from basecal.estimation.problem.robot_parameters import Kinematics, column_derivative
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics.inverse import inverse
 
@@ -32,20 +32,20 @@ def moved_by_kinematics(
         (n, 6, k) in the axes of its base [m, rad], and the k columns of the problem they belong to; None of a robot of
         which nothing is estimated.
     """
-    model = problem.modelled(robot)
+    model = problem.robot_model(robot)
     recorded = recorded_joints(problem, robot)
     if model is None or recorded is None:
         return None
     joints = reach_points(problem, state, robot, recorded, points_in_base_m)
     kinematics = state.kinematics(model)
-    moved = to_base_axes(by_columns(model, kinematics, joints), kinematics.forward(joints).rotation)
+    moved = to_base_axes(column_derivative(model, kinematics, joints), kinematics.forward(joints).rotation)
     columns = [np.arange(problem.columns[name].start, problem.columns[name].stop) for name in model.widths]
     return moved, np.concatenate(columns)
 
 
 def kinematics_of_robot(problem: Problem, state: State, robot: str) -> Kinematics:
     """Where the kinematics of a robot with a chain are, as stated unless they are estimated."""
-    model = problem.modelled(robot)
+    model = problem.robot_model(robot)
     return Kinematics(problem.chains[robot]) if model is None else state.kinematics(model)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.acquisition.driver import Place, Reading, Secret, checked_options
 from basecal.acquisition.links.reconnecting import ReconnectingRobot
-from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_of
+from basecal.acquisition.opcua.nodes import axes_of_devices, named_nodes, radians_per_unit
 from basecal.acquisition.opcua.options import OpcuaOptions
 from basecal.acquisition.opcua.session import Session
 from basecal.cell import RobotState
@@ -51,7 +51,7 @@ class OpcuaRobot(ReconnectingRobot):
             nodes = named_nodes(client, self.name, options.joints)
         else:
             nodes = axes_of_devices(client, self.name, options.device)
-        radians = [radians_of(node, self.name, options.unit) for node in nodes]
+        radians = [radians_per_unit(node, self.name, options.unit) for node in nodes]
         self._scale = np.array(radians if len(nodes) > 1 else radians * self._joints)
         return nodes
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from basecal.errors import DriverError, listed
+from basecal.errors import DriverError, list_names
 
 _RADIANS_OF_UNIT = {b"C81": 1.0, b"DD": math.radians(1)}  # codes of UN/ECE recommendation 20 for rad and deg
 _RADIANS_OF_WORD = {"rad": 1.0, "deg": math.radians(1)}
@@ -33,7 +33,7 @@ def _node(client: Any, name: str, path: str) -> Any:
     for word in path.removeprefix("Objects/").split("/"):
         children = _children(node)
         if word not in children:
-            raise DriverError(f"{name}: no node {word!r} of {path!r}; there are: {listed(sorted(children))}")
+            raise DriverError(f"{name}: no node {word!r} of {path!r}; there are: {list_names(sorted(children))}")
         node = children[word]
     return node
 
@@ -55,7 +55,7 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
     if device not in devices:
         what = f"no motion device {device!r}" if device else "`device` is not said" if devices else "no motion device"
         raise DriverError(
-            f"{name}: {what}; there are: {listed(sorted(devices))}. Name the device, or the nodes of its `joints`"
+            f"{name}: {what}; there are: {list_names(sorted(devices))}. Name the device, or the nodes of its `joints`"
         )
     axes = _children(_children(devices[device]).get("Axes"))
     numbers = {key: re.findall(r"\d+$", key) for key in axes}
@@ -69,7 +69,7 @@ def _children(node: Any) -> dict[str, Any]:
     return {} if node is None else {each.read_browse_name().Name: each for each in node.get_children()}
 
 
-def radians_of(node: Any, name: str, stated: str | None) -> float:
+def radians_per_unit(node: Any, name: str, stated: str | None) -> float:
     """How many radians one of a node's numbers is.
 
     Raises:

@@ -53,13 +53,13 @@ class Session:
             if not allow_plaintext:
                 _forbid_plaintext(name, client.aio_obj)
         try:
-            _answered(self._name, client.connect)
+            _answer(self._name, client.connect)
         except DriverError:
             client.tloop.stop()
             raise
         self._client = client
         try:
-            self.nodes = list(_answered(self._name, lambda: self._find(self._client)))
+            self.nodes = list(_answer(self._name, lambda: self._find(self._client)))
         except BaseException:
             self.close()
             raise
@@ -71,7 +71,7 @@ class Session:
             LostLink: if the connection or the session is gone.
             DriverError: if the server has none of a node.
         """
-        return self._values(_answered(self._name, lambda: self._client.read_attributes(self.nodes)))
+        return self._values(_answer(self._name, lambda: self._client.read_attributes(self.nodes)))
 
     def _values(self, given: Sequence[Any]) -> Values:
         for node, each in zip(self.nodes, given, strict=True):
@@ -105,7 +105,7 @@ def _forbid_plaintext(name: str, client: Any) -> None:
     client.server_policy = encrypting_policy
 
 
-def _answered(name: str, ask: Callable[[], Given]) -> Given:
+def _answer(name: str, ask: Callable[[], Given]) -> Given:
     """What the server answers.
 
     Raises:

@@ -11,7 +11,7 @@ from basecal.acquisition.ros2.dds import Discovery, Listener, Offer
 from basecal.errors import DriverError
 from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, POSE, TEXT, TF, Bag, Message, Topic
 from basecal.exchange.bags.frames import Tree
-from basecal.exchange.bags.survey import Survey, surveyed
+from basecal.exchange.bags.survey import Survey, survey_bag
 
 _QUEUE_DEPTHS = {
     TF: 1000,
@@ -63,6 +63,6 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
 
 def survey_of_what_runs(bag: Bag) -> Survey:
     """What was heard; every frame that /tf has moves, though the arms may have stood still meanwhile."""
-    survey = surveyed(bag)
+    survey = survey_bag(bag)
     hangs = {name: hang._replace(is_fixed=not hang.is_timed) for name, hang in survey.tree.hangs.items()}
     return replace(survey, tree=Tree(hangs))

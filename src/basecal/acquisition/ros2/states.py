@@ -10,9 +10,9 @@ import numpy as np
 from basecal.acquisition.driver import Reading
 from basecal.acquisition.ros2.stream import Stream, stamp_s
 from basecal.cell import RobotState
-from basecal.errors import BasecalError, DriverError, listed
+from basecal.errors import BasecalError, DriverError, list_names
 from basecal.exchange.bags.bag import JOINTS, POSE, TF
-from basecal.exchange.bags.frames import Hang, Tree, along, pose_of, values_of
+from basecal.exchange.bags.frames import Hang, Tree, compose_path, pose_from_values, transform_values
 
 _QUEUE_DEPTH = 50  # messages of states that are kept: a tenth of a second of the fastest
 _FRAMES_QUEUE_DEPTH = 200  # of tf: all publishers together
@@ -41,8 +41,8 @@ class StatesByTopic:
             missing = [joint for joint in self._joints if joint not in self._names]
             if self._names and missing and self._last_s == float("-inf"):
                 raise DriverError(
-                    f"{self._name}: {self._topic} lacks joints of the URDF: {listed(missing)}; it has "
-                    f"{listed(sorted(self._names))}"
+                    f"{self._name}: {self._topic} lacks joints of the URDF: {list_names(missing)}; it has "
+                    f"{list_names(sorted(self._names))}"
                 ) from None
             raise error
 
@@ -65,7 +65,9 @@ class StatesByTopic:
     def _pose(self, message: Any) -> RobotState:
         pose = message.pose
         p, q = pose.position, pose.orientation
-        return RobotState(pose_of(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w]), f"{self._name}, {self._topic}"))
+        return RobotState(
+            pose_from_values(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w]), f"{self._name}, {self._topic}")
+        )
 
     def _joint_state(self, message: Any) -> RobotState | None:
         """None where the message is of other joints, or only of some."""
@@ -120,12 +122,12 @@ class StatesByFrames:
         if not stamps or max(stamps) - min(stamps) > _STAMP_TOLERANCE_S or min(stamps) <= self._last_s:
             return None
         self._last_s = min(stamps)
-        return Reading(self._last_s, RobotState(along(self._tree(), way, {}, self._name)))
+        return Reading(self._last_s, RobotState(compose_path(self._tree(), way, {}, self._name)))
 
     def _take(self, message: Any, is_fixed: bool) -> None:
         for each in message.transforms:
             now_s, child = stamp_s(each.header), each.child_frame_id.lstrip("/")
             if is_fixed or now_s > self._stamps.get(child, float("-inf")):
-                values = values_of(each.transform)
+                values = transform_values(each.transform)
                 self._hangs[child] = Hang(each.header.frame_id.lstrip("/"), values, is_fixed, not is_fixed)
                 self._stamps[child] = now_s

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from basecal.acquisition.freshness import STALE_S
 from basecal.acquisition.ros2.dds import Discovery, Listener
 from basecal.acquisition.ros2.types import type_hash
-from basecal.errors import DriverError, listed
+from basecal.errors import DriverError, list_names
 
 _NANOSECOND_S = 1e-9  # [s]
 
@@ -33,13 +33,13 @@ class Stream:
         self._discovery = Discovery(domain)
         offer = self._discovery.wait_for(topic, wait_s)
         if offer is None:
-            known = listed(sorted(self._discovery.offers()))
+            known = list_names(sorted(self._discovery.offers()))
             raise DriverError(
                 f"{name}: nobody sends {topic} in domain {domain}; there are: {known}. "
                 f"Is ROS_DOMAIN_ID the same there, and does the network let DDS pass?"
             )
         if offer.kind not in kinds:
-            raise DriverError(f"{name}: {topic} is of {offer.kind}, expected {listed(list(kinds))}")
+            raise DriverError(f"{name}: {topic} is of {offer.kind}, expected {list_names(list(kinds))}")
         if offer.type_hash and offer.type_hash != type_hash(offer.kind):
             raise DriverError(
                 f"{name}: {topic} has another definition of {offer.kind} than ROS 2's releases: {offer.type_hash}"
@@ -86,7 +86,7 @@ class Stream:
         known = self._listener.publishers()
         self._publishers = publishers | (self._publishers & known.keys())
         if len(self._publishers) > 1:
-            words = listed(sorted(known.get(number, f"publisher {number}") for number in self._publishers))
+            words = list_names(sorted(known.get(number, f"publisher {number}") for number in self._publishers))
             raise DriverError(
                 f"{self._name}: {len(self._publishers)} publishers send {self._topic}: {words}. Their values cannot be "
                 f"told apart. End all but one, or give each robot a topic of its own"

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
 from basecal.effects.faces.found import FoundEffect
-from basecal.effects.registry import words_of
+from basecal.effects.registry import describe_effect
 
 _REPORTED = {"base-moved", "robot-model", "length-scale"}
 _MOST = 3  # causes that are named where several explain the samples equally
@@ -41,5 +41,5 @@ def _moved(cause: Shift, sample: int) -> str:
 
 def cause_of_error(error: FoundEffect) -> str | None:
     """What the samples share that noise does not explain, and what to do; None of what the report judges."""
-    words = words_of(replace(error, about=error.about.rpartition("_from_")[2]))
+    words = describe_effect(replace(error, about=error.about.rpartition("_from_")[2]))
     return f"{words.what} {words.do[0]}" if words.code in _REPORTED else None

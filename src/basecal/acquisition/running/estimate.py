@@ -20,7 +20,7 @@ from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, integrated, solve_at_mode, solve_packed
+from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode, solve_packed
 
 FEWEST = 4
 """Samples from which on the cell is estimated."""
@@ -66,7 +66,7 @@ def running_estimate(
     try:
         problem, _ = build_problem(cell, recording)
         at_mode, before = _at_mode(cell, problem, near)
-        solution = integrated(at_mode, is_quick=True, near=before)
+        solution = integrate_solution(at_mode, is_quick=True, near=before)
         stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
         error = running_error(at_mode, stamps, _ESTIMATED)
     except (BasecalError, np.linalg.LinAlgError):

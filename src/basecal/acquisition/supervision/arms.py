@@ -79,7 +79,7 @@ class Arms:
         """Interrupt the main thread no more: it is on its way to close the arms."""
         self._is_ending = True
 
-    def opened(self) -> dict[str, Robot]:
+    def open_arms(self) -> dict[str, Robot]:
         """Proxies of all arms, by name, once every driver has opened its own.
 
         Raises:

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 
-def indented(value: Any, level: int = 0) -> str:
+def indent_json(value: Any, level: int = 0) -> str:
     """The text of plain data, indented by a space a level; a row of numbers is one line.
 
     Raises:
@@ -16,7 +16,7 @@ def indented(value: Any, level: int = 0) -> str:
     if {dict, list}.isdisjoint(map(type, parts)):
         return json.dumps(value, allow_nan=False)
     inside, outside = "\n" + " " * (level + 1), "\n" + " " * level
-    texts = [indented(part, level + 1) for part in parts]
+    texts = [indent_json(part, level + 1) for part in parts]
     if isinstance(value, dict):
         named = (f"{json.dumps(key)}: {text}" for key, text in zip(value, texts, strict=True))
         return "{" + inside + ("," + inside).join(named) + outside + "}"

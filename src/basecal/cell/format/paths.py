@@ -11,7 +11,7 @@ from basecal.errors import DatasetError, InputError
 
 _LONGEST_NAME = 255  # [bytes] of a file or a folder, on all usual file systems
 _LONGEST_PATH = 1000  # characters: with the cell's own path far below 4096 bytes, the most that systems open
-_SHOWN = 40  # characters of a name that is too long
+_SHOWN_LENGTH = 40  # characters of a name that is too long
 
 
 def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
@@ -31,9 +31,13 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
     def path_in_cell(written: str) -> str:
         """A path as written, from the cell's folder."""
         if any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in written.split("/")):
-            raise InputError(f"{written[:_SHOWN]!r}... is longer than a file's name may be, {_LONGEST_NAME} bytes")
+            raise InputError(
+                f"{written[:_SHOWN_LENGTH]!r}... is longer than a file's name may be, {_LONGEST_NAME} bytes"
+            )
         if len(written) > _LONGEST_PATH:
-            raise InputError(f"{written[:_SHOWN]!r}... has more than {_LONGEST_PATH} characters; move the file up")
+            raise InputError(
+                f"{written[:_SHOWN_LENGTH]!r}... has more than {_LONGEST_PATH} characters; move the file up"
+            )
         path = posixpath.normpath(posixpath.join(relative_to, written))
         if not written or not written.isprintable() or "\\" in written or ":" in written[:2] or written.startswith("/"):
             raise InputError(f"{written!r} is not a relative path with forward slashes, of letters that can be shown")

@@ -16,7 +16,7 @@ _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY", 0)
 
 
-def write_whole(
+def write_atomically(
     path: Path, content: str | bytes, *, within: Path | None = None, durable: bool = True, mode: int = 0o666
 ) -> None:
     """Write a file so that a reader sees the old one or the new one, never a half, whenever this is cut off.
@@ -31,7 +31,7 @@ def write_whole(
     Raises:
         InputError: if it cannot be written.
     """
-    part = beside(path)
+    part = temporary_path(path)
     try:
         make_folder(path.parent, within)
         with open_new(part, mode) as file:
@@ -49,12 +49,12 @@ def write_whole(
 
 
 def write_private(path: Path, text: str, *, within: Path | None = None) -> None:
-    """Write a file that only its owner may read, whole or not at all; see `write_whole`.
+    """Write a file that only its owner may read, whole or not at all; see `write_atomically`.
 
     Raises:
         InputError: if it cannot be written.
     """
-    write_whole(path, text, within=within, durable=False, mode=0o600)
+    write_atomically(path, text, within=within, durable=False, mode=0o600)
 
 
 def append_durably(path: Path, text: str, *, within: Path | None = None) -> None:
@@ -82,17 +82,17 @@ def write_new(path: Path, text: str) -> None:
     """
     if os.path.lexists(path):
         raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
-    write_whole(path, text)
+    write_atomically(path, text)
 
 
-def write_asked_for(path: Path, content: str | bytes) -> None:
+def write_output(path: Path, content: str | bytes) -> None:
     """Write a file of a name that was given: whole or not at all, but into what is a pipe or a device.
 
     Raises:
         InputError: if it cannot be written.
     """
     if not path.exists() or path.is_file():
-        write_whole(path, content)
+        write_atomically(path, content)
         return
     try:
         path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
@@ -101,7 +101,7 @@ def write_asked_for(path: Path, content: str | bytes) -> None:
 
 
 @contextmanager
-def staged(folder: Path) -> Iterator[Path]:
+def stage_folder(folder: Path) -> Iterator[Path]:
     """A new folder beside `folder`, to write into; at the end all that is in it appears in `folder` at once.
 
     Where `folder` holds something already, each entry appears by itself, in the order of their names backwards, so that
@@ -111,7 +111,7 @@ def staged(folder: Path) -> Iterator[Path]:
     Raises:
         InputError: if it cannot be written.
     """
-    part = beside(Path(os.path.abspath(folder)))
+    part = temporary_path(Path(os.path.abspath(folder)))
     try:
         part.parent.mkdir(parents=True, exist_ok=True)
         part.mkdir()
@@ -163,7 +163,7 @@ def open_own(path: Path, mode: str) -> BinaryIO:
     return cast(BinaryIO, open(path, mode, opener=lambda name, flags: os.open(name, flags | _NO_FOLLOW, 0o666)))
 
 
-def beside(path: Path) -> Path:
+def temporary_path(path: Path) -> Path:
     """A name beside a path that nobody else takes."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 

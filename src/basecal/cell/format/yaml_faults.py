@@ -42,7 +42,7 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     if said.startswith(_UNEXPECTED_KEYS) and line is not None:
         if line > len(lines):
             return Fault("it ends before anything is said: expected `key: value`", len(lines))
-        return _of_key(lines, line)
+        return _key_fault(lines, line)
     if said == _UNEXPECTED_ENTRY:
         return Fault("this line is indented unlike those beside it: give entries of one list the same spaces", line)
     if found := _UNEXPECTED_BRACKET.search(said):
@@ -52,7 +52,7 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
     return Fault(" ".join(said.split()), line)
 
 
-def _of_key(lines: list[str], line: int) -> Fault:
+def _key_fault(lines: list[str], line: int) -> Fault:
     """A key stands where the value of the line before it, or of itself, was expected."""
     above = next((number for number in range(line - 1, 0, -1) if _content(lines[number - 1])), None)
     for number in (above, line):

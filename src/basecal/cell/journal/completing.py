@@ -9,7 +9,7 @@ from typing import Any
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.paths import own_file
-from basecal.cell.journal.recording_file import BOM, FILE, FOLDER, LARGEST_BYTES, line_of
+from basecal.cell.journal.recording_file import BOM, FILE, FOLDER, LARGEST_BYTES, sample_line
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.journal.sample_line import line_data
 from basecal.cell.journal.sample_values import Where
@@ -40,29 +40,29 @@ def completed_recording_text(folder: str | Path, samples: Iterable[Sample]) -> s
                 continue
             raise
         if isinstance(data, dict) and (sample := waiting.pop(data.get("sample", -1), None)) is not None:
-            lines.append(json.dumps(_joined(data, sample_to_dict(sample, FOLDER), where), allow_nan=False) + "\n")
+            lines.append(json.dumps(_join_data(data, sample_to_dict(sample, FOLDER), where), allow_nan=False) + "\n")
         elif line.strip():
             lines.append(line.decode() + "\n")
-    return "".join([*lines, *map(line_of, waiting.values())])
+    return "".join([*lines, *map(sample_line, waiting.values())])
 
 
-def _joined(data: dict[str, Any], added: dict[str, Any], where: Where) -> dict[str, Any]:
+def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where) -> dict[str, Any]:
     """The data of a line with what is added to it; a time that it has stays."""
     out = {"stamp_s": added["stamp_s"]} | data if "stamp_s" in added else dict(data)
     for key in ("robots", "images", "background"):
         twice = sorted(out.get(key, {}).keys() & added.get(key, {}).keys())
         if twice:
-            raise _there_already(where, f"{key}.{twice[0]}")
+            raise _there_already(place, f"{key}.{twice[0]}")
         if key in added:
             out[key] = {**out.get(key, {}), **added[key]}
     seen = {(o.get("camera"), o.get("target")) for o in out.get("observations", [])}
     for observation in added.get("observations", []):
         if (observation["camera"], observation["target"]) in seen:
-            raise _there_already(where, f"observations of {observation['target']} by {observation['camera']}")
+            raise _there_already(place, f"observations of {observation['target']} by {observation['camera']}")
     if "observations" in added:
         out["observations"] = [*out.get("observations", []), *added["observations"]]
     return {"sample": out.pop("sample"), **out}
 
 
-def _there_already(where: Where, entry: str) -> InputError:
-    return where.error(entry, "is recorded already and is not overwritten: import into another cell, or under its name")
+def _there_already(place: Where, entry: str) -> InputError:
+    return place.error(entry, "is recorded already and is not overwritten: import into another cell, or under its name")

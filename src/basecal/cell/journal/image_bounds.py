@@ -11,8 +11,8 @@ from basecal.cell.journal.sample_values import Where
 from basecal.cell.recording import PixelObservation, Sample
 from basecal.geometry import Array
 
-_MARGIN = 0.05  # of the image's width: noise of points at its border stays within, sizes differ by more
-_SHARE = 0.05  # of the points: fewer are stray ones, which are found as outliers
+_MARGIN_PX = 0.05  # of the image's width: noise of points at its border stays within, sizes differ by more
+_OUTSIDE_SHARE = 0.05  # of the points: fewer are stray ones, which are found as outliers
 
 
 def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path: str, cell: Cell) -> None:
@@ -37,18 +37,18 @@ def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path
         if camera.size_px is None or not views:
             continue
         pixels = np.concatenate([seen.pixels for _, seen in views])
-        outside = ~_within(pixels, camera.size_px)
-        if np.mean(outside) <= _SHARE:
+        outside = ~_inside_mask(pixels, camera.size_px)
+        if np.mean(outside) <= _OUTSIDE_SHARE:
             continue
-        sample = next(n for n, s in views if not np.all(_within(s.pixels, camera.size_px)))
+        sample = next(n for n, s in views if not np.all(_inside_mask(s.pixels, camera.size_px)))
         width, height = camera.size_px
         share = f"{np.count_nonzero(outside)} of {len(pixels)} pixels of {name!r} lie outside its {width} x {height} px"
         raise Where(path, lines[sample]).error("observations", f"{share}{_cause(camera, pixels)}")
 
 
-def _within(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _inside_mask(pixels: Array, size_px: tuple[int, int]) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Whether pixels, (n, 2), lie in an image, (n,)."""
-    margin = _MARGIN * size_px[0]
+    margin = _MARGIN_PX * size_px[0]
     return np.asarray(np.all((pixels >= -margin) & (pixels <= np.array(size_px) - 1 + margin), -1))
 
 
@@ -57,7 +57,7 @@ def _cause(camera: CellCamera, pixels: Array) -> str:
     width, height = camera.size_px or (0, 0)
     u, v = np.max(pixels, axis=0)
     reach = f"; they reach to ({u:.0f}, {v:.0f})"
-    if width == height or np.mean(_within(pixels, (height, width))) < 1 - _SHARE:
+    if width == height or np.mean(_inside_mask(pixels, (height, width))) < 1 - _OUTSIDE_SHARE:
         return f"{reach}: size_px is of another resolution, give that of the images the points were found in"
     lens = None if camera.intrinsics is None else camera.intrinsics.camera
     middle = (np.array([width, height]) - 1) / 2

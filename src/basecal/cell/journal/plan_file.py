@@ -9,8 +9,8 @@ from pathlib import Path
 from basecal.bounded_file import read_bounded
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside
-from basecal.cell.format.writing import write_whole
-from basecal.cell.journal.recording_file import BOM, FOLDER, LARGEST_BYTES, line_of
+from basecal.cell.format.writing import write_atomically
+from basecal.cell.journal.recording_file import BOM, FOLDER, LARGEST_BYTES, sample_line
 from basecal.cell.journal.sample_line import context, sample_from_line
 from basecal.cell.journal.sample_values import Where
 from basecal.cell.recording import Sample
@@ -35,11 +35,11 @@ def read_plan(path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample,
         whole = None  # a line for each sample
     samples = whole.get("samples") if isinstance(whole, dict) else None
     if isinstance(samples, list):  # all in one object, as `basecal plan --json` prints it
-        return planned([json.dumps(each).encode() for each in samples], path, folder, cell)
-    return planned(text.split(b"\n"), path, folder, cell)
+        return parse_plan([json.dumps(each).encode() for each in samples], path, folder, cell)
+    return parse_plan(text.split(b"\n"), path, folder, cell)
 
 
-def planned(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
+def parse_plan(lines: Iterable[bytes], path: str | Path, folder: str | Path, cell: Cell) -> tuple[Sample, ...]:
     """As `read_plan`, of lines that were read from a file."""
     known = context(cell, inside(str(folder), FOLDER))
     samples: list[Sample] = []
@@ -60,4 +60,4 @@ def write_plan(samples: Iterable[Sample], path: Path, folder: Path) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    write_whole(path, "".join(map(line_of, samples)), within=folder)
+    write_atomically(path, "".join(map(sample_line, samples)), within=folder)

@@ -12,7 +12,7 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.calibration import Finding
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside, own_file
-from basecal.cell.format.writing import make_folder, open_own, sync_folder, write_whole
+from basecal.cell.format.writing import make_folder, open_own, sync_folder, write_atomically
 from basecal.cell.journal.image_bounds import check_image_bounds
 from basecal.cell.journal.sample_dict import sample_to_dict
 from basecal.cell.journal.sample_line import Context, Dropped, context, line_data, sample_from_line
@@ -84,7 +84,7 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
     path = Path(folder) / FOLDER / FILE
     if path.exists() and path.stat().st_size:
         raise InputError(f"{path} exists; a recording is never rewritten: choose another folder, or append samples")
-    write_whole(path, "".join(map(line_of, recording.samples)), within=Path(folder))
+    write_atomically(path, "".join(map(sample_line, recording.samples)), within=Path(folder))
     return path
 
 
@@ -106,7 +106,7 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
         InputError: if a number is not finite, or the file cannot be written.
     """
     path = Path(folder) / FOLDER / FILE
-    lines = [line_of(sample).encode() for sample in samples]
+    lines = [sample_line(sample).encode() for sample in samples]
     try:
         make_folder(path.parent, Path(folder))
         is_new = not path.exists()
@@ -122,7 +122,7 @@ def append_samples(folder: str | Path, samples: Iterable[Sample]) -> Finding | N
     return finding
 
 
-def line_of(sample: Sample) -> str:
+def sample_line(sample: Sample) -> str:
     """The line of a sample.
 
     Raises:
@@ -134,7 +134,7 @@ def line_of(sample: Sample) -> str:
         raise InputError(f"sample {sample.sample} holds NaN or infinity; a recording holds finite numbers") from None
 
 
-def _recording(text: bytes, path: str, known: Context) -> Recording:
+def _recording(text: bytes, path: str, context: Context) -> Recording:
     if text.count(b"\n") > MOST_SAMPLES:
         raise DatasetError(path, f"more than {MOST_SAMPLES} lines, expected one for each sample")
     *lines, tail = text.split(b"\n")
@@ -151,7 +151,7 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
             continue
         if len(written) > _LONGEST_LINE:
             raise DatasetError(path, f"a line of {len(written)} bytes, no sample has that many", line)
-        read = sample_from_line(written, Where(path, line), known)
+        read = sample_from_line(written, Where(path, line), context)
         number = str(read.sample)
         earlier = first_lines.setdefault(number, line)
         if earlier != line:
@@ -162,7 +162,7 @@ def _recording(text: bytes, path: str, known: Context) -> Recording:
         else:
             samples.append(read)
     findings += unknown_points(dropped, path)
-    check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, known.cell)
+    check_image_bounds(samples, {int(number): line for number, line in first_lines.items()}, path, context.cell)
     return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
 
 

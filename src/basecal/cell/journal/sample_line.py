@@ -41,7 +41,7 @@ def context(cell: Cell, path_in_cell: Callable[[str], str]) -> Context:
     return Context(cell, {name: frozenset(shape.ids.tolist()) for name, shape in shapes.items()}, path_in_cell)
 
 
-def line_data(text: bytes, where: Where) -> Any:
+def line_data(text: bytes, place: Where) -> Any:
     """The data of a line.
 
     Raises:
@@ -52,14 +52,14 @@ def line_data(text: bytes, where: Where) -> Any:
     except UnicodeDecodeError as error:
         is_utf_16 = text.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         advice = ": it is UTF-16, save it as UTF-8" if is_utf_16 else "; expected one JSON object"
-        raise where.error("", f"not UTF-8 text (byte {error.start} of the line){advice}") from None
+        raise place.error("", f"not UTF-8 text (byte {error.start} of the line){advice}") from None
     except json.JSONDecodeError as error:
         hint = "; remove the comma after the object" if text.rstrip().endswith(b"},") else ""
         where_and_what = f"not JSON ({error.msg}, column {error.colno}); expected one object a line"
-        raise where.error("", f"{where_and_what}{hint}") from None
+        raise place.error("", f"{where_and_what}{hint}") from None
     except (ValueError, RecursionError) as error:
         reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)[:CAUSE_LENGTH]
-        raise where.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
+        raise place.error("", f"{reason}; expected one JSON object a line (docs/data_format.md)") from None
 
 
 class Dropped(NamedTuple):
@@ -70,35 +70,35 @@ class Dropped(NamedTuple):
     reason: UnknownPoint
 
 
-def sample_from_line(text: bytes, where: Where, known: Context) -> Sample | Dropped:
+def sample_from_line(text: bytes, place: Where, context: Context) -> Sample | Dropped:
     """The sample of a line, or why it is dropped.
 
     Raises:
         DatasetError: if the line cannot be read as written.
     """
-    data = line_data(text, where)
+    data = line_data(text, place)
     try:
         # No field of a line is true or false, and NumPy would take them for 1 and 0.
         if (b"true" in text or b"false" in text) and (field := _boolean(data, "")) is not None:
-            raise where.error(field, "expected a number or text, got true or false")
-        data = where.mapping(data, "", _FIELDS)
+            raise place.error(field, "expected a number or text, got true or false")
+        data = place.mapping(data, "", _FIELDS)
         index = data.get("sample")
         if not isinstance(index, int) or not 0 <= index < _LARGEST_NUMBER:
-            raise where.error("sample", f"expected the sample's number, 0 or more, got {shorten(index)}")
-        stamp = number(where, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
-        robots = where.mapping(data.get("robots", {}), "robots")
-        states = {name: _state(value, f"robots.{name}", name, where, known.cell) for name, value in robots.items()}
-        images, background = (_paths(data.get(key, {}), key, where, known) for key in ("images", "background"))
+            raise place.error("sample", f"expected the sample's number, 0 or more, got {shorten(index)}")
+        stamp = number(place, "stamp_s", data["stamp_s"], _LARGEST_STAMP) if "stamp_s" in data else None
+        robots = place.mapping(data.get("robots", {}), "robots")
+        states = {name: _state(value, f"robots.{name}", name, place, context.cell) for name, value in robots.items()}
+        images, background = (_paths(data.get(key, {}), key, place, context) for key in ("images", "background"))
         try:
-            seen = _observations(data.get("observations", []), where, known)
+            seen = _observations(data.get("observations", []), place, context)
         except UnknownPoint as error:
-            return Dropped(index, where.line, error)
+            return Dropped(index, place.line, error)
         return Sample(index, stamp, states, seen, images, background)
     except RecursionError:
-        raise where.error("", "nested too deeply; expected one JSON object a line") from None
+        raise place.error("", "nested too deeply; expected one JSON object a line") from None
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) != len(pairs):
         keys = [key for key, _ in pairs]
@@ -107,7 +107,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return data
 
 
-_DECODER = json.JSONDecoder(object_pairs_hook=_once)
+_DECODER = json.JSONDecoder(object_pairs_hook=_unique_keys)
 
 
 def _boolean(value: Any, field: str) -> str | None:
@@ -119,45 +119,45 @@ def _boolean(value: Any, field: str) -> str | None:
     return next((place for place in found if place is not None), None)
 
 
-def _state(value: Any, field: str, name: str, where: Where, cell: Cell) -> RobotState:
-    robot = cell.robots[where.name(name, field, "robot", cell.robots)]
-    state = where.mapping(value, field, ("base_from_flange", "joints_rad"))
+def _state(value: Any, field: str, name: str, place: Where, cell: Cell) -> RobotState:
+    robot = cell.robots[place.name(name, field, "robot", cell.robots)]
+    state = place.mapping(value, field, ("base_from_flange", "joints_rad"))
     if len(state) != 1:
         got = "both" if state else "neither"
-        raise where.error(field, f"expected either base_from_flange or joints_rad, got {got}")
+        raise place.error(field, f"expected either base_from_flange or joints_rad, got {got}")
     if "base_from_flange" in state:
-        return RobotState(base_from_flange=pose(where, f"{field}.base_from_flange", state["base_from_flange"])[0])
-    joints = numbers(where, f"{field}.joints_rad", state["joints_rad"])
+        return RobotState(base_from_flange=pose(place, f"{field}.base_from_flange", state["base_from_flange"])[0])
+    joints = numbers(place, f"{field}.joints_rad", state["joints_rad"])
     if robot.chain is None:
-        raise where.error(
+        raise place.error(
             f"{field}.joints_rad", "joints need urdf, base_link and flange_link of the robot in cell.yaml"
         )
     if len(joints) != robot.chain.n:
-        raise where.error(f"{field}.joints_rad", f"expected {robot.chain.n} joints, got {len(joints)}")
+        raise place.error(f"{field}.joints_rad", f"expected {robot.chain.n} joints, got {len(joints)}")
     return RobotState(joints_rad=joints)
 
 
-def _paths(value: Any, field: str, where: Where, known: Context) -> dict[str, str]:
+def _paths(value: Any, field: str, place: Where, context: Context) -> dict[str, str]:
     paths = {}
-    for camera, path in where.mapping(value, field).items():
-        where.name(camera, f"{field}.{camera}", "camera", known.cell.cameras)
+    for camera, path in place.mapping(value, field).items():
+        place.name(camera, f"{field}.{camera}", "camera", context.cell.cameras)
         if not isinstance(path, str):
-            raise where.error(f"{field}.{camera}", f"expected a path, got {shorten(path)}")
+            raise place.error(f"{field}.{camera}", f"expected a path, got {shorten(path)}")
         try:
-            paths[camera] = known.path_in_cell(path)
+            paths[camera] = context.path_in_cell(path)
         except InputError as error:
-            raise where.error(f"{field}.{camera}", str(error)) from None
+            raise place.error(f"{field}.{camera}", str(error)) from None
     return paths
 
 
-def _observations(value: Any, where: Where, known: Context) -> tuple[Observation, ...]:
+def _observations(value: Any, place: Where, context: Context) -> tuple[Observation, ...]:
     if not isinstance(value, list):
-        raise where.error("observations", f"expected a list, got {shorten(value)}")
+        raise place.error("observations", f"expected a list, got {shorten(value)}")
     seen: dict[tuple[str, str], Observation | None] = {}
     for index, item in enumerate(value):
         field = f"observations[{index}]"
-        (camera, target), found = observation(item, field, where, known.cell, known.ids)
+        (camera, target), found = observation(item, field, place, context.cell, context.ids)
         if (camera, target) in seen:
-            raise where.error(field, f"{camera!r} sees {target!r} twice in one sample; join them or give two samples")
+            raise place.error(field, f"{camera!r} sees {target!r} twice in one sample; join them or give two samples")
         seen[camera, target] = found
     return tuple(found for found in seen.values() if found is not None)

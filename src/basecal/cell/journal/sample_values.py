@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import collect_problems
 from basecal.errors import DatasetError, nearest
 from basecal.fields.problems import SHORT_LENGTH, shorten
 from basecal.fields.values import LARGEST_VALUE, SMALLEST_SIGMA, PoseEntry, full_pose, pose_se3
@@ -30,7 +30,7 @@ class Where:
         """An error about a field of the line."""
         return DatasetError(self.path, message, self.line, field or None)
 
-    def mapping(self, value: Any, field: str, known: tuple[str, ...] | None = None) -> dict[str, Any]:
+    def mapping(self, value: Any, field: str, context: tuple[str, ...] | None = None) -> dict[str, Any]:
         """The value itself, when it is a mapping with no other than the known keys.
 
         Raises:
@@ -38,40 +38,40 @@ class Where:
         """
         if not isinstance(value, dict):
             raise self.error(field, f"expected an object {{...}}, got {shorten(value)}")
-        if known is not None:
+        if context is not None:
             for name in value:
-                if name not in known:
+                if name not in context:
                     at = f"{field}.{name}" if field else name
                     raise self.error(
-                        at, f"unknown field{nearest(name[:SHORT_LENGTH], known)}; known: {', '.join(known)}"
+                        at, f"unknown field{nearest(name[:SHORT_LENGTH], context)}; known: {', '.join(context)}"
                     )
         return value
 
-    def name(self, value: Any, field: str, kind: str, known: Any) -> str:
+    def name(self, value: Any, field: str, kind: str, context: Any) -> str:
         """The value itself, when it is one of the known names.
 
         Raises:
             DatasetError: if not.
         """
-        if isinstance(value, str) and value in known:
+        if isinstance(value, str) and value in context:
             return value
-        hint = nearest(value[:SHORT_LENGTH], known) if isinstance(value, str) else ""
-        there = ", ".join(known) or "none"
+        hint = nearest(value[:SHORT_LENGTH], context) if isinstance(value, str) else ""
+        there = ", ".join(context) or "none"
         raise self.error(field, f"no {kind} {shorten(value)}{hint}; cell.yaml has: {there}")
 
 
-def number(where: Where, field: str, value: Any, largest: float) -> float:
+def number(place: Where, field: str, value: Any, largest: float) -> float:
     """A finite number within +-largest.
 
     Raises:
         DatasetError: if it is none.
     """
     if not isinstance(value, int | float) or not abs(value) <= largest:
-        raise where.error(field, f"expected a finite number within {largest:g}, got {shorten(value)}")
+        raise place.error(field, f"expected a finite number within {largest:g}, got {shorten(value)}")
     return float(value)
 
 
-def numbers(where: Where, field: str, value: Any, columns: int | None = None) -> Array:
+def numbers(place: Where, field: str, value: Any, columns: int | None = None) -> Array:
     """A read-only list of numbers, (n,), or of rows of numbers, (n, columns).
 
     Raises:
@@ -83,11 +83,11 @@ def numbers(where: Where, field: str, value: Any, columns: int | None = None) ->
         array = array.reshape(0, columns)
     row = () if columns is None else (columns,)
     if array is None or array.dtype.kind not in "iuf" or array.ndim != 1 + len(row) or array.shape[1:] != row:
-        raise where.error(field, f"expected {expected}, got {_odd_one(value, columns)}")
+        raise place.error(field, f"expected {expected}, got {_odd_one(value, columns)}")
     # Also false where NaN.
     if not (np.abs(array) <= LARGEST_VALUE).all():
         got = f"holds NaN, infinity or a number beyond {LARGEST_VALUE:g}"
-        raise where.error(field, f"{got}: {_odd_one(value, columns)}; expected {expected}")
+        raise place.error(field, f"{got}: {_odd_one(value, columns)}; expected {expected}")
     checked: Array = array.astype(np.float64)
     checked.setflags(write=False)
     return checked
@@ -121,7 +121,7 @@ def _array(value: Any) -> np.ndarray[Any, Any] | None:
         return None
 
 
-def whole_numbers(where: Where, field: str, value: Any) -> IntArray:
+def whole_numbers(place: Where, field: str, value: Any) -> IntArray:
     """A read-only list of whole numbers, (n,).
 
     Raises:
@@ -129,13 +129,13 @@ def whole_numbers(where: Where, field: str, value: Any) -> IntArray:
     """
     array = _array(value)
     if array is None or array.ndim != 1 or (array.size and array.dtype.kind != "i"):
-        raise where.error(field, f"expected a list of whole numbers, got {shorten(value)}")
+        raise place.error(field, f"expected a list of whole numbers, got {shorten(value)}")
     whole: IntArray = array.astype(np.int64)
     whole.setflags(write=False)
     return whole
 
 
-def sigmas(where: Where, field: str, value: Any, count: int) -> Array | None:
+def sigmas(place: Where, field: str, value: Any, count: int) -> Array | None:
     """`count` positive numbers, (count,), of one or as many; None where not stated.
 
     Raises:
@@ -144,54 +144,54 @@ def sigmas(where: Where, field: str, value: Any, count: int) -> Array | None:
     if value is None:
         return None
     if not isinstance(value, list):
-        value = [number(where, field, value, LARGEST_VALUE)] * count
-    array = numbers(where, field, value)
+        value = [number(place, field, value, LARGEST_VALUE)] * count
+    array = numbers(place, field, value)
     if len(array) != count:
-        raise where.error(field, f"expected one positive number or {count}, got {len(array)}")
+        raise place.error(field, f"expected one positive number or {count}, got {len(array)}")
     if not (array >= SMALLEST_SIGMA).all():
-        raise where.error(field, "expected positive numbers")
+        raise place.error(field, "expected positive numbers")
     return array
 
 
-def vector(where: Where, field: str, value: Any, count: int) -> list[float]:
+def vector(place: Where, field: str, value: Any, count: int) -> list[float]:
     """Exactly `count` finite numbers; for so few, without NumPy is faster.
 
     Raises:
         DatasetError: if they are none.
     """
     if not isinstance(value, list) or len(value) != count:
-        raise where.error(field, f"expected {count} numbers, got {shorten(value)}")
+        raise place.error(field, f"expected {count} numbers, got {shorten(value)}")
     for item in value:
         if not isinstance(item, int | float) or not -LARGEST_VALUE <= item <= LARGEST_VALUE:
-            raise where.error(field, f"expected {count} finite numbers within {LARGEST_VALUE:g}, got {shorten(item)}")
+            raise place.error(field, f"expected {count} finite numbers within {LARGEST_VALUE:g}, got {shorten(item)}")
     return value
 
 
-def pose(where: Where, field: str, value: Any, with_sigmas: bool = False) -> tuple[SE3, Array | None]:
+def pose(place: Where, field: str, value: Any, with_sigmas: bool = False) -> tuple[SE3, Array | None]:
     """A transform and, where stated, its sigmas (6,).
 
     Raises:
         DatasetError: if it has not a position and one rotation, or anything else.
     """
-    fields = where.mapping(value, field)
+    fields = place.mapping(value, field)
     sigma = None
     if with_sigmas and fields.keys() & _SIGMAS:
         if not fields.keys() >= _SIGMAS:
-            raise where.error(field, "sigma_t_m and sigma_r_rad go together; give both or neither")
-        parts = [sigmas(where, f"{field}.{name}", fields[name], 3) for name in ("sigma_t_m", "sigma_r_rad")]
+            raise place.error(field, "sigma_t_m and sigma_r_rad go together; give both or neither")
+        parts = [sigmas(place, f"{field}.{name}", fields[name], 3) for name in ("sigma_t_m", "sigma_r_rad")]
         if any(part is None for part in parts):
-            raise where.error(field, "expected positive sigma_t_m and sigma_r_rad, got null")
+            raise place.error(field, "expected positive sigma_t_m and sigma_r_rad, got null")
         sigma = np.concatenate([part for part in parts if part is not None])
         sigma.setflags(write=False)
         fields = {key: item for key, item in fields.items() if key not in _SIGMAS}
     if fields.keys() != {"t_m", "q_xyzw"}:
-        return _pose_any(where, field, fields), sigma
-    t = np.array(vector(where, f"{field}.t_m", fields["t_m"], 3), dtype=np.float64)
-    q = vector(where, f"{field}.q_xyzw", fields["q_xyzw"], 4)
+        return _pose_any(place, field, fields), sigma
+    t = np.array(vector(place, f"{field}.t_m", fields["t_m"], 3), dtype=np.float64)
+    q = vector(place, f"{field}.q_xyzw", fields["q_xyzw"], 4)
     norm = math.hypot(*q)
     if abs(norm - 1) > ROTATION_TOLERANCE:
         expected = f"expected 1 within {ROTATION_TOLERANCE:g}; the order is x, y, z, w"
-        raise where.error(f"{field}.q_xyzw", f"has norm {norm:.6g}, {expected}")
+        raise place.error(f"{field}.q_xyzw", f"has norm {norm:.6g}, {expected}")
     return SE3(_rotation(*(x / norm for x in q)), t), sigma
 
 
@@ -206,12 +206,12 @@ def _rotation(x: float, y: float, z: float, w: float) -> Array:
     )
 
 
-def _pose_any(where: Where, field: str, fields: dict[str, Any]) -> SE3:
+def _pose_any(place: Where, field: str, fields: dict[str, Any]) -> SE3:
     """A pose in one of the rarer notations."""
     try:
         return pose_se3(full_pose(PoseEntry.model_validate(fields)))
     except ValidationError as error:
-        problem = problems_of(error, PoseEntry)[0]
-        raise where.error(".".join([field, *map(str, problem.loc)]), problem.message) from None
+        problem = collect_problems(error, PoseEntry)[0]
+        raise place.error(".".join([field, *map(str, problem.loc)]), problem.message) from None
     except ValueError as error:
-        raise where.error(field, str(error)) from None
+        raise place.error(field, str(error)) from None

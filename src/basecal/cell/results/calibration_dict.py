@@ -14,7 +14,7 @@ from basecal.cell.results.calibration_model import CalibrationFile
 from basecal.cell.schema.errors import first_problem
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
-from basecal.errors import InputError, listed, nearest
+from basecal.errors import InputError, list_names, nearest
 from basecal.fields.problems import CAUSE_LENGTH, SHORT_LENGTH, Loc, Problem, field_name
 from basecal.fields.written import LARGEST_NUMBER
 
@@ -97,7 +97,9 @@ def _other_field(data: Any, written: Any, loc: Loc) -> Problem | None:
     elif isinstance(data, dict) and isinstance(written, dict):
         for name in data:
             if name not in written:
-                return Problem((*loc, name), f"unknown field{nearest(name, written)}; known: {listed(list(written))}")
+                return Problem(
+                    (*loc, name), f"unknown field{nearest(name, written)}; known: {list_names(list(written))}"
+                )
         for name in written:
             if name not in data:
                 return Problem((*loc, name), "missing; add it")

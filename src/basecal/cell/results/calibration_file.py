@@ -11,9 +11,9 @@ from typing import Any
 
 from basecal.cell.calibration import Calibration
 from basecal.cell.cell import Cell
-from basecal.cell.format.json_text import indented
+from basecal.cell.format.json_text import indent_json
 from basecal.cell.format.paths import own_file
-from basecal.cell.format.writing import make_folder, sync_folder, write_whole
+from basecal.cell.format.writing import make_folder, sync_folder, write_atomically
 from basecal.cell.format.yaml_text import read_text
 from basecal.cell.journal import recording_file
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
@@ -32,9 +32,9 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
     Raises:
         InputError: if it cannot be written.
     """
-    text = indented(calibration_to_dict(calibration))
+    text = indent_json(calibration_to_dict(calibration))
     path = _new_run(Path(cell_folder)) / FILE
-    write_whole(path, text + "\n", within=Path(cell_folder))
+    write_atomically(path, text + "\n", within=Path(cell_folder))
     return path
 
 
@@ -88,16 +88,16 @@ def latest_run(folder: str | Path) -> Path | None:
 
     Names of runs are by the clock, which may have been wrong; they tell runs apart that were written at once.
     """
-    runs = _by_time(folder)
+    runs = _runs_by_time(folder)
     return runs[0] if runs else None
 
 
-def runs_of(folder: str | Path) -> tuple[str, ...]:
+def run_names(folder: str | Path) -> tuple[str, ...]:
     """Names of the runs of a cell, the one that was written last first."""
-    return tuple(run.name for run in _by_time(folder))
+    return tuple(run.name for run in _runs_by_time(folder))
 
 
-def _by_time(folder: str | Path) -> list[Path]:
+def _runs_by_time(folder: str | Path) -> list[Path]:
     """Folders of runs, the one that was written last first."""
     runs = Path(folder) / RUNS
     found = [(match, run) for run in runs.glob("*") if (match := _RUN.fullmatch(run.name)) and (run / FILE).is_file()]

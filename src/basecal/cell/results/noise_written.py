@@ -46,14 +46,14 @@ class _Target(BaseModel):
     shape: list[Number]
 
 
-def _shared(name: str, effect: RandomEffect) -> Any:
+def _shared_entry(name: str, effect: RandomEffect) -> Any:
     """The entry of an effect: its sigmas, and its figures."""
     by_joints = ("shift_m", "turn_rad") if effect.by_joints is not None else ()
     numbers: dict[str, Any] = dict.fromkeys((*by_joints, *effect.figures), (Real, ...))
     return create_model(name, sigma=(_Sigma6, ...), **numbers) | None, None
 
 
-_SHARED: dict[str, Any] = {name: _shared(name, effect) for name, effect in RANDOM_EFFECTS.items()}
+_SHARED: dict[str, Any] = {name: _shared_entry(name, effect) for name, effect in RANDOM_EFFECTS.items()}
 _AnyRobot: Any = create_model("_AnyRobot", __base__=_Robot, **_SHARED)
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from basecal.cell.format.plain import pose_dict
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.errors import check_entry, check_schema
 from basecal.fields.values import PoseEntry, full_pose, pose_se3
@@ -40,7 +40,7 @@ def write_truth(folder: str | Path, transforms: Mapping[str, SE3], **extra: Any)
     """
     poses = {name: pose_dict(transform) for name, transform in transforms.items()}
     path = Path(folder) / FILE
-    write_whole(path, yaml_text({"schema": SCHEMA, "transforms": poses, **extra}))
+    write_atomically(path, yaml_text({"schema": SCHEMA, "transforms": poses, **extra}))
     return path
 
 

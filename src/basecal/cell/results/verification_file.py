@@ -12,7 +12,7 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import append_durably
-from basecal.cell.schema.errors import problems_of
+from basecal.cell.schema.errors import collect_problems
 from basecal.errors import DatasetError
 from basecal.fields.problems import field_name
 from basecal.fields.written import THREE, Error, Flag, Length, Vector3, Whole, array_in
@@ -22,7 +22,7 @@ FILE = "verifications.jsonl"
 _LARGEST_BYTES = 2**26  # 64 MB: a verification every minute of some months
 
 
-def _in_utc(when: datetime) -> datetime:
+def _to_utc(when: datetime) -> datetime:
     """An instant in UTC, which it counts in if it names no zone."""
     return when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
 
@@ -56,7 +56,7 @@ class PastVerification:
     """
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False)
-    when: Annotated[datetime, AfterValidator(_in_utc)]
+    when: Annotated[datetime, AfterValidator(_to_utc)]
     run: str
     samples: Annotated[Whole, Field(ge=0)]
     moved: Flag | None
@@ -96,5 +96,5 @@ def _read(line: bytes, path: str, number: int) -> PastVerification:
     try:
         return _LINE.validate_json(line)
     except ValidationError as error:
-        problem = problems_of(error, _LINE)[0]
+        problem = collect_problems(error, _LINE)[0]
         raise DatasetError(path, f"{problem.message}; take the line out", number, field_name(problem.loc)) from None

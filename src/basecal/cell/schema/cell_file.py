@@ -10,12 +10,12 @@ from pydantic import ValidationError
 
 from basecal.cell.cell import Cell
 from basecal.cell.format.paths import inside, own_file
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text, yaml_text
 from basecal.cell.schema.cell_dict import cell_to_dict
 from basecal.cell.schema.cell_nouns import cell_noun
 from basecal.cell.schema.cell_schema import SCHEMA, CellEntry
-from basecal.cell.schema.errors import check_schema, problems_of
+from basecal.cell.schema.errors import check_schema, collect_problems
 from basecal.cell.schema.names import name_problems
 from basecal.errors import BasecalError, InputError
 from basecal.fields.problems import Loc, Problem, dataset_error
@@ -32,11 +32,11 @@ def read_cell(folder: str | Path) -> Cell:
         DatasetError: if it cannot be read as written; the message has a line for each mistake.
     """
     path = own_file(folder, FILE)
-    document = parse_yaml(read_text(path, _where_it_may_be(Path(folder))), str(path))
-    return _checked(document.data, str(path), Path(folder), document.lines)
+    document = parse_yaml(read_text(path, _missing_cell_advice(Path(folder))), str(path))
+    return _check_cell(document.data, str(path), Path(folder), document.lines)
 
 
-def _where_it_may_be(folder: Path) -> str:
+def _missing_cell_advice(folder: Path) -> str:
     """What to do where a folder has no cell."""
     other = next((name for name in _OTHER_NAMES if (folder / name).is_file()), None)
     if other is not None:
@@ -57,7 +57,7 @@ def cell_from_dict(data: Any, path: str = FILE, folder: str | Path | None = None
     Raises:
         DatasetError: if it cannot be read as written; the message has a line for each mistake.
     """
-    return _checked(data, path, None if folder is None else Path(folder), {})
+    return _check_cell(data, path, None if folder is None else Path(folder), {})
 
 
 def write_cell(cell: Cell, folder: str | Path) -> Path:
@@ -69,16 +69,16 @@ def write_cell(cell: Cell, folder: str | Path) -> Path:
         InputError: if it cannot be written.
     """
     path = Path(folder) / FILE
-    write_whole(path, yaml_text(cell_to_dict(cell)))
+    write_atomically(path, yaml_text(cell_to_dict(cell)))
     return path
 
 
-def _checked(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]) -> Cell:
+def _check_cell(data: Any, path: str, folder: Path | None, lines: Mapping[Loc, int]) -> Cell:
     problems = name_problems(check_schema(data, SCHEMA, path, lines))
     try:
         entry = CellEntry.model_validate(data)
     except ValidationError as error:
-        problems += problems_of(error, CellEntry)
+        problems += collect_problems(error, CellEntry)
     chains, urdf_problems = _chains(data.get("robots"), folder)
     problems += urdf_problems
     if problems:

@@ -42,7 +42,7 @@ def completed_cell_text(
         raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}")
     changed: list[Loc] = []
     for loc, value in _conflicts(data, added, (), frozenset(replaced), changed):
-        stated = f"states {_told(value[0])}, what is imported says {_told(value[1])}: correct the one that is wrong"
+        stated = f"states {_value_text(value[0])}, imported data say {_value_text(value[1])}: correct the wrong one"
         raise DatasetError(path, stated, lines.get(loc), field_name(loc))
     if not changed:
         return text, ()
@@ -83,6 +83,6 @@ def _as_written(value: Any) -> Any:
     return value
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     text = str(list(value) if isinstance(value, list) else value)
     return text if len(text) <= SHORT_LENGTH else shorten(value)

@@ -48,7 +48,7 @@ def check_entry(model: type[M], data: Any, path: str, lines: Mapping[Loc, int] |
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problems = [Problem((*place, *each.loc), each.message) for each in problems_of(error, model)]
+        problems = [Problem((*place, *each.loc), each.message) for each in collect_problems(error, model)]
         raise dataset_error(path, problems, lines or {}) from None
 
 
@@ -70,11 +70,11 @@ def check_schema(data: Any, schema: str, path: str, lines: Mapping[Loc, int]) ->
 
 def first_problem(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> str:
     """Place and words of the first error of a model."""
-    problem = problems_of(error, model)[0]
+    problem = collect_problems(error, model)[0]
     return f"{field_name(problem.loc)}: {problem.message}"
 
 
-def problems_of(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> list[Problem]:
+def collect_problems(error: ValidationError, model: type[BaseModel] | TypeAdapter[Any]) -> list[Problem]:
     """Each error of a model as a problem at the place where it is written."""
     schema = model.core_schema if isinstance(model, TypeAdapter) else model.__pydantic_core_schema__
     return [_problem(details, schema) for details in error.errors(include_url=False)]
@@ -84,7 +84,7 @@ def _problem(details: Mapping[str, Any], schema: Any) -> Problem:
     loc = tuple(part for part in details["loc"] if not _is_tag(part))
     kind, value = details["type"], details["input"]
     if kind in _UNKNOWN:
-        known = _fields_at(schema, details["loc"][:-1])
+        known = _field_names(schema, details["loc"][:-1])
         return Problem(loc, f"unknown field{nearest(str(loc[-1]), known)}; known: {', '.join(known)}")
     if kind == "union_tag_invalid":
         written = value["kind"]
@@ -104,7 +104,7 @@ def _is_tag(part: str | int) -> bool:
     return isinstance(part, str) and entry_with_tag(part) is not None
 
 
-def _fields_at(schema: Any, loc: Loc) -> list[str]:
+def _field_names(schema: Any, loc: Loc) -> list[str]:
     """Names of the fields of the entry at a place, by what pydantic made of its model."""
     shared = {each["ref"]: each for each in schema.get("definitions", ())}
     here = _bare(schema, shared)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from basecal.fields.values import Entry, Number, Pixels, Sigma2, Sigmas, Status
-from basecal.geometry.lenses.registry import lenses_of, term_counts
+from basecal.geometry.lenses.registry import model_lenses, term_counts
 
 _FOCAL_WIDTHS = (0.05, 50.0)  # from half a fisheye's to beyond the longest telescope lens, in widths of the image
 _CENTRE_WIDTHS = 2.0  # from the middle of the image: beyond any shifted lens, and any part cut out of a sensor's image
@@ -34,7 +34,7 @@ def distortion_terms(entry: IntrinsicsEntry, model: str) -> int:
         return len(entry.distortion)
     if entry.status != "free":
         return 0
-    return lenses_of(model)[0].USUAL_TERMS if entry.distortion_terms is None else entry.distortion_terms
+    return model_lenses(model)[0].USUAL_TERMS if entry.distortion_terms is None else entry.distortion_terms
 
 
 def check_lens(entry: IntrinsicsEntry, model: str) -> None:

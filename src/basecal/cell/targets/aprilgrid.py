@@ -16,7 +16,7 @@ from pydantic import Field
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
 from basecal.cell.targets.fiducials import FAMILIES
-from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, chosen, plane_grid
+from basecal.cell.targets.kind import Described, TargetEntry, TargetKind, choose_dictionary, plane_grid
 from basecal.fields.values import MOST_POINTS, Length, known_names
 from basecal.geometry import SE3
 
@@ -95,7 +95,7 @@ KIND = TargetKind(
     family: tag36h11
 """,
     marks=lambda fields: frozenset({fields["family"]}),
-    another=lambda fields, n: {**fields, "family": chosen(_LARGE_FAMILIES, fields["family"], n)},
+    another=lambda fields, n: {**fields, "family": choose_dictionary(_LARGE_FAMILIES, fields["family"], n)},
     usual=lambda _: aprilgrid_target((4, 4), 0.042, 0.3),
     printed=lambda sizes: {
         "tags": [sizes.columns, sizes.rows],

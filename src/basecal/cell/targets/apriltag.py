@@ -11,13 +11,13 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.format.plain import pose_dict
 from basecal.cell.sheet import Marker, Sheet
 from basecal.cell.target import Tags, Target
-from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cells_across
+from basecal.cell.targets.fiducials import DICTIONARIES, FAMILIES, cell_count
 from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind
 from basecal.fields.values import MOST_POINTS, Length, PoseEntry, full_pose, given_fields, known_names, pose_se3
 from basecal.geometry import SE3
 
 # In cells; one is what a reader needs, two keep what is beside the paper out of a blurred corner.
-_MARGIN = 2
+_MARGIN_SHARE = 2
 
 
 def apriltag_target(family: str, tags: list[tuple[int, float, SE3]]) -> Target:
@@ -42,7 +42,7 @@ def apriltag_target(family: str, tags: list[tuple[int, float, SE3]]) -> Target:
 
 
 def _sheet(family: str, number: int, size: float, target_from_sheet: SE3) -> Sheet:
-    edge = size / 2 + _MARGIN * size / (cells_across(family) + 2)
+    edge = size / 2 + _MARGIN_SHARE * size / (cell_count(family) + 2)
     marker = Marker(family, number, -size / 2, -size / 2, size)
     return Sheet(np.array([-edge, -edge, edge, edge]), size, markers=(marker,), target_from_sheet=target_from_sheet)
 

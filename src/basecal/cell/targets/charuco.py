@@ -9,12 +9,12 @@ from pydantic import model_validator as checks_whole
 
 from basecal.cell.sheet import Marker, Sheet, black_squares
 from basecal.cell.target import Target
-from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, large_enough
-from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, chosen, plane_grid
+from basecal.cell.targets.fiducials import DICTIONARIES, begins_as, smallest_dictionary
+from basecal.cell.targets.kind import Described, Fields, TargetEntry, TargetKind, choose_dictionary, plane_grid
 from basecal.fields.values import Length, Squares, known_names
 
 # In squares: keeps what is beside the paper out of the outer squares.
-_MARGIN = 0.5
+_MARGIN_SHARE = 0.5
 
 
 def charuco_target(
@@ -44,7 +44,7 @@ def _sheet(columns: int, rows: int, square_m: float, marker_m: float, dictionary
     parity = int(legacy and rows % 2 == 0)
     white = black_squares(columns, rows, square_m, 1 - parity)[:, :2] + (square_m - marker_m) / 2
     markers = tuple(Marker(dictionary, k, left, top, marker_m) for k, (left, top) in enumerate(white.tolist()))
-    paper = square_m * np.array([-_MARGIN, -_MARGIN, columns + _MARGIN, rows + _MARGIN])
+    paper = square_m * np.array([-_MARGIN_SHARE, -_MARGIN_SHARE, columns + _MARGIN_SHARE, rows + _MARGIN_SHARE])
     return Sheet(paper, square_m, black_squares(columns, rows, square_m, parity), markers=markers)
 
 
@@ -78,11 +78,11 @@ _DICTIONARIES = (
 )
 
 
-def _others(fields: Fields) -> list[str]:
+def _other_dictionaries(fields: Fields) -> list[str]:
     """Dictionaries of boards beside one of these fields, each large enough."""
     columns, rows = fields["squares"]
     others = [name for name in _DICTIONARIES if begins_as(name) != begins_as(fields["dictionary"])]
-    return [large_enough(name, columns * rows // 2) for name in others]
+    return [smallest_dictionary(name, columns * rows // 2) for name in others]
 
 
 KIND = TargetKind(
@@ -107,6 +107,9 @@ KIND = TargetKind(
         "dictionary": sizes.dictionary,
     },
     marks=lambda fields: frozenset({begins_as(fields["dictionary"])}),
-    another=lambda fields, n: {**fields, "dictionary": chosen(_others(fields), fields["dictionary"], n)},
+    another=lambda fields, n: {
+        **fields,
+        "dictionary": choose_dictionary(_other_dictionaries(fields), fields["dictionary"], n),
+    },
     figures={"charuco": charuco_target((5, 4), 0.04, 0.03, "DICT_4X4_50")},
 )

@@ -28,7 +28,7 @@ FAMILIES = (
 )
 
 
-def cells_across(name: str) -> int:
+def cell_count(name: str) -> int:
     """How many cells the code of a marker is wide, its border not counted, as the dictionary's name says."""
     squared = re.match(r"DICT_(\d)X", name)
     bits = re.search(r"(\d+)[hH]", name)
@@ -41,7 +41,7 @@ def begins_as(name: str) -> str:
     return numbered[1] if numbered else name
 
 
-def large_enough(name: str, count: int) -> str:
+def smallest_dictionary(name: str, count: int) -> str:
     """The smallest dictionary of so many markers that begins as one of this name; it itself where none does."""
     for other in DICTIONARIES:
         size = other.rpartition("_")[2]

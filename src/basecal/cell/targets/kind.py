@@ -84,13 +84,13 @@ class TargetKind:
     another: Callable[[Fields, int], Fields] = lambda fields, _: fields
 
 
-def chosen(usual: Sequence[str], said: str, place: int) -> str:
+def choose_dictionary(usual: Sequence[str], said: str, place: int) -> str:
     """The one at a place among what is usual, that which was said being the first; the last where there are fewer."""
     ordered = [said, *(name for name in usual if name != said)]
     return ordered[min(place, len(ordered) - 1)]
 
 
-def alike(kind: TargetKind, one: Fields, other: Fields) -> bool:
+def is_indistinguishable(kind: TargetKind, one: Fields, other: Fields) -> bool:
     """Whether no picture tells which of two of a kind it shows."""
     marks, others = kind.marks(one), kind.marks(other)
     return bool(marks & others) or not (marks or others)

@@ -70,7 +70,7 @@ class FoundEffect:
         return float(np.sqrt(self.covariance[0, 0]))
 
 
-def rounded(value: float, sigma: float) -> str:
+def format_with_sigma(value: float, sigma: float) -> str:
     """A value with its sigma to two digits."""
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma, 1e-9))), 0, 9))
     return f"{value:.{digits}f} +/- {sigma:.{digits}f}"
@@ -81,11 +81,11 @@ def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
     length = float(np.linalg.norm(values))
     along = values / max(length, 1e-300)
     sigma = float(np.sqrt(max(float(along @ covariance @ along), 0.0)))
-    return rounded(unit * length, unit * sigma)
+    return format_with_sigma(unit * length, unit * sigma)
 
 
-def rounded_tangent(found: FoundEffect) -> str:
+def rounded_tangent(effect: FoundEffect) -> str:
     """Shift [mm] and rotation [deg] of a tangent."""
-    shift = rounded_length(found.size[:3], found.covariance[:3, :3], 1e3)
-    turn = rounded_length(found.size[3:], found.covariance[3:, 3:], float(np.degrees(1)))
+    shift = rounded_length(effect.size[:3], effect.covariance[:3, :3], 1e3)
+    turn = rounded_length(effect.size[3:], effect.covariance[3:, 3:], float(np.degrees(1)))
     return f"{shift} mm and {turn} deg"

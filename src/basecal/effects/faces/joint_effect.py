@@ -25,7 +25,7 @@ def open_chains(views: Views, name: str) -> Iterator[tuple[str, SerialChain]]:
 def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints) -> Moves:
     """How views of each group move with a unit of each joint's value, (n, 6, joints)."""
 
-    def moved(k: int) -> Array | None:
+    def group_moves(k: int) -> Array | None:
         """Moves of a group, (n, 6, joints); None if the robot carries nothing there."""
         group = views.groups[k]
         end = group.end_of(robot)
@@ -35,10 +35,10 @@ def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints)
             return np.zeros((len(group), 6, chain.n))
         return views.flange_jacobian(k, robot) @ (chain.jacobian(end.joints) * turn(chain, end.joints)[:, None, :])
 
-    return tuple(moved(k) for k in range(len(views.groups)))
+    return tuple(group_moves(k) for k in range(len(views.groups)))
 
 
-def each_and_all(code: str, robot: str, unit: str, moves: Moves) -> Iterator[Candidates]:
+def joint_candidates(code: str, robot: str, unit: str, moves: Moves) -> Iterator[Candidates]:
     """Each joint alone, then all joints of a robot at once: if many are off, none alone explains much."""
     count = next(m.shape[-1] for m in moves if m is not None)
     each = tuple(None if m is None else np.swapaxes(m, -1, -2)[..., None] for m in moves)
@@ -46,11 +46,11 @@ def each_and_all(code: str, robot: str, unit: str, moves: Moves) -> Iterator[Can
     yield one_candidate(f"{code}s", robot, unit, moves)
 
 
-def to_dict(name: str, keys: tuple[str, str], found: Mapping[str, RobotParameters]) -> dict[str, Any]:
+def to_dict(name: str, keys: tuple[str, str], effect: Mapping[str, RobotParameters]) -> dict[str, Any]:
     """The field of `calibration.json`, by the keys of values and sigmas."""
     by_robot = {
         robot: {keys[0]: of.values, keys[1]: of.sigma, "seen": of.seen, "joint_names": of.joints}
-        for robot, of in found.items()
+        for robot, of in effect.items()
     }
     return {name: by_robot or None}
 

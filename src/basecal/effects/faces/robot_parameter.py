@@ -81,7 +81,7 @@ def same_chain(chain: SerialChain, values: Array) -> SerialChain:
     return chain
 
 
-def by_joint(joints: int) -> Array:
+def expand_to_joints(joints: int) -> Array:
     """The values of a robot as stated, one for each joint."""
     return np.zeros(joints)
 
@@ -121,7 +121,7 @@ class RobotParameter:
     to_dict: Callable[[Mapping[str, RobotParameters]], dict[str, Any]]
     from_dict: Callable[[Mapping[str, Any]], dict[str, RobotParameters]]
     entry: Callable[[Array], str]
-    zero: Callable[[int], Array] = by_joint
+    zero: Callable[[int], Array] = expand_to_joints
     shift: Callable[[SerialChain, Any, Array, Array], Array | float] = no_shift
     moved: Callable[[SerialChain, Array], SerialChain] = same_chain
     is_by_joint: bool = True
@@ -130,10 +130,10 @@ class RobotParameter:
     unobserved: Callable[[Unobserved], str] | None = None
 
 
-def joint_lines(found: RobotParameters, factor: float, unit: str, digits: int) -> list[str]:
+def joint_lines(effect: RobotParameters, factor: float, unit: str, digits: int) -> list[str]:
     """A line for each joint, its value and sigma times a factor; NaN is unobservable, what is not seen the prior's."""
-    lines, width = [], max(map(len, found.joints))
-    rows = zip(found.joints, factor * found.values, factor * found.sigma, found.seen, strict=True)
+    lines, width = [], max(map(len, effect.joints))
+    rows = zip(effect.joints, factor * effect.values, factor * effect.sigma, effect.seen, strict=True)
     for k, (name, value, sigma, observable) in enumerate(rows, 1):
         known = f"{round(value, digits) + 0.0:+10.{digits}f} {unit}    sigma {sigma:.{digits}f} {unit}"
         known += "" if observable else "    prior-dominated"

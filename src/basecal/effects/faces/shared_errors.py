@@ -62,12 +62,12 @@ class SharedErrors:
     by_stop: Array
     is_turn: BoolArray
 
-    def at_flange(self, sigmas: Array) -> Array:
+    def flange_sigmas(self, sigmas: Array) -> Array:
         """What sigmas of a shift and of a turn, (2,), come to at the flange, (6,): the root mean square over stops."""
         scaled = self.by_stop * sigmas[self.is_turn.astype(np.int64)]
         return np.asarray(np.sqrt(np.mean(np.sum(scaled**2, axis=-1), axis=0)))
 
-    def beyond_frames(self, poses: SE3) -> SharedErrors:
+    def remove_frames(self, poses: SE3) -> SharedErrors:
         """What of them no base and no mount takes up that is free.
 
         Args:
@@ -81,7 +81,7 @@ class SharedErrors:
         return replace(self, by_stop=left.reshape(self.by_stop.shape) / units[:, None])
 
     @classmethod
-    def in_every_coordinate(cls, modes: Array) -> SharedErrors:
+    def repeat_coordinates(cls, modes: Array) -> SharedErrors:
         """Errors of each coordinate by modes, (stops, j): what a unit error of each is at each stop."""
         by_stop = (modes[:, None, :, None] * np.eye(6)[:, None, :]).reshape(len(modes), 6, -1)
         return cls(by_stop, np.tile(np.repeat([False, True], 3), modes.shape[1]))

@@ -109,7 +109,7 @@ class Views(Protocol):
         """Body velocity of a robot at each of `samples`, (n, 6) by unit of `times`; None off a path."""
 
 
-def carried(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
+def robot_moves(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
     """Moves of the groups whose camera or target a robot carries."""
     return tuple(move(views, k, robot) if g.end_of(robot) else None for k, g in enumerate(views.groups))
 

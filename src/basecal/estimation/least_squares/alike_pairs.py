@@ -22,7 +22,7 @@ from basecal.numerics.batch import stack
 MOST_VIEWS = 2000
 """Of a batch: more gain nothing, and take memory that no cache holds."""
 
-_LENS = "camera"
+_LENS_FIELD = "camera"
 _NAMES = ("eye", "hand")  # of the ends
 
 
@@ -54,14 +54,14 @@ class AlikePairs:
     def _fields(self) -> tuple[str, ...]:
         return tuple(self.names[0])
 
-    def state(self, whole: State) -> State:
+    def state(self, state: State) -> State:
         """The pairs' own states, (b,), of the cell's."""
-        transforms = {f: SE3.stack([whole.transforms[names[f]] for names in self.names]) for f in self._fields}
+        transforms = {f: SE3.stack([state.transforms[names[f]] for names in self.names]) for f in self._fields}
         cameras: dict[str, Camera] = {}
-        if self.cameras[0] in whole.cameras:
-            lenses = [whole.cameras[name] for name in self.cameras]
-            cameras[_LENS] = lenses[0].with_parameters(np.stack([lens.parameters for lens in lenses]))
-        return State(transforms, cameras, whole.stop_errors[self.stops])
+        if self.cameras[0] in state.cameras:
+            lenses = [state.cameras[name] for name in self.cameras]
+            cameras[_LENS_FIELD] = lenses[0].with_parameters(np.stack([lens.parameters for lens in lenses]))
+        return State(transforms, cameras, state.stop_errors[self.stops])
 
     def linearise(self, own: State, weights: Sequence[Array] | None) -> NormalEquations:
         """The pairs to second order, (b,); weights of views are by the cell's groups, 1 where None."""
@@ -76,13 +76,13 @@ class AlikePairs:
         return retract(self.problem, own, model, step[self.columns]).stop_errors
 
 
-def alike_pairs(problem: Problem) -> tuple[AlikePairs, ...]:
+def group_pairs(problem: Problem) -> tuple[AlikePairs, ...]:
     """The pairs of a cell by structure; no stop that several views share may have noise."""
     by_structure: dict[Hashable, list[int]] = defaultdict(list)
     for number, group in enumerate(problem.groups):
         if len(group):
             by_structure[_structure(problem, group)].append(number)
-    return tuple(_together(problem, few) for numbers in by_structure.values() for few in _parts(problem, numbers))
+    return tuple(_join_pairs(problem, few) for numbers in by_structure.values() for few in _parts(problem, numbers))
 
 
 def _parts(problem: Problem, numbers: Sequence[int]) -> Iterator[tuple[int, ...]]:
@@ -123,7 +123,7 @@ def _width(problem: Problem, name: str) -> int:
     return 0 if where is None else where.stop - where.start
 
 
-def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
+def _join_pairs(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     groups = [problem.groups[number] for number in numbers]
     frames = [_frames(group) for group in groups]
     most = max(map(len, groups))
@@ -132,7 +132,7 @@ def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     columns, at = {}, 0
     for name, width in [
         *((of, _width(problem, name)) for of, name in frames[0].items()),
-        (_LENS, _width(problem, groups[0].camera)),
+        (_LENS_FIELD, _width(problem, groups[0].camera)),
     ]:
         if width:
             columns[name] = slice(at, at + width)
@@ -148,7 +148,7 @@ def _together(problem: Problem, numbers: tuple[int, ...]) -> AlikePairs:
     unknowns = {of: Unknown("free") for of in frames[0]}
     points = frozenset(of for of in frames[0] if columns.get(of) and columns[of].stop - columns[of].start == 3)
     return AlikePairs(
-        Problem(problem.reference, (_one_group(taken),), unknowns, points, {}, Stops(sigma), columns),
+        Problem(problem.reference, (_merge_groups(taken),), unknowns, points, {}, Stops(sigma), columns),
         numbers,
         tuple(frames),
         tuple(group.camera for group in groups),
@@ -164,12 +164,12 @@ def _range(problem: Problem, name: str) -> IntArray:
     return np.arange(where.start, where.stop)
 
 
-def _one_group(taken: Sequence[ViewGroup]) -> ViewGroup:
+def _merge_groups(groups: Sequence[ViewGroup]) -> ViewGroup:
     """The views of pairs as one group (b, n), the stops as all its entries number them."""
-    stops = _stops_in_turn(taken[0])
-    eye, hand = (_one_end(name, [group.ends[k] for group in taken], stops[k]) for k, name in enumerate(_NAMES))
-    sample, measurement = np.stack([g.sample for g in taken]), stack([g.measurement for g in taken])
-    return ViewGroup(_LENS, "target", (eye, hand), sample, measurement, motion=taken[0].motion)
+    stops = _stops_in_turn(groups[0])
+    eye, hand = (_one_end(name, [group.ends[k] for group in groups], stops[k]) for k, name in enumerate(_NAMES))
+    sample, measurement = np.stack([g.sample for g in groups]), stack([g.measurement for g in groups])
+    return ViewGroup(_LENS_FIELD, "target", (eye, hand), sample, measurement, motion=groups[0].motion)
 
 
 def _stops_in_turn(group: ViewGroup) -> list[IntArray]:

@@ -97,17 +97,19 @@ def bundle_adjust(
     """
     stop = Stop(iterations, dof, sigmas)
     if not is_sparse(problem):
-        only = take(_run(problem, state.spread(problem, 1), weights, stop), 0)
+        only = take(_optimise(problem, state.spread(problem, 1), weights, stop), 0)
         normal = replace(only.about, cost=only.cost)
         return Optimum(only.state, float(only.cost), bool(only.converged), int(only.iterations), normal)
     optima = sparse_adjust(problem, state, stop, weights)
     end, cost = take(optima.state, 0), float(optima.cost[0])
 
-    def dense() -> NormalEquations:
+    def dense_equations() -> NormalEquations:
         """What few ask for, and takes long."""
         return replace(linearise(problem, end, weights), cost=np.array(cost))
 
-    return Optimum(end, cost, bool(optima.converged[0]), int(optima.iterations[0]), dense, optima.about.hessian)
+    return Optimum(
+        end, cost, bool(optima.converged[0]), int(optima.iterations[0]), dense_equations, optima.about.hessian
+    )
 
 
 def bundle_adjust_batch(
@@ -122,22 +124,22 @@ def bundle_adjust_batch(
 
     Args:
         problem: The problem, whose views may be others for each entry of the batch; see `ViewGroup`.
-        states: Where to start; see `batch_of`.
+        states: Where to start; see `batch_states`.
         dof: Residuals less unknowns, a number or (b,).
         iterations: At most.
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
         sigmas: What may be left to go.
     """
-    optima = _run(problem, states, weights, Stop(iterations, dof, sigmas))
+    optima = _optimise(problem, states, weights, Stop(iterations, dof, sigmas))
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 
-def batch_of(problem: Problem, states: Sequence[State]) -> State:
+def batch_states(problem: Problem, states: Sequence[State]) -> State:
     """Several states of one problem as a batch."""
     return concatenate([state.spread(problem, 1) for state in states])
 
 
-def _run(
+def _optimise(
     problem: Problem, states: State, weights: Sequence[Array] | None, stop: Stop
 ) -> Optima[State, NormalEquations]:
     return levenberg_marquardt(_Bundle(problem, weights), states, stop)

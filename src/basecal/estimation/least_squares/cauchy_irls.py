@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
-from basecal.estimation.least_squares.studentized import studentized
+from basecal.estimation.least_squares.studentized import studentize_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 
 _HEAVY_ROUNDS = 25  # rounds at most
 _FIRST_STEPS = 3  # steps before the first weights: the start is rough
-_MOST = 0.6  # of the views set the scale: three tenths may be reflections and still be outvoted
+_SCALE_SHARE = 0.6  # of the views set the scale: three tenths may be reflections and still be outvoted
 
 
 def cauchy_irls(problem: Problem, states: State) -> State:
@@ -26,9 +26,9 @@ def cauchy_irls(problem: Problem, states: State) -> State:
     for _ in range(_HEAVY_ROUNDS):
         try:
             states = bundle_adjust_batch(problem, states, 1, _FIRST_STEPS if weights is None else 1, weights).state
-            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentized(problem, states)]
+            ratios = [np.minimum(s.value, 1e30) / np.maximum(s.freedoms, 1) for s in studentize_views(problem, states)]
         except np.linalg.LinAlgError:
             break
-        scale = np.maximum(np.quantile(np.concatenate(ratios, -1), _MOST, axis=-1, keepdims=True), 1e-30)
+        scale = np.maximum(np.quantile(np.concatenate(ratios, -1), _SCALE_SHARE, axis=-1, keepdims=True), 1e-30)
         weights = [1 / (1 + ratio / scale) for ratio in ratios]
     return states

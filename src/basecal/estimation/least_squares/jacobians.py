@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.problem.problem import Chain, Problem, State, Stops, stop_tangents
-from basecal.estimation.problem.robot_parameters import by_columns
+from basecal.estimation.problem.robot_parameters import column_derivative
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.geometry import SE3, Array, IntArray
 from basecal.geometry.se3_jacobians import right_jacobian
 
 
-def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> tuple[Array, IntArray]:
+def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> tuple[Array, IntArray]:
     """Derivative of views to the unknowns of their group.
 
     Args:
@@ -45,7 +45,7 @@ def by_unknowns(problem: Problem, group: ViewGroup, links: Chain, rows: int) -> 
     return out, np.concatenate(columns) if columns else np.zeros(0, dtype=np.int64)
 
 
-def by_robot_models(
+def robot_model_jacobian(
     problem: Problem, group: ViewGroup, links: Chain, state: State, rows: int
 ) -> tuple[Array, IntArray]:
     """Derivative of views to the kinematics of the robots of their group.
@@ -56,13 +56,13 @@ def by_robot_models(
     shape = links.target_from_camera.shape
     blocks, columns = [np.zeros((*shape, rows, 0))], [np.zeros(0, dtype=np.int64)]
     for end, link in zip(group.ends, links.ends, strict=True):
-        model = problem.modelled(end.robot)
+        model = problem.robot_model(end.robot)
         if model is None or end.joints is None:
             continue
         flange = link.target_from_flange
         if end.has_noise:  # the flange as modelled comes before the error of its stop
             flange = flange @ SE3.exp(-state.stop_errors[..., end.stop, :] * problem.stops.sigma[end.stop])
-        moved = link.sign * flange.adjoint() @ by_columns(model, state.kinematics(model), end.joints)
+        moved = link.sign * flange.adjoint() @ column_derivative(model, state.kinematics(model), end.joints)
         block = np.zeros((*shape, rows, moved.shape[-1]))
         block[..., :6, :] = moved
         blocks.append(block)
@@ -70,7 +70,7 @@ def by_robot_models(
     return np.concatenate(blocks, -1), np.concatenate(columns)
 
 
-def by_stop_errors(
+def stop_error_jacobians(
     group: ViewGroup, links: Chain, state: State, stops: Stops, rows: int
 ) -> list[tuple[IntArray, Array]]:
     """Derivative of views to the errors, in sigmas, of the stops they stand in.

@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
 from basecal.estimation.problem.problem import Problem, State, chain
-from basecal.estimation.problem.robot_parameters import after_step, column_values
+from basecal.estimation.problem.robot_parameters import apply_step, column_values
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
@@ -26,9 +26,9 @@ from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.batch import SHARED
 from basecal.numerics.inverse_factors import inverse_factors
 
-_ROUNDS_ONE = 1e14  # an entry of this size rounds the identity beside it away
+_ROUNDING_SCALE = 1e14  # an entry of this size rounds the identity beside it away
 _ROUNDING = 1e-15  # of such entries, which restores it
-_MANY = 64  # systems whose factors together are faster than each by itself
+_MANY_SYSTEMS = 64  # systems whose factors together are faster than each by itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class LinearisedViews:
     private: tuple[SharedView, ...]
     shared: tuple[SharedView, ...]
 
-    def weighted(self, weight: Array) -> LinearisedViews:
+    def weigh(self, weight: Array) -> LinearisedViews:
         """The views as if each were seen with its information times a weight (..., n); at none it may be no number."""
         gradient, information = self.gradient * weight[..., None], self.information * weight[..., None, None]
         promised = self.promised * weight
@@ -108,7 +108,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         if weights is not None:
             cost += _private_cost(of, state, weights[number])
             view_costs = np.where(weights[number] > 0, view_costs, 0.0) * weights[number]
-            of = of.weighted(weights[number])
+            of = of.weigh(weights[number])
         cost += view_costs.sum(-1)
         eliminated += of.promised.sum(-1)
         if sums is not None:
@@ -141,9 +141,9 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
         name: retract_lens(lens, step[..., columns[name]]) for name, lens in state.cameras.items() if name in columns
     }
     robots = {
-        robot: after_step(model, state.kinematics(model), {name: step[..., columns[name]] for name in model.widths})
+        robot: apply_step(model, state.kinematics(model), {name: step[..., columns[name]] for name in model.widths})
         for robot, model in problem.models.items()
-        if problem.modelled(robot)
+        if problem.robot_model(robot)
     }
     return State(
         transforms, {**state.cameras, **lenses}, _stop_errors(problem, state, normal, step), {**state.robots, **robots}
@@ -179,24 +179,24 @@ def _linearise_group(
     if shake is not None:
         view = ViewInformation(*without_motion(*view, shake))
     rows = view.gradient.shape[-1]
-    derivative, columns = by_unknowns(problem, group, links, rows)
+    derivative, columns = unknown_jacobian(problem, group, links, rows)
     if problem.models:
-        of_robots, more = by_robot_models(problem, group, links, state, rows)
+        of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
         derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
-    stops = by_stop_errors(group, links, state, problem.stops, rows)
+    stops = stop_error_jacobians(group, links, state, problem.stops, rows)
     kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
     private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
-    of = _marginalised(view.gradient, view.information, private, state.stop_errors)
+    of = _marginalise(view.gradient, view.information, private, state.stop_errors)
     views = LinearisedViews(of.gradient, of.information, of.promised, derivative, columns, private, kept)
     return view.cost, of.log_det, views
 
 
-def _select(stop: IntArray, by_error: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
+def _select(stop: IntArray, error_jacobian: Array, mask: BoolArray, number: IntArray | None) -> SharedView:
     view = np.flatnonzero(mask)
     if len(view) == len(stop):
-        return SharedView(view, stop if number is None else number[stop], by_error)
+        return SharedView(view, stop if number is None else number[stop], error_jacobian)
     chosen = stop[view]
-    return SharedView(view, chosen if number is None else number[chosen], by_error[..., view, :, :])
+    return SharedView(view, chosen if number is None else number[chosen], error_jacobian[..., view, :, :])
 
 
 class _Marginal(NamedTuple):
@@ -215,17 +215,17 @@ class _Marginal(NamedTuple):
     log_det: Array
 
 
-def _marginalised(gradient: Array, information: Array, private: tuple[SharedView, ...], errors: Array) -> _Marginal:
+def _marginalise(gradient: Array, information: Array, stop_views: tuple[SharedView, ...], errors: Array) -> _Marginal:
     """Views with their private stops eliminated.
 
     (I + H S)^-1 H == H - H J (I + J'HJ)^-1 J'H, whose inner matrix is positive definite however large H is. With the
     errors' own gradient f = u + J'g they lower the cost by f' (I + J'HJ)^-1 f, and g' == g - H J (I + J'HJ)^-1 f.
     """
-    if not any(len(of.view) for of in private):
+    if not any(len(of.view) for of in stop_views):
         return _Marginal(gradient, information, np.zeros(gradient.shape[:-1]), np.zeros(gradient.shape[:-2]))
-    by_error = np.zeros((*gradient.shape, 6 * len(private)))
-    force = np.zeros((*gradient.shape[:-1], 6 * len(private)))
-    for i, of in enumerate(private):
+    by_error = np.zeros((*gradient.shape, 6 * len(stop_views)))
+    force = np.zeros((*gradient.shape[:-1], 6 * len(stop_views)))
+    for i, of in enumerate(stop_views):
         by_error[..., of.view, :, 6 * i : 6 * i + 6] = of.by_error
         force[..., of.view, 6 * i : 6 * i + 6] = errors[..., of.stop, :]
     transposed, carried = by_error.mT, information @ by_error
@@ -236,9 +236,9 @@ def _marginalised(gradient: Array, information: Array, private: tuple[SharedView
     # Where a lens's polynomial runs away the identity is lost in rounding: as much again as rounding keeps it regular.
     # No entry of a positive definite matrix is larger than the largest of its diagonal.
     size = diagonal.max(-1)
-    if not size.max() <= _ROUNDS_ONE:
-        diagonal += np.where(size > _ROUNDS_ONE, _ROUNDING * size, 0.0)[..., None]
-    solved, log_det = _solved(inner, np.concatenate([carried.mT, force[..., None]], -1))
+    if not size.max() <= _ROUNDING_SCALE:
+        diagonal += np.where(size > _ROUNDING_SCALE, _ROUNDING * size, 0.0)[..., None]
+    solved, log_det = _solve_systems(inner, np.concatenate([carried.mT, force[..., None]], -1))
     taken = carried @ solved
     symmetric = 0.5 * (taken[..., :-1] + taken[..., :-1].mT)
     return _Marginal(
@@ -249,9 +249,9 @@ def _marginalised(gradient: Array, information: Array, private: tuple[SharedView
     )
 
 
-def _solved(inner: Array, right: Array) -> tuple[Array, Array]:
+def _solve_systems(inner: Array, right: Array) -> tuple[Array, Array]:
     """The solution of positive definite systems, (..., n, k, m), and their log determinants summed over n, (...)."""
-    if inner.size // inner.shape[-1] ** 2 >= _MANY:
+    if inner.size // inner.shape[-1] ** 2 >= _MANY_SYSTEMS:
         try:
             root, log_det = inverse_factors(inner)
             return root.mT @ (root @ right), np.asarray(log_det.sum(-1))
@@ -309,11 +309,11 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
                 error = state.cameras[name].parameters - lens.camera.parameters
                 out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
             elif lens.status == "free":
-                out += _of_real_lenses(state.cameras[name], where)
+                out += _lens_priors(state.cameras[name], where)
     return out + _robot_residuals(problem, state)
 
 
-def _of_real_lenses(camera: Camera, where: slice) -> list[tuple[Array, Array, slice]]:
+def _lens_priors(camera: Camera, rows: slice) -> list[tuple[Array, Array, slice]]:
     """What real lenses have of the terms of one of which nothing is stated, as priors of these terms."""
     sigmas = camera.term_sigmas
     held = np.flatnonzero(np.isfinite(sigmas))
@@ -321,12 +321,12 @@ def _of_real_lenses(camera: Camera, where: slice) -> list[tuple[Array, Array, sl
         return []
     jacobian = np.zeros((len(held), 4 + len(sigmas)))
     jacobian[np.arange(len(held)), 4 + held] = 1 / sigmas[held]
-    return [(camera.distortion[..., held] / sigmas[held], jacobian, where)]
+    return [(camera.distortion[..., held] / sigmas[held], jacobian, rows)]
 
 
 def _robot_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
     out = []
-    for model in filter(None, map(problem.modelled, problem.models)):
+    for model in filter(None, map(problem.robot_model, problem.models)):
         values = column_values(model, state.kinematics(model))
         for name in model.widths:
             sigma = model.sigmas[name]

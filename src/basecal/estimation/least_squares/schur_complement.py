@@ -37,7 +37,7 @@ class SchurComplement:
 
     Attributes:
         by_unknowns: (..., k, 6, p) mixed second derivative.
-        solution: (..., 6 k, p + 1): the inverse applied to `by_unknowns` and, last, to the gradient.
+        solution: (..., 6 k, p + 1): the inverse applied to `unknown_jacobian` and, last, to the gradient.
         promised: (...) by how much the errors alone lower the cost.
         log_det: (...) log determinant of the errors' information.
         precision: (..., k, 6, 6) diagonal blocks of the errors' information.
@@ -93,15 +93,20 @@ class SchurAccumulator:
         self.pairs: list[tuple[IntArray, IntArray, Array]] = []
 
     def add(
-        self, shared: Sequence[SharedView], gradient: Array, information: Array, by_unknowns: Array, columns: IntArray
+        self,
+        shared_views: Sequence[SharedView],
+        gradient: Array,
+        information: Array,
+        unknown_jacobian: Array,
+        columns: IntArray,
     ) -> None:
         """Add a group's views: gradient (..., n, q), information (..., n, q, q), derivative (..., n, q, m)."""
-        for of in shared:
+        for of in shared_views:
             if not len(of.view):
                 continue
             transposed = of.by_error.mT
             carried = transposed @ information[..., of.view, :, :]
-            to_diagonal, to_unknowns = carried @ of.by_error, carried @ by_unknowns[..., of.view, :, :]
+            to_diagonal, to_unknowns = carried @ of.by_error, carried @ unknown_jacobian[..., of.view, :, :]
             to_gradient = (transposed @ gradient[..., of.view, :, None])[..., 0]
             n, stops = len(of.stop), self.diagonal.shape[-3]
             if np.bincount(of.stop).max() == 1:
@@ -110,11 +115,11 @@ class SchurAccumulator:
                 self.by_unknowns[..., of.stop[:, None, None], np.arange(6)[:, None], columns] += to_unknowns
                 continue
             sum_over = csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
-            self.diagonal += _summed(sum_over, to_diagonal, 2)
-            self.gradient += _summed(sum_over, to_gradient, 1)
-            self.by_unknowns[..., columns] += _summed(sum_over, to_unknowns, 2)
-        if len(shared) == 2:
-            self._add_pairs(shared[0], shared[1], information)
+            self.diagonal += _sum_rows(sum_over, to_diagonal, 2)
+            self.gradient += _sum_rows(sum_over, to_gradient, 1)
+            self.by_unknowns[..., columns] += _sum_rows(sum_over, to_unknowns, 2)
+        if len(shared_views) == 2:
+            self._add_pairs(shared_views[0], shared_views[1], information)
 
     def _add_pairs(self, eye: SharedView, hand: SharedView, information: Array) -> None:
         both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
@@ -132,7 +137,9 @@ class SchurAccumulator:
             # Many small systems with many right sides: by their inverses it takes a fifth of the time.
             solution = (np.linalg.inv(self.diagonal) @ right).reshape(*batch, 6 * k, width + 1)
             log_det = np.asarray(np.linalg.slogdet(self.diagonal)[1].sum(-1))
-            return SchurComplement(self.by_unknowns, solution, self._promised(solution), log_det, self.diagonal, None)
+            return SchurComplement(
+                self.by_unknowns, solution, self._promised_decrease(solution), log_det, self.diagonal, None
+            )
         right = right.reshape(*batch, 6 * k, width + 1)
         solution, log_det = np.empty_like(right), np.empty(tuple(batch))
         for entry in np.ndindex(*batch):
@@ -142,10 +149,10 @@ class SchurAccumulator:
                 raise np.linalg.LinAlgError("the stops that views share have no solution") from error
             solution[entry] = factor.solve(right[entry])
             log_det[entry] = np.log(np.abs(factor.U.diagonal())).sum()
-        of_solution = solution, self._promised(solution), log_det
+        of_solution = solution, self._promised_decrease(solution), log_det
         return SchurComplement(self.by_unknowns, *of_solution, self.diagonal, None if batch else factor)
 
-    def _promised(self, solution: Array) -> Array:
+    def _promised_decrease(self, solution: Array) -> Array:
         """By how much the errors alone lower the cost, (...)."""
         flat = self.gradient.reshape(*self.gradient.shape[:-2], -1)
         return np.asarray(np.sum(flat * solution[..., -1], -1))
@@ -164,8 +171,8 @@ class SchurAccumulator:
         return csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
 
 
-def _summed(sum_over: csr_array, rows: Array, axes: int) -> Array:
+def _sum_rows(summing: csr_array, rows: Array, axes: int) -> Array:
     """Sums over rows (..., n, *), with so many axes behind n."""
     first = np.moveaxis(rows, -1 - axes, 0)
-    flat: Array = sum_over @ first.reshape(len(first), -1)
+    flat: Array = summing @ first.reshape(len(first), -1)
     return np.moveaxis(flat.reshape(len(flat), *first.shape[1:]), 0, -1 - axes)

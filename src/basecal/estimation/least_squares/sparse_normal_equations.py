@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 
-from basecal.estimation.least_squares.alike_pairs import AlikePairs, alike_pairs
+from basecal.estimation.least_squares.alike_pairs import AlikePairs, group_pairs
 from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
@@ -61,12 +61,12 @@ class SparseBundle:
         cost = float(sum(of.cost.sum() for of in found))
         for pairs, of in zip(self.pairs, found, strict=True):
             np.add.at(gradient, pairs.columns, of.gradient)
-            blocks.append(_spread(pairs.columns, of.hessian))
+            blocks.append(_scatter_blocks(pairs.columns, of.hessian))
         for residual, jacobian, where in prior_residuals(self.problem, alone):
             columns = np.arange(where.start, where.stop)
             cost += float(residual @ residual)
             gradient[columns] += jacobian.T @ residual
-            blocks.append(_spread(columns[None], (jacobian.T @ jacobian)[None]))
+            blocks.append(_scatter_blocks(columns[None], (jacobian.T @ jacobian)[None]))
         rows, columns, values = (np.concatenate(part) for part in zip(*blocks, strict=True))
         matrix = csc_array(coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width)))
         eliminated = np.array([sum(float(of.eliminated.sum()) for of in found)])
@@ -95,10 +95,10 @@ def sparse_adjust(
 
 def sparse_bundle(problem: Problem, weights: Sequence[Array] | None = None) -> SparseBundle:
     """A problem for which `is_sparse` holds."""
-    return SparseBundle(problem, alike_pairs(problem), weights)
+    return SparseBundle(problem, group_pairs(problem), weights)
 
 
-def _spread(columns: IntArray, blocks: Array) -> tuple[IntArray, IntArray, Array]:
+def _scatter_blocks(columns: IntArray, blocks: Array) -> tuple[IntArray, IntArray, Array]:
     """Rows, columns and values of blocks (b, m, m) at columns (b, m)."""
     row = np.broadcast_to(columns[:, :, None], blocks.shape)
     column = np.broadcast_to(columns[:, None, :], blocks.shape)

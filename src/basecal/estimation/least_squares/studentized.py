@@ -23,10 +23,10 @@ from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.spectral import VIEW_ROUNDING, scaled_spectrum, spectrum
 
-_LEAST_LEARNT = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
-_ALONE = 1.0 - 1e-4
+_LEAST_GAIN_SHARE = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
+_ALONE_LEVERAGE = 1.0 - 1e-4
 _OWN_POINTS = 12
-_LEAST_LEFT = 1e-3
+_LEAST_VARIANCE_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,11 @@ def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> L
     """What is known about a state by the views whose weight is 1."""
     normal = linearise(problem, state, weights)
     covariance = spectrum(normal.hessian).inverse
-    spread = tuple(_spread(normal, covariance, k) for k in range(len(problem.groups)))
+    spread = tuple(_unknown_spread(normal, covariance, k) for k in range(len(problem.groups)))
     return LeaveOneOut(problem, state, tuple(weights), normal, spread)
 
 
-def studentized(
+def studentize_views(
     problem: Problem, state: State, weights: Sequence[Array] | None = None
 ) -> tuple[MahalanobisSquared, ...]:
     """By group, (..., n): how far each view is from a state itself, as if that were exact; infinite behind its camera.
@@ -102,7 +102,7 @@ def _view_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     whitened = (information.inverse_root.mT @ of.gradient[..., None])[..., 0]
     leverage = information.root.mT @ model.spread[k] @ information.root
     sign = np.where(weight > 0, -1.0, 1.0)[:, None, None]
-    left = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE)
+    left = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE_LEVERAGE)
     # Directions in which the view has no information stand as zeros with a share of nothing.
     freedoms = np.maximum(information.rank - np.count_nonzero(~left.held, axis=-1), 0)
     return MahalanobisSquared(np.where(freedoms > 0, left.mahalanobis_squared(whitened), np.nan), freedoms)
@@ -120,7 +120,7 @@ def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
     by_unknowns = system.solution[:, :-1].reshape(len(which), 6, model.problem.width)
     covariance = spectrum(model.normal.hessian).inverse
     spread = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
-    learnt = scaled_spectrum(np.eye(6) - spread, _LEAST_LEARNT)
+    learnt = scaled_spectrum(np.eye(6) - spread, _LEAST_GAIN_SHARE)
     value[which], freedoms[which] = learnt.mahalanobis_squared(model.state.stop_errors[which]), learnt.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
 
@@ -149,17 +149,17 @@ def _point_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     rows = point_jacobians(measurement, predicted, model.state.cameras.get(group.camera), has_columns)
     own = judged_by_view(group.measurement)
     if own.all():
-        return _by_own_view(rows)
-    squares = _studentised(rows.residual, rows.jacobian, _posterior(model, k, rows), rows.seen)
+        return _own_view_distances(rows)
+    squares = _studentize(rows.residual, rows.jacobian, _posterior(model, k, rows), rows.seen)
     if not own.any():
         return squares
-    at, by_view = own[:, None], _by_own_view(rows)
+    at, by_view = own[:, None], _own_view_distances(rows)
     return MahalanobisSquared(
         np.where(at, by_view.value, squares.value), np.where(at, by_view.freedoms, squares.freedoms)
     )
 
 
-def _by_own_view(rows: PointJacobians) -> MahalanobisSquared:
+def _own_view_distances(rows: PointJacobians) -> MahalanobisSquared:
     """Each point against its view's own pose, to first order."""
     jacobian = rows.jacobian[..., :6]
     n, p, d, _ = jacobian.shape
@@ -167,29 +167,29 @@ def _by_own_view(rows: PointJacobians) -> MahalanobisSquared:
     pose_spread = spectrum(flat.mT @ flat, VIEW_ROUNDING).inverse
     gradient = flat.mT @ rows.residual.reshape(n, p * d, 1)
     moved = rows.residual - (flat @ (pose_spread @ gradient)).reshape(n, p, d)
-    return _studentised(moved, jacobian, pose_spread, rows.seen)
+    return _studentize(moved, jacobian, pose_spread, rows.seen)
 
 
-def _studentised(residual: Array, jacobian: Array, spread: Array, seen: BoolArray) -> MahalanobisSquared:
+def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: BoolArray) -> MahalanobisSquared:
     """Residuals (n, p, d) whitened by what is left of the noise about a fitted tangent of covariance (n, q, q)."""
     n, p, d, q = jacobian.shape
-    carried = (jacobian.reshape(n, p * d, q) @ spread).reshape(jacobian.shape)
+    carried = (jacobian.reshape(n, p * d, q) @ covariance).reshape(jacobian.shape)
     left = np.eye(d) - np.einsum("npiq,npjq->npij", carried, jacobian)
     if d == 2:
-        value, certain = _by_two(residual, left)
-        if certain[seen].all():
-            return MahalanobisSquared(np.where(seen, value, np.nan), 2 * seen.astype(np.int64))
-    known = scaled_spectrum(left, _LEAST_LEFT)
-    freedoms = np.where(seen, known.rank, 0)
+        value, certain = _pair_distances(residual, left)
+        if certain[visible].all():
+            return MahalanobisSquared(np.where(visible, value, np.nan), 2 * visible.astype(np.int64))
+    known = scaled_spectrum(left, _LEAST_VARIANCE_SHARE)
+    freedoms = np.where(visible, known.rank, 0)
     return MahalanobisSquared(np.where(freedoms > 0, known.mahalanobis_squared(residual), np.nan), freedoms)
 
 
-def _by_two(residual: Array, left: Array) -> tuple[Array, BoolArray]:
+def _pair_distances(residual: Array, left: Array) -> tuple[Array, BoolArray]:
     """Of pairs r: r' M^-1 r, and whether M is clear of zero; written out, since many small systems are slow."""
     a, b, c = left[..., 0, 0], left[..., 0, 1], left[..., 1, 1]
     x, y = residual[..., 0], residual[..., 1]
     determinant = a * c - b * b
-    certain = np.asarray((determinant > _LEAST_LEFT) & (a > 0))
+    certain = np.asarray((determinant > _LEAST_VARIANCE_SHARE) & (a > 0))
     return (c * x * x - 2 * b * x * y + a * y * y) / np.where(certain, determinant, 1.0), certain
 
 
@@ -210,7 +210,7 @@ def _posterior(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     return posterior
 
 
-def _spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
+def _unknown_spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
     of = normal.views[k]
     derivative = of.by_unknowns
     if normal.system is None:
@@ -221,10 +221,10 @@ def _spread(normal: NormalEquations, covariance: Array, k: int) -> Array:
     by_unknowns = normal.system.solution[:, :-1].reshape(len(normal.system.precision), 6, len(covariance))
     for part in of.shared:
         full[part.view] -= part.by_error @ by_unknowns[part.stop]
-    return full @ covariance @ full.mT + _shared_spread(normal, k)
+    return full @ covariance @ full.mT + _stop_spread(normal, k)
 
 
-def _shared_spread(normal: NormalEquations, k: int) -> Array:
+def _stop_spread(normal: NormalEquations, k: int) -> Array:
     """What the shared stops' errors add, the unknowns known, (n, q, q)."""
     of, system = normal.views[k], normal.system
     assert system is not None

@@ -15,7 +15,7 @@ import numpy as np
 
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
-from basecal.estimation.least_squares.jacobians import by_robot_models, by_stop_errors, by_unknowns
+from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.noise.shaped_targets import points_of, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
@@ -238,14 +238,16 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     n, rows = view.gradient.shape
     rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # what is left is of pose and lens
     fixed = np.zeros((n, rows, layout.width))
-    of_unknowns, columns = by_unknowns(problem, group, links, rows)
+    of_unknowns, columns = unknown_jacobian(problem, group, links, rows)
     fixed[:, :, columns] = of_unknowns
-    of_models, more = by_robot_models(problem, group, links, state, rows)
+    of_models, more = robot_model_jacobian(problem, group, links, state, rows)
     fixed[:, :, more] = of_models
     errors, present = np.zeros((n, rows, layout.rows)), np.zeros((n, rows))
     block = np.full(n, -1, dtype=np.int64)
     noisy = [end for end in group.ends if end.has_noise]
-    for end, (stop, by_error) in zip(noisy, by_stop_errors(group, links, state, problem.stops, rows), strict=True):
+    for end, (stop, by_error) in zip(
+        noisy, stop_error_jacobians(group, links, state, problem.stops, rows), strict=True
+    ):
         present += (by_error @ state.stop_errors[stop][..., None])[..., 0]
         _place(fixed, errors, block, stop, by_error, layout)
         if end.robot is not None and end.robot in layout.common:

@@ -16,7 +16,7 @@ _FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose
 
 def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedErrors | None:
     """The errors that a robot's stops share by an effect; None if they show none of it, or it is an unknown."""
-    model = problem.modelled(robot)
+    model = problem.robot_model(robot)
     if model is not None and not model.columns.keys().isdisjoint(effect.replaced_by):
         return None
     if effect.by_poses is not None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.problem.gauges import LEAST_RMS, SCALE
+from basecal.estimation.problem.gauges import LEAST_RMS, MOVE_SCALE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import SE3, Array
 from basecal.numerics.batch import concatenate
@@ -95,7 +95,7 @@ def _orientations(turns: Array) -> int:
 def _least_motion(problem: Problem) -> dict[str, float]:
     """By robot with stated noise what motion counts, rms: more than a thousandth or so, and several of its sigmas."""
     first = {name: k for k, name in reversed(list(enumerate(problem.stops.robot)))}
-    noise = {name: float((problem.stops.sigma[k] / SCALE).max()) for name, k in first.items()}
+    noise = {name: float((problem.stops.sigma[k] / MOVE_SCALE).max()) for name, k in first.items()}
     return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}
 
 
@@ -106,12 +106,12 @@ def _indistinct(base_from_flange: SE3, least: float) -> tuple[Array, Array]:
         base_from_flange: (n,).
         least: By how much the carried twists may differ, rms, half a metre counting as a radian.
     """
-    carried = base_from_flange.inverse().adjoint() * SCALE / SCALE[:, None]
+    carried = base_from_flange.inverse().adjoint() * MOVE_SCALE / MOVE_SCALE[:, None]
     mean = carried.mean(0)
     off = (carried - mean).reshape(-1, 6)
     differing = scaled_spectrum(off.T @ off / len(carried), least**2)
     alike = differing.vectors[:, ~differing.held]
-    return alike.T * SCALE, (mean @ alike).T * SCALE
+    return alike.T * MOVE_SCALE, (mean @ alike).T * MOVE_SCALE
 
 
 def null_directions(problem: Problem, state: State) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from basecal.estimation.least_squares.studentized import studentized
+from basecal.estimation.least_squares.studentized import studentize_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 
@@ -24,7 +24,7 @@ def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ..
     found: tuple[float, tuple[int, ...]] = (np.inf, ())
     numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)
     for state in states:
-        squares = studentized(problem, state)
+        squares = studentize_views(problem, state)
         sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
         worst = np.zeros(len(numbers))  # view of each sample
         np.maximum.at(worst, row, sigmas)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.problem.correspondence import half_turned
+from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.measurement import Measurement, Noise
@@ -88,4 +88,4 @@ def _without(group: ViewGroup, points: BoolArray) -> ViewGroup:
     measurement = group.measurement.masked(points)
     if group.half_turn is None or not isinstance(measurement, PixelMeasurement) or points.all():
         return replace(group, measurement=measurement)
-    return replace(group, measurement=measurement, readings=(measurement, half_turned(measurement)))
+    return replace(group, measurement=measurement, readings=(measurement, half_turn_views(measurement)))

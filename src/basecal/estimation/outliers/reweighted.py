@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentized
+from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentize_views
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
@@ -44,7 +44,7 @@ def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> S
     for _ in range(_ROUNDS):
         weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
         state = bundle_adjust(weighted, state, 1, _STEPS, views).state
-        of_views = list(studentized(weighted, state, views))
+        of_views = list(studentize_views(weighted, state, views))
         of_points = [_point_misfits(problem, state, g) for g in problem.groups]
         ratios = [_over_limit(s, scale_of(of_views)) for s in of_views]
         point_ratios = [_over_limit(s, scale_of(of_points)) for s in of_points]

@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.studentized import judged_by_view, studentized
+from basecal.estimation.least_squares.studentized import judged_by_view, studentize_views
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
     Classification,
@@ -197,7 +197,7 @@ def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> C
     full, kept = _rechosen(full, kept, state)
     masked = without_points(full, kept.points)
     try:
-        squares = studentized(masked, state)
+        squares = studentize_views(masked, state)
     except np.linalg.LinAlgError:
         return None
     scale = view_scale(masked, squares)

@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 
 from basecal.cell import Cell, Intrinsics
-from basecal.estimation.least_squares.bundle_adjustment import batch_of, bundle_adjust_batch
-from basecal.estimation.least_squares.studentized import studentized
+from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
+from basecal.estimation.least_squares.studentized import studentize_views
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.outliers.inlier_mask import of_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
@@ -58,7 +58,7 @@ def score(problem: Problem, state: State, stated: bool) -> float:
 
     The Cauchy likelihood with its own scale, which is at least one where sigmas are stated.
     """
-    every = studentized(problem, state)
+    every = studentize_views(problem, state)
     value = np.minimum(np.concatenate([s.value for s in every]), _FARTHEST)
     freedoms = np.concatenate([s.freedoms for s in every])
     seen = freedoms > 0
@@ -138,7 +138,7 @@ def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
     inside = [np.stack([np.isin(g.sample, subset.numbers) for subset in subsets]) for g in problem.groups]
     if not len(problem.stops):
         problem, inside = _gathered(problem, inside)
-    states = batch_of(problem, [subset.start for subset in subsets])
+    states = batch_states(problem, [subset.start for subset in subsets])
     problem, _ = choose_correspondence(problem, states)
     dof, weights = np.array([subset.dof for subset in subsets]), [of.astype(np.float64) for of in inside]
     ends = bundle_adjust_batch(problem, states, dof, _STEPS, weights)
@@ -147,10 +147,10 @@ def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
 
 def _concentrated(problem: Problem, states: Sequence[State]) -> list[State]:
     """Drawn on to the views that fit best, all side by side."""
-    drawn = batch_of(problem, states)
+    drawn = batch_states(problem, states)
     for _ in range(_CONCENTRATIONS):
         read, _ = choose_correspondence(problem, drawn)
-        squares = studentized(read, drawn)
+        squares = studentize_views(read, drawn)
         ratio = [np.minimum(s.value, _FARTHEST) / np.maximum(s.freedoms, 1) for s in squares]
         limit = np.quantile(np.concatenate(ratio, axis=-1), _CONCENTRATED, axis=-1)
         weights = [(r <= limit[:, None]).astype(np.float64) for r in ratio]

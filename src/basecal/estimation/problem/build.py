@@ -21,10 +21,10 @@ from basecal.cell import (
     Sample,
 )
 from basecal.effects.deflection import NAME as DEFLECTION
-from basecal.effects.deflection import hung
+from basecal.effects.deflection import apply_gravity
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
-from basecal.estimation.problem.measurements import measurement_of, readings_of
+from basecal.estimation.problem.measurements import alternative_readings, make_measurement
 from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, check_carriers
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
@@ -67,7 +67,7 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     for i, sample in enumerate(samples):
         for robot, state in sample.robots.items():
             states[robot].append((i, state))
-    poses = {name: _poses_of(cell, name, states[name]) for name in cell.robots}
+    poses = {name: _robot_poses(cell, name, states[name]) for name in cell.robots}
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
@@ -126,7 +126,7 @@ def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
 
 
-def _poses_of(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -> _Poses:
+def _robot_poses(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -> _Poses:
     if not having:
         return _Poses()
     row = {i: k for k, (i, _) in enumerate(having)}
@@ -217,8 +217,8 @@ def _group(
     index = [i for i, _ in views]
     shape = cell.targets[target].target
     observations = [o for _, o in views]
-    measurement = measurement_of(cell, camera, target, kind, observations)
-    readings = readings_of(measurement, shape, observations)
+    measurement = make_measurement(cell, camera, target, kind, observations)
+    readings = alternative_readings(measurement, shape, observations)
     return ViewGroup(
         camera=camera,
         target=target,
@@ -258,7 +258,7 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
     ends = np.cumsum([0, *widths.values()])
     columns = {name: slice(int(a), int(b)) for name, a, b in zip(widths, ends[:-1], ends[1:], strict=True)}
     chains = {
-        name: hung(robot.chain, robot.parameters.get(DEFLECTION))
+        name: apply_gravity(robot.chain, robot.parameters.get(DEFLECTION))
         for name, robot in cell.robots.items()
         if robot.chain is not None
     }

@@ -27,7 +27,7 @@ def half_turn(target: Target) -> SE3 | None:
     return SE3(rotation, middle - rotation @ middle)
 
 
-def half_turned(measurement: PixelMeasurement) -> PixelMeasurement:
+def half_turn_views(measurement: PixelMeasurement) -> PixelMeasurement:
     """The views of a grid read from its other end: point k is point n - 1 - k."""
     backwards = slice(None, None, -1)
     return replace(
@@ -53,14 +53,14 @@ def choose_correspondence(problem: Problem, state: State) -> tuple[Problem, bool
         predicted, camera = state.camera_from_target(group, problem.stops), state.cameras[group.camera]
         costs = np.stack([reading.linearise(predicted, camera, False).cost for reading in group.readings])
         best = np.asarray(np.argmin(costs, axis=0), dtype=np.int64)
-        measurement = _selected(group.readings, best)
+        measurement = _select_readings(group.readings, best)
         assert isinstance(group.measurement, PixelMeasurement)
         changed |= bool(np.any(measurement.pixels != group.measurement.pixels))
         groups.append(replace(group, measurement=measurement))
     return (problem.with_groups(groups), True) if changed else (problem, False)
 
 
-def _selected(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:
+def _select_readings(readings: tuple[PixelMeasurement, ...], best: IntArray) -> PixelMeasurement:
     """The reading of each view that is best, ([b,] n)."""
     chosen = readings[0]
     for k, reading in enumerate(readings[1:], start=1):

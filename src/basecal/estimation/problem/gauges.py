@@ -16,11 +16,13 @@ from basecal.numerics.spectral import Spectrum, scaled_spectrum
 # recorded poses may make: real arms have some milliradians.
 LEAST_RMS = 3e-3
 LENGTH_M = 0.5  # length that counts as much as a radian: a lever arm of an arm's hand [m]
-SCALE = np.array([LENGTH_M] * 3 + [1.0] * 3)
-_ALIKE = 6  # decimals of a joint's share in a gauge: equal ones differ by rounding, and then the first is taken
+MOVE_SCALE = np.array([LENGTH_M] * 3 + [1.0] * 3)
+_SHARE_DECIMALS = (
+    6  # decimals of a joint's share in a gauge: equal ones differ by rounding, and then the first is taken
+)
 
 
-def of_ends(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
+def end_moves(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
     """How flanges, (m,), move with what is free at the ends of their arm, right tangents, (m, 6, k).
 
     Args:
@@ -28,43 +30,43 @@ def of_ends(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
         free_ends: Whether its base, and whether all that its flange carries, are free.
     """
     at_base, at_flange = base_from_flange.inverse().adjoint(), np.broadcast_to(np.eye(6), (len(base_from_flange), 6, 6))
-    ends = [each * SCALE for each, free in zip((at_base, at_flange), free_ends, strict=True) if free]
+    ends = [each * MOVE_SCALE for each, free in zip((at_base, at_flange), free_ends, strict=True) if free]
     return np.concatenate([np.zeros((len(base_from_flange), 6, 0)), *ends], axis=-1)
 
 
-def beyond(moves: Array, others: Array) -> Spectrum:
+def independent_moves(moves: Array, others: Array) -> Spectrum:
     """What of some moves of a flange others cannot take up: mean squares along directions of the moves [rad^2].
 
     Args:
         moves: (m, 6, k) right tangents by one unit of each [m, rad].
         others: (m, 6, j) likewise.
     """
-    flat, by_others = _flat(moves), _flat(others)
+    flat, by_others = _flatten_moves(moves), _flatten_moves(others)
     across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
     return scaled_spectrum(flat.T @ flat - across.T @ across, LEAST_RMS**2)
 
 
-def _flat(moves: Array) -> Array:
+def _flatten_moves(moves: Array) -> Array:
     """Rows of all flanges, 0.5 m counting as a radian, whose sums of squares are means over the flanges."""
-    rows = moves / SCALE[:, None]
+    rows = moves / MOVE_SCALE[:, None]
     return np.asarray(rows.reshape(6 * len(moves), moves.shape[-1]) / np.sqrt(max(len(moves), 1)))
 
 
-def told_directions(moves: Array, others: Array) -> Array:
-    """An orthonormal basis, (k, r), of what of some moves is none of the others; see `beyond`."""
-    left = beyond(moves, others)
+def determined_directions(moves: Array, others: Array) -> Array:
+    """An orthonormal basis, (k, r), of what of some moves is none of the others; see `independent_moves`."""
+    left = independent_moves(moves, others)
     return np.asarray(left.vectors[:, left.held])
 
 
-def told_joints(moves: Array, others: Array) -> IntArray:
+def determined_joints(moves: Array, others: Array) -> IntArray:
     """Which of some moves, one of each joint, are not to be held so that the rest is none of the others.
 
     Of joints that are in a gauge alike the first is held.
     """
-    of = beyond(moves, others)
+    of = independent_moves(moves, others)
     left, held = of.vectors[:, ~of.held], list[int]()
     for _ in range(left.shape[1]):
-        share = np.round(np.linalg.norm(left, axis=-1), _ALIKE)
+        share = np.round(np.linalg.norm(left, axis=-1), _SHARE_DECIMALS)
         held.append(int(np.argmax(share)))
         along = left[held[-1]] / np.linalg.norm(left[held[-1]])
         left = left - np.outer(left @ along, along)

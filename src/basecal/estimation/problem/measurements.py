@@ -16,7 +16,7 @@ from basecal.cell import (
     Target,
 )
 from basecal.errors import InputError
-from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turned
+from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turn_views
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -24,7 +24,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 
-def measurement_of(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
+def make_measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
     """What one camera's observations of one target say, all of one `kind`, a name of an observation's type.
 
     Raises:
@@ -54,29 +54,29 @@ def measurement_of(cell: Cell, camera: str, target: str, kind: str, observations
     return replace(_pixel_measurement(shape, pixels, cell.pixel_px), common_px=cell.correlated_px or 0.0)
 
 
-def _as_pixels(observation: PixelObservation | CandidateObservation, which: int = 0) -> PixelObservation:
+def _as_pixels(observation: PixelObservation | CandidateObservation, spot: int = 0) -> PixelObservation:
     """An observation of pixels; of candidates the one asked for, or the first where there are fewer."""
     if isinstance(observation, PixelObservation):
         return observation
-    o, k = observation, which if which < len(observation.pixels) else 0
+    o, k = observation, spot if spot < len(observation.pixels) else 0
     sigma = None if o.sigma_px is None else o.sigma_px[k : k + 1]
     return PixelObservation(o.camera, o.target, np.zeros(1, dtype=np.int64), o.pixels[k : k + 1], sigma, o.detected)
 
 
-def readings_of(
+def alternative_readings(
     measurement: Measurement, shape: Target | None, observations: list[Observation]
 ) -> tuple[PixelMeasurement, ...]:
     """All ways to read the views, the measurement's own first; none where there is no choice."""
     if not isinstance(measurement, PixelMeasurement) or shape is None:
         return ()
     if half_turn(shape) is not None:
-        return measurement, half_turned(measurement)
+        return measurement, half_turn_views(measurement)
     candidates = [o for o in observations if isinstance(o, CandidateObservation)]
     most = min(max((len(o.pixels) for o in candidates), default=1), MOST_CANDIDATES)
-    return tuple(_by_spot(measurement, observations, k) for k in range(most if most > 1 else 0))
+    return tuple(_select_spot(measurement, observations, k) for k in range(most if most > 1 else 0))
 
 
-def _by_spot(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
+def _select_spot(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
     """The views as if the light were the spot of this number, or the first where there are fewer; each by its sigma."""
     pixels = measurement.pixels.copy()
     share, of_detector = np.ones((2, len(observations), 1))  # 1 / sigma over that of the first spot

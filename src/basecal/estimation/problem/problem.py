@@ -118,7 +118,7 @@ class Problem:
         """The problems at these rows of a batch."""
         return self.with_groups(g.of_batch(rows) for g in self.groups)
 
-    def modelled(self, robot: str | None) -> RobotModel | None:
+    def robot_model(self, robot: str | None) -> RobotModel | None:
         """The model of a robot that has columns in the step; None where it has none."""
         model = self.models.get(robot or "")
         return model if model is not None and all(name in self.columns for name in model.widths) else None
@@ -159,23 +159,23 @@ class State:
     def spread(self, problem: Problem, count: int) -> State:
         """A single state, so many times; lenses that are not estimated serve all."""
 
-        def many(transform: SE3) -> SE3:
+        def repeat(transform: SE3) -> SE3:
             """One transform, so many times."""
             rotation = np.broadcast_to(transform.rotation, (count, 3, 3))
             return SE3.adopt(rotation, np.broadcast_to(transform.translation, (count, 3)))
 
-        transforms = {name: many(transform) for name, transform in self.transforms.items()}
+        transforms = {name: repeat(transform) for name, transform in self.transforms.items()}
         cameras = dict(self.cameras)
         for name in cameras.keys() & problem.columns.keys():
             parameters = self.cameras[name].parameters
             cameras[name] = cameras[name].with_parameters(np.broadcast_to(parameters, (count, len(parameters))))
         errors = np.broadcast_to(self.stop_errors, (count, *self.stop_errors.shape))
-        models = {name: model for name in problem.models if (model := problem.modelled(name)) is not None}
+        models = {name: model for name in problem.models if (model := problem.robot_model(name)) is not None}
         robots = {**self.robots, **{name: self.kinematics(model) for name, model in models.items()}}
         spread = {name: kinematics.spread(models.get(name), count) for name, kinematics in robots.items()}
         return State(transforms, cameras, errors, spread)
 
-    def beside_views(self, name: str) -> SE3:
+    def view_transform(self, name: str) -> SE3:
         """A transform that broadcasts against views: of a batch (..., 1)."""
         transform = self.transforms[name]
         return transform.spread() if transform.shape else transform
@@ -235,11 +235,11 @@ def chain(group: ViewGroup, state: State, stops: Stops) -> Chain:
     """
     eye, hand = group.ends
     eye_error, hand_error = _flange_errors(group, state, stops)
-    target_from_hand_flange = state.beside_views(hand.mount).inverse()
+    target_from_hand_flange = state.view_transform(hand.mount).inverse()
     target_from_hand_base = target_from_hand_flange @ _inverse_flange(hand, state, hand_error)
     target_from_eye_base = _to_eye_base(target_from_hand_base, group, state)
     target_from_eye_flange = target_from_eye_base @ _flange(eye, state, eye_error)
-    target_from_camera = target_from_eye_flange @ state.beside_views(eye.mount)
+    target_from_camera = target_from_eye_flange @ state.view_transform(eye.mount)
     ends = (
         Link(-1.0, target_from_eye_base, target_from_eye_flange, target_from_camera),
         Link(1.0, target_from_hand_base, target_from_hand_flange, None),
@@ -251,11 +251,11 @@ def _to_eye_base(target_from_hand_base: SE3, group: ViewGroup, state: State) -> 
     """`target_from_eye_base`; either base is the reference's, and the world's, if it has no name."""
     eye, hand = group.ends
     if hand.base is None:
-        return target_from_hand_base if eye.base is None else target_from_hand_base @ state.beside_views(eye.base)
-    hand_base_from_world = state.beside_views(hand.base).inverse()
+        return target_from_hand_base if eye.base is None else target_from_hand_base @ state.view_transform(eye.base)
+    hand_base_from_world = state.view_transform(hand.base).inverse()
     if eye.base is None:
         return target_from_hand_base @ hand_base_from_world
-    return target_from_hand_base @ (hand_base_from_world @ state.beside_views(eye.base))
+    return target_from_hand_base @ (hand_base_from_world @ state.view_transform(eye.base))
 
 
 def _flange(end: End, state: State, error: SE3 | None) -> SE3:

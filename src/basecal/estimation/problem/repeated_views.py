@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation
 
-_LISTED = 10  # samples that a message names
+_LISTED_SAMPLES = 10  # samples that a message names
 
 
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
@@ -27,7 +27,7 @@ def repeated_views(numbers: Sequence[int]) -> list[Finding]:
     """A finding about the samples, by number, whose views are counted with earlier ones; none without any."""
     if not numbers:
         return []
-    shown = ", ".join(map(str, numbers[:_LISTED])) + (", ..." if len(numbers) > _LISTED else "")
+    shown = ", ".join(map(str, numbers[:_LISTED_SAMPLES])) + (", ..." if len(numbers) > _LISTED_SAMPLES else "")
     one = len(numbers) == 1
     which = f"The view of sample {shown} repeats" if one else f"{len(numbers)} views, of sample {shown}, repeat"
     what = f"{which} that of an earlier sample to the last bit."

@@ -18,7 +18,7 @@ from basecal.cell import Parameters
 from basecal.effects.faces.robot_parameter import Columns, Posture
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError
-from basecal.estimation.problem.gauges import of_ends, told_directions, told_joints
+from basecal.estimation.problem.gauges import determined_directions, determined_joints, end_moves
 from basecal.geometry import SE3, Array
 from basecal.kinematics import SerialChain
 from basecal.numerics.batch import SHARED
@@ -55,7 +55,7 @@ class RobotModel:
         """Sigmas of the prior of each kind's columns, by name; None where they are free."""
         return {name: self.columns[kind].sigma for name, kind in self.names.items()}
 
-    def of_joint(self, kind: str, joint: int) -> RobotModel:
+    def select_joint(self, kind: str, joint: int) -> RobotModel:
         """The same with the columns of one joint alone of a kind that has a number for each."""
         basis, sigma = self.columns[kind]
         own = np.flatnonzero(basis[joint])
@@ -95,7 +95,7 @@ class Kinematics:
         """The values of a kind."""
         return self.values[kind] if kind in self.values else ROBOT_PARAMETERS[kind].zero(self.chain.n)
 
-    def stated_of(self, kind: str) -> Parameters:
+    def stated_parameters(self, kind: str) -> Parameters:
         """What is known of a kind."""
         return self.stated[kind] if kind in self.stated else ROBOT_PARAMETERS[kind].stated()
 
@@ -107,14 +107,14 @@ class Kinematics:
         """Where recorded joints ([b,] m, n) truly stand [rad]; each kind shifts them as recorded."""
         true = joints
         for kind, values in self.values.items():
-            true = true + ROBOT_PARAMETERS[kind].shift(self.chain, self.stated_of(kind), joints, values)
+            true = true + ROBOT_PARAMETERS[kind].shift(self.chain, self.stated_parameters(kind), joints, values)
         return true
 
 
 def robot_model(
     robot: str,
     chain: SerialChain,
-    stated: Mapping[str, Parameters],
+    parameters: Mapping[str, Parameters],
     joints: Array,
     free_ends: tuple[bool, bool] = (False, False),
 ) -> RobotModel:
@@ -123,16 +123,18 @@ def robot_model(
     Args:
         robot: Its name.
         chain: Its kinematics as stated.
-        stated: What is known of its parameters, by kind.
+        parameters: What is known of its parameters, by kind.
         joints: (m, n) as recorded [rad].
         free_ends: Whether its base, and whether all that its flange carries, are free.
 
     Raises:
         InputError: if the robot lacks what a kind needs.
     """
-    asked = {kind: stated[kind] for kind in ROBOT_PARAMETERS if kind in stated and stated[kind].status != "fixed"}
+    asked = {
+        kind: parameters[kind] for kind in ROBOT_PARAMETERS if kind in parameters and parameters[kind].status != "fixed"
+    }
     at = Posture(chain, joints, chain.at(joints))
-    others = of_ends(at.true.base_from_flange, free_ends)
+    others = end_moves(at.true.base_from_flange, free_ends)
     columns = {}
     for name, known in asked.items():
         kind = ROBOT_PARAMETERS[name]
@@ -144,9 +146,9 @@ def robot_model(
         if of.sigma is None:
             moves = kind.scale * derivative @ of.basis
             told = (
-                of.basis[:, told_joints(moves, others)]
+                of.basis[:, determined_joints(moves, others)]
                 if kind.is_by_joint
-                else of.basis @ told_directions(moves, others)
+                else of.basis @ determined_directions(moves, others)
             )
             of = Columns(told, None)
         columns[name] = of
@@ -156,7 +158,7 @@ def robot_model(
     return RobotModel(robot, chain, asked, kept)
 
 
-def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Array:
+def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) -> Array:
     """Derivative of `base_from_flange` to all columns, (..., m, 6, k), right tangents.
 
     Args:
@@ -172,7 +174,7 @@ def by_columns(model: RobotModel, kinematics: Kinematics, joints: Array) -> Arra
     return np.concatenate(parts, -1)
 
 
-def after_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Array]) -> Kinematics:
+def apply_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Array]) -> Kinematics:
     """The kinematics after steps of the columns, (..., k), by their names."""
     values = dict(kinematics.values)
     for name, kind in model.names.items():

@@ -10,9 +10,9 @@ from basecal.cell import Intrinsics
 from basecal.effects.registry import LENS_PARAMETERS
 from basecal.geometry import Array, Camera
 
-_FREEDOMS = 3.0  # of Student's t: one lens of twenty is off by more than three times these
+_STUDENT_FREEDOMS = 3.0  # of Student's t: one lens of twenty is off by more than three times these
 _MOST_ROUNDS = 100
-_SETTLED = 0.01  # relative change of a variance in a round, each of which closes a third of the gap or more
+_CONVERGED_CHANGE = 0.01  # relative change of a variance in a round, each of which closes a third of the gap or more
 
 
 def with_usual_error(lens: Intrinsics) -> Intrinsics:
@@ -53,7 +53,7 @@ def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
     for _ in range(_MOST_ROUNDS):
         gain = np.linalg.inv(np.eye(len(off)) + known * (1 / variances - 1 / used))
         before, variances = variances, _expected_variances((gain @ off) ** 2 + np.diag(gain @ known))
-        if np.allclose(variances, before, rtol=_SETTLED):
+        if np.allclose(variances, before, rtol=_CONVERGED_CHANGE):
             break
     return np.asarray(usual * np.sqrt(variances))
 
@@ -65,5 +65,5 @@ def _expected_variances(squares: Array) -> Array:
         of = squares[part.where]
         of = of if part.is_each_alone else np.full(len(of), of.mean())
         freedoms = 1 if part.is_each_alone else len(of)
-        ratios.append((_FREEDOMS + freedoms * of) / (_FREEDOMS + freedoms))
+        ratios.append((_STUDENT_FREEDOMS + freedoms * of) / (_STUDENT_FREEDOMS + freedoms))
     return np.asarray(np.maximum(np.concatenate(ratios), 1.0))

@@ -23,7 +23,7 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TEXT = "std_msgs/msg/String"
-_SAME = {"tf/msg/tfMessage": TF}  # of ROS 1 before 2013
+_EQUAL_TYPES = {"tf/msg/tfMessage": TF}  # of ROS 1 before 2013
 _TF_OF_ROS1 = "geometry_msgs/TransformStamped[] transforms"
 _NANO = 1e-9  # [s]
 _BAG1, _BAG2 = ".bag", (".mcap", ".db3")
@@ -60,13 +60,13 @@ class Bag:
     topics: Mapping[str, Topic]
     read: Callable[[Iterable[str]], Iterator[Message]]
 
-    def of_kind(self, *kinds: str) -> list[Topic]:
+    def topics_of_type(self, *kinds: str) -> list[Topic]:
         """Topics of these types that hold messages, by name."""
         return [topic for _, topic in sorted(self.topics.items()) if topic.kind in kinds and topic.messages]
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Bag]:
+def open_bag(path: Path) -> Iterator[Bag]:
     """A bag, for as long as it is read.
 
     Raises:
@@ -88,7 +88,7 @@ def opened(path: Path) -> Iterator[Bag]:
         held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
         raise DatasetError(str(path), f"{held}; {_EXPECTED}")
     is_first = path.suffix == _BAG1 and not path.is_dir()
-    with _in_words(path):
+    with _name_errors(path):
         reader: Any = Reader1(path) if is_first else Reader2(path)
         reader.open()
     try:
@@ -107,7 +107,7 @@ def _topics(reader: Any) -> dict[str, Topic]:
     """Topics by name; of one whose connections differ in type, the first of them counts."""
     found: dict[str, Topic] = {}
     for each in reader.connections:
-        before = found.get(each.topic, Topic(each.topic, _SAME.get(each.msgtype, each.msgtype), 0))
+        before = found.get(each.topic, Topic(each.topic, _EQUAL_TYPES.get(each.msgtype, each.msgtype), 0))
         found[each.topic] = before._replace(messages=before.messages + each.msgcount)
     return found
 
@@ -118,14 +118,14 @@ def _messages(path: Path, reader: Any, decode: Callable[[bytes, str], Any], name
     connections = [each for each in reader.connections if each.topic in names]
     if not connections:
         return
-    with _in_words(path):
+    with _name_errors(path):
         for connection, recorded_ns, raw in reader.messages(connections=connections):
             topic = topics[connection.topic]
             yield Message(topic, recorded_ns * _NANO, decode(raw, topic.kind))
 
 
 @contextmanager
-def _in_words(path: Path) -> Iterator[None]:
+def _name_errors(path: Path) -> Iterator[None]:
     """What a damaged bag makes the library raise, of a dozen kinds down to sizes beyond any memory, names the bag."""
     try:
         yield
@@ -139,7 +139,7 @@ def _in_words(path: Path) -> Iterator[None]:
         raise DatasetError(str(path), f"is damaged or was cut off ({why}); {mend} may save it") from None
 
 
-def stamp_of(header: Any, recorded_s: float) -> float:
+def message_time(header: Any, recorded_s: float) -> float:
     """Time [s] of a message: of its header, or where that is zero when it was recorded."""
     stamp = float(header.stamp.sec) + float(header.stamp.nanosec) * _NANO
     return stamp or recorded_s

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 
 from basecal.cell import WORLD, Cell
-from basecal.errors import BasecalError, FrameNotFound, InputError, listed
+from basecal.errors import BasecalError, FrameNotFound, InputError, list_names
 from basecal.exchange.bags.bag import POSE, Bag
 from basecal.exchange.bags.frames import Tree, hint
 from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, CameraSource, Taken
@@ -21,28 +21,28 @@ _BASES = ("base_link", "base", "link0", "link_base")
 _TAIL = re.compile(rf"^(.*?)({'|'.join(_FLANGES)})$")
 _USUAL = ("image_raw", "image_mono", "image_color", "image", "image_rect", "image_rect_color")  # the best first
 _COMPRESSED = "/compressed"
-_DEPTH = "depth"
+_DEPTH_WORD = "depth"
 
 
-def chosen(bag: Bag, survey: Survey, asked: Asked, cell: Cell | None) -> Taken:
+def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) -> Taken:
     """What is taken.
 
     Raises:
         FrameNotFound: if a topic or frame that is asked for is not there.
         InputError: if no robot is found, or it is not clear what carries a camera.
     """
-    frames = _frames_of_robots(survey.tree, asked, cell)
-    robots = {name: _robot(bag, survey, name, words, asked, cell) for name, words in frames.items()}
-    topics = _topics_of_cameras(survey, asked, cell)
-    cameras = {name: _camera(survey, robots, name, topic, asked, cell) for name, topic in topics.items()}
-    views = {key: _view(bag, survey.tree, key[1], words, cell) for key, words in asked.views.items()}
+    frames = _frames_of_robots(survey.tree, request, cell)
+    robots = {name: _robot(bag, survey, name, words, request, cell) for name, words in frames.items()}
+    topics = _topics_of_cameras(survey, request, cell)
+    cameras = {name: _camera(survey, robots, name, topic, request, cell) for name, topic in topics.items()}
+    views = {key: _view(bag, survey.tree, key[1], words, cell) for key, words in request.views.items()}
     return Taken(robots, cameras, views)
 
 
-def _frames_of_robots(tree: Tree, asked: Asked, cell: Cell | None) -> dict[str, str]:
+def _frames_of_robots(tree: Tree, request: Asked, cell: Cell | None) -> dict[str, str]:
     """`BASE,FLANGE`, or a topic, by robot."""
-    if asked.robots:
-        return dict(asked.robots)
+    if request.robots:
+        return dict(request.robots)
     known = {} if cell is None else cell.robots
     stated = {}
     for name, robot in known.items():
@@ -54,7 +54,7 @@ def _frames_of_robots(tree: Tree, asked: Asked, cell: Cell | None) -> dict[str, 
     found = _usual_frames(tree)
     if known and set(found) != set(known):
         raise InputError(
-            f"which frames are {listed(list(known))}? give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
+            f"which frames are {list_names(list(known))}? give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
         )
     if not found:
         raise InputError(
@@ -71,24 +71,24 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
         above = tree.above(tip)
         base = next((prefix + name for name in _BASES if prefix + name in above), None)
         name = prefix.strip("_/").replace("/", "_") or "arm"
-        if base is not None and base not in tree.rigid_above(tip) and name not in found:
+        if base is not None and base not in tree.rigid_ancestors(tip) and name not in found:
             found[name] = f"{base},{tip}"
     return dict(sorted(found.items()))
 
 
 def _robot(
-    bag: Bag, survey: Survey, name: str, words: str, asked: Asked, cell: Cell | None
+    bag: Bag, survey: Survey, name: str, words: str, request: Asked, cell: Cell | None
 ) -> ByFrames | ByPoses | ByJoints:
     """By joints where they and a URDF are there, else by tf; or by what the words say."""
     known = None if cell is None else cell.robots.get(name)
     base, comma, flange = words.partition(",")
     if not comma:
-        return _by_words(bag, survey.tree, words)
-    if not asked.by_tf and known is not None and known.chain is not None:
+        return _parse_choice(bag, survey.tree, words)
+    if not request.by_tf and known is not None and known.chain is not None:
         topic = _joint_topic(survey, known.chain)
         if topic is not None:
             return ByJoints(topic, known.chain, known.base_link or base, known.flange_link or flange)
-    for urdf, text in {} if asked.by_tf else survey.urdfs.items():
+    for urdf, text in {} if request.by_tf else survey.urdfs.items():
         try:
             chain = parse_chain(text, base, flange)
         except BasecalError:  # it has no such links, or is no URDF
@@ -96,7 +96,7 @@ def _robot(
         topic = _joint_topic(survey, chain)
         if topic is not None:
             return ByJoints(topic, chain, base, flange, urdf)
-    return _by_words(bag, survey.tree, words)
+    return _parse_choice(bag, survey.tree, words)
 
 
 def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
@@ -104,17 +104,17 @@ def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
     return next((topic for topic, names in sorted(survey.joints.items()) if names.issuperset(chain.joint_names)), None)
 
 
-def _by_words(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
+def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
     """What `PARENT,CHILD` or a topic says."""
     parent, comma, child = words.partition(",")
     if comma:
         source = ByFrames(plain(parent.strip()), plain(child.strip()))
         tree.way(source.parent, source.child)
         return source
-    poses = [topic.name for topic in bag.of_kind(POSE)]
+    poses = [topic.name for topic in bag.topics_of_type(POSE)]
     if words not in poses:
         if words in bag.topics:
-            raise InputError(f"{words} holds {bag.topics[words].kind}, expected one of {POSE}: {listed(poses)}")
+            raise InputError(f"{words} holds {bag.topics[words].kind}, expected one of {POSE}: {list_names(poses)}")
         raise FrameNotFound(words, sorted(bag.topics))
     return ByPoses(words)
 
@@ -126,28 +126,30 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> B
     if kind in TAG_POSES:
         return ByTagPoses(words, frames_of_tags(shape))
     if kind != TAGS:
-        return _by_words(bag, tree, words)
+        return _parse_choice(bag, tree, words)
     if shape is None or shape.tags is None:
         raise InputError(f"{words} holds corners of tags: {target!r} must be in cell.yaml, with the sizes of its tags")
     return ByTags(words, shape.tags)
 
 
-def _topics_of_cameras(survey: Survey, asked: Asked, cell: Cell | None) -> dict[str, str]:
+def _topics_of_cameras(survey: Survey, request: Asked, cell: Cell | None) -> dict[str, str]:
     """Topics of pictures by camera."""
     there = [topic.name for topic in survey.images]
-    for topic in asked.cameras.values():
+    for topic in request.cameras.values():
         if topic not in there:
             raise FrameNotFound(topic, there)
-    if asked.cameras:
-        return dict(asked.cameras)
+    if request.cameras:
+        return dict(request.cameras)
     found = _usual_cameras(there)
     known = [] if cell is None else list(cell.cameras)
     if len(known) == len(found) == 1:
         return {known[0]: next(iter(found.values()))}
     strangers = [name for name in found if known and name not in known]
-    if strangers and not asked.views:
-        topics = listed(list(found.values()))
-        raise InputError(f"the cell has {listed(known)}: say whose pictures are {topics}, --camera NAME=TOPIC for each")
+    if strangers and not request.views:
+        topics = list_names(list(found.values()))
+        raise InputError(
+            f"the cell has {list_names(known)}: say whose pictures are {topics}, --camera NAME=TOPIC for each"
+        )
     return {} if strangers else found
 
 
@@ -157,7 +159,7 @@ def _usual_cameras(topics: list[str]) -> dict[str, str]:
     for topic in topics:
         plainly = topic.removesuffix(_COMPRESSED)
         space, _, last = plainly.rpartition("/")
-        if _DEPTH in topic.lower() or last not in _USUAL:
+        if _DEPTH_WORD in topic.lower() or last not in _USUAL:
             continue
         rank = (_USUAL.index(last), plainly != topic)
         best[space] = min(best.get(space, (rank, topic)), (rank, topic))
@@ -169,13 +171,13 @@ def _camera(
     robots: Mapping[str, ByFrames | ByPoses | ByJoints],
     name: str,
     topic: str,
-    asked: Asked,
+    request: Asked,
     cell: Cell | None,
 ) -> CameraSource:
     space = topic.removesuffix(_COMPRESSED).rpartition("/")[0]
     info = f"{space}/camera_info"
     known = None if cell is None else cell.cameras.get(name)
-    on = asked.on.get(name) if known is None else known.on
+    on = request.on.get(name) if known is None else known.on
     if on is None:
         on = _carrier(survey.tree, robots, survey.frame_ids[topic])
     if on is None:
@@ -183,7 +185,7 @@ def _camera(
         why = f"its frame {frame} is not in tf" if len(robots) > 1 else "it is new"
         raise InputError(f"what carries camera {name!r}? {why}: give --on {name}=ROBOT or {name}={WORLD}")
     if on != WORLD and on not in robots and (cell is None or on not in cell.robots):
-        raise InputError(f"camera {name!r} on {on!r}: there is no such robot; there are {listed([*robots, WORLD])}")
+        raise InputError(f"camera {name!r} on {on!r}: there is no such robot; there are {list_names([*robots, WORLD])}")
     return CameraSource(topic, info if info in survey.infos else None, on)
 
 
@@ -192,9 +194,9 @@ def _carrier(tree: Tree, robots: Mapping[str, ByFrames | ByPoses | ByJoints], fr
     frame = plain(frame)
     if frame not in tree.names:
         return next(iter(robots)) if len(robots) == 1 else None
-    rigid = tree.rigid_above(frame)
+    rigid = tree.rigid_ancestors(frame)
     for name, source in robots.items():
         flange = source.child if isinstance(source, ByFrames) else source.flange if isinstance(source, ByJoints) else ""
-        if flange in tree.names and set(rigid) & set(tree.rigid_above(flange)):
+        if flange in tree.names and set(rigid) & set(tree.rigid_ancestors(flange)):
             return name
     return WORLD

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from basecal.cell import Cell
-from basecal.exchange.bags.lenses import lens_of
+from basecal.exchange.bags.lenses import bag_lens
 from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey
 from basecal.exchange.importing.seen_poses import Sight, sight_entry
@@ -17,8 +17,8 @@ def bag_entry(
     cell: Cell | None,
     path: str,
     survey: Survey,
-    taken: Taken,
-    asked: Asked,
+    sources: Taken,
+    request: Asked,
     sizes: Mapping[str, tuple[int, int]],
 ) -> dict[str, Any]:
     """New robots, cameras and targets, and the lenses of new cameras; what the cell says stays.
@@ -27,32 +27,32 @@ def bag_entry(
         cell: The cell there is; None where one is made.
         path: What to call the bag in an error.
         survey: What it holds.
-        taken: What is taken of it.
-        asked: What carries targets.
+        sources: What is taken of it.
+        request: What carries targets.
         sizes: Width and height [px] of the pictures, by camera.
 
     Raises:
         InputError: if a lens has no equal here, or it is not clear what carries a target.
     """
-    data: dict[str, Any] = {"reference": next(iter(taken.robots))} if cell is None else {}
+    data: dict[str, Any] = {"reference": next(iter(sources.robots))} if cell is None else {}
     data |= {"robots": {}, "cameras": {}, "targets": {}}
-    for name, source in taken.robots.items():
+    for name, source in sources.robots.items():
         is_new = isinstance(source, ByJoints) and source.urdf is not None
         links = {"base_link": source.base, "flange_link": source.flange} if isinstance(source, ByJoints) else {}
         data["robots"][name] = {"urdf": urdf_name(name), **links} if is_new else {}
-    for name, camera in taken.cameras.items():
+    for name, camera in sources.cameras.items():
         if cell is not None and name in cell.cameras:
             data["cameras"][name] = {}
             continue
         info = (
-            None if camera.info is None else lens_of(survey.infos[camera.info], f"{path}: {camera.info}", camera.topic)
+            None if camera.info is None else bag_lens(survey.infos[camera.info], f"{path}: {camera.info}", camera.topic)
         )
         lens = {"intrinsics": {"status": "free"}} if info is None else camera_entry(info.camera, "fixed")
         size = {"size_px": list(sizes[name])} if name in sizes and "size_px" not in lens else {}
         data["cameras"][name] = {"on": camera.on, "mount": {"status": "free"}, **size, **lens}
-    for eye, target in taken.views:
-        on = data["cameras"].get(eye, {}).get("on", asked.on.get(eye))
-        seen = sight_entry(cell, Sight(eye, target, on, asked.on.get(target)))
+    for eye, target in sources.views:
+        on = data["cameras"].get(eye, {}).get("on", request.on.get(eye))
+        seen = sight_entry(cell, Sight(eye, target, on, request.on.get(target)))
         data["robots"] |= {name: {} for name in seen["robots"] if name not in data["robots"]}
         data["cameras"] = {**seen["cameras"], **data["cameras"]}
         data["targets"] |= seen["targets"]

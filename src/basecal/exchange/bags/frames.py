@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from basecal.errors import FrameNotFound, InputError, listed
+from basecal.errors import FrameNotFound, InputError, list_names
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
@@ -54,7 +54,7 @@ class Tree:
             found.append(self.hangs[found[-1]].parent)
         return found
 
-    def rigid_above(self, frame: str) -> list[str]:
+    def rigid_ancestors(self, frame: str) -> list[str]:
         """Likewise, as far as nothing moves."""
         found = [frame]
         for each in self.above(frame)[1:]:
@@ -81,13 +81,13 @@ class Tree:
         return (*back, *(Step(frame, False) for frame in reversed(down[: down.index(common)])))
 
 
-def values_of(transform: Any) -> Array:
+def transform_values(transform: Any) -> Array:
     """(7,) numbers of a `geometry_msgs/Transform`."""
     t, q = transform.translation, transform.rotation
     return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
 
 
-def pose_of(values: Array, about: str) -> SE3:
+def pose_from_values(values: Array, about: str) -> SE3:
     """Poses of (..., 7) numbers.
 
     Raises:
@@ -98,7 +98,7 @@ def pose_of(values: Array, about: str) -> SE3:
     return SE3.from_quaternion(values[..., 3:], values[..., :3], about)
 
 
-def along(tree: Tree, way: tuple[Step, ...], moved: Mapping[str, Array], about: str) -> SE3:
+def compose_path(tree: Tree, way: tuple[Step, ...], moved: Mapping[str, Array], about: str) -> SE3:
     """The last frame of a way in its first, at each of some instants.
 
     Args:
@@ -110,11 +110,11 @@ def along(tree: Tree, way: tuple[Step, ...], moved: Mapping[str, Array], about: 
     total = SE3.identity()
     for step in way:
         values = moved.get(step.child, tree.hangs[step.child].values)
-        pose = pose_of(values, f"{about}, {step.child}")
+        pose = pose_from_values(values, f"{about}, {step.child}")
         total = total @ (pose.inverse() if step.is_back else pose)
     return total
 
 
 def hint(tree: Tree) -> str:
     """The frames there are, for an error."""
-    return f"frames of tf are: {listed(list(tree.names))}"
+    return f"frames of tf are: {list_names(list(tree.names))}"

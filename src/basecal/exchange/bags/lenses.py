@@ -13,7 +13,7 @@ from basecal.exchange.lens_files.stated import StatedLens
 _RECTIFIED = "image_rect"
 
 
-def lens_of(info: Any, where: str, topic: str) -> StatedLens | None:
+def bag_lens(info: Any, where: str, topic: str) -> StatedLens | None:
     """The lens of a camera's pictures; None where it was never calibrated.
 
     Pictures that ROS has rectified have the lens of the matrix P, and no distortion.

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.bags.bag import COMPRESSED, Message
 
 _MAGIC = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
@@ -79,7 +79,7 @@ def picture_file(message: Message, path: str) -> PictureFile:
 def _netpbm(image: Any, where: str) -> PictureFile:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
-        raise InputError(f"{where}: pictures are {image.encoding!r}; expected {listed(list(_LAYOUTS))}")
+        raise InputError(f"{where}: pictures are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
     width, height, row = int(image.width), int(image.height), int(image.step)
     needed = width * layout.channels * layout.depth
     data = np.asarray(image.data, dtype=np.uint8)

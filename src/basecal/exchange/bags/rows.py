@@ -8,10 +8,10 @@ from pathlib import Path
 
 from basecal.cell import PixelObservation, PoseObservation, RobotState
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.bags.bag import Bag, stamp_of
+from basecal.exchange.bags.bag import Bag, message_time
 from basecal.exchange.bags.pictures import picture_file
 from basecal.exchange.bags.sources import Taken
-from basecal.exchange.bags.stops import Look, looks_of, stops_of, why_none
+from basecal.exchange.bags.stops import Look, collect_looks, explain_no_stop, find_stops
 from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.exchange.importing.imported import Row
 
@@ -34,10 +34,10 @@ def still_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
     Raises:
         InputError: if there is none.
     """
-    stops = stops_of(tracks)
+    stops = find_stops(tracks)
     if not stops:
         raise InputError(
-            f"{path}: {why_none(tracks)}: with --streams all of it is taken as it moves, each device by its own clock"
+            f"{path}: {explain_no_stop(tracks)}: --streams takes all of it as it moves, each device by its own clock"
         )
     return tuple(Instant(stop.looks[0].stamp_s, stop.robots, stop.looks) for stop in stops)
 
@@ -53,20 +53,20 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
         for name, track in tracks.robots.items()
         for k, time in enumerate(track.times)
     ]
-    found += [Instant(look.stamp_s, {}, (look,)) for look in looks_of(tracks)]
+    found += [Instant(look.stamp_s, {}, (look,)) for look in collect_looks(tracks)]
     if len(found) > _MOST_ROWS:
         raise InputError(f"{path}: {len(found)} lines, expected at most {_MOST_ROWS}: cut it, as by `ros2 bag convert`")
     return tuple(sorted(found, key=lambda instant: instant.stamp_s))
 
 
-def write_pictures(bag: Bag, taken: Taken, instants: Sequence[Instant], folder: Path) -> None:
+def write_pictures(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> None:
     """The pictures of instants are in a folder, each written as it is read.
 
     Raises:
         InputError: if one cannot be read, or written.
     """
     wanted = {(look.channel, look.place): look for instant in instants for look in instant.looks}
-    cameras = {source.topic: name for name, source in taken.cameras.items()}
+    cameras = {source.topic: name for name, source in sources.cameras.items()}
     seen = dict.fromkeys(cameras.values(), 0)
     for message in bag.read(cameras):
         camera = cameras[message.topic.name]
@@ -74,7 +74,7 @@ def write_pictures(bag: Bag, taken: Taken, instants: Sequence[Instant], folder: 
         seen[camera] += 1
         if look is None:
             continue
-        if stamp_of(message.data.header, message.recorded_s) != look.stamp_s:
+        if message_time(message.data.header, message.recorded_s) != look.stamp_s:
             raise DatasetError(bag.path, f"{message.topic.name} was read in another order than before")
         picture = picture_file(message, bag.path)
         target = _with_ending(_file(folder, look), picture.ending)
@@ -82,14 +82,14 @@ def write_pictures(bag: Bag, taken: Taken, instants: Sequence[Instant], folder: 
         target.write_bytes(picture.content)
 
 
-def rows_of(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
+def make_rows(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
     """A row for each instant, with its pictures where they were written."""
     for instant in instants:
         pictures: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
         for look in instant.looks:
             if isinstance(look.channel, str):
-                pictures[look.channel] = _written(_file(folder, look))
+                pictures[look.channel] = _written_path(_file(folder, look))
                 continue
             view = tracks.views[look.channel]
             if view.tags is not None:
@@ -104,7 +104,7 @@ def _file(folder: Path, look: Look) -> Path:
     return folder / str(look.channel) / f"{look.stamp_s:.6f}"
 
 
-def _written(path: Path) -> Path:
+def _written_path(path: Path) -> Path:
     found = next((each for ending in _ENDINGS if (each := _with_ending(path, ending)).exists()), None)
     if found is None:
         raise InputError(

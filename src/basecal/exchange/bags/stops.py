@@ -40,7 +40,7 @@ class Stop:
     robots: Mapping[str, RobotState]
 
 
-def looks_of(tracks: Tracks) -> list[Look]:
+def collect_looks(tracks: Tracks) -> list[Look]:
     """All pictures and views, by time; of two pictures of one camera at one time the first."""
     times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
     times.update(tracks.pictures)
@@ -51,13 +51,13 @@ def looks_of(tracks: Tracks) -> list[Look]:
     return sorted(found, key=lambda look: look.stamp_s)
 
 
-def stops_of(tracks: Tracks) -> tuple[Stop, ...]:
+def find_stops(tracks: Tracks) -> tuple[Stop, ...]:
     """The stops at which something was looked at.
 
     Of each channel the look nearest to the middle of a stop is taken; robots are as at the first of these.
     """
     stops = []
-    for looks in _standing(tracks, looks_of(tracks)):
+    for looks in _standing(tracks, collect_looks(tracks)):
         middle = (looks[0].stamp_s + looks[-1].stamp_s) / 2
         nearest: dict[Channel, Look] = {}
         for look in sorted(looks, key=lambda look: abs(look.stamp_s - middle)):
@@ -72,9 +72,9 @@ def stops_of(tracks: Tracks) -> tuple[Stop, ...]:
     return tuple(stops)
 
 
-def why_none(tracks: Tracks) -> str:
+def explain_no_stop(tracks: Tracks) -> str:
     """Why no instant is still, in words."""
-    if not looks_of(tracks):
+    if not collect_looks(tracks):
         return "there is no picture and no pose of a target"
     rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
     if rare:

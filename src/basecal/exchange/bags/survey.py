@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.errors import DatasetError
 from basecal.exchange.bags.bag import CAMERA_INFO, COMPRESSED, IMAGE, JOINTS, TEXT, TF, Bag, Topic
-from basecal.exchange.bags.frames import Hang, Tree, values_of
+from basecal.exchange.bags.frames import Hang, Tree, transform_values
 
 _STATIC = "tf_static"
 _DESCRIPTION = "robot_description"
@@ -37,16 +37,16 @@ class Survey:
     joints: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
-def surveyed(bag: Bag) -> Survey:
+def survey_bag(bag: Bag) -> Survey:
     """What a bag holds; pictures are looked at once for each topic."""
-    images = tuple(bag.of_kind(IMAGE, COMPRESSED))
-    texts = [topic for topic in bag.of_kind(TEXT) if topic.name.endswith(_DESCRIPTION)]
+    images = tuple(bag.topics_of_type(IMAGE, COMPRESSED))
+    texts = [topic for topic in bag.topics_of_type(TEXT) if topic.name.endswith(_DESCRIPTION)]
     joints: dict[str, frozenset[str]] = {}
-    for message in bag.read(topic.name for topic in bag.of_kind(JOINTS)):
+    for message in bag.read(topic.name for topic in bag.topics_of_type(JOINTS)):
         known = joints.get(message.topic.name, frozenset())
         if not known.issuperset(message.data.name):
             joints[message.topic.name] = known.union(message.data.name)
-    infos = tuple(bag.of_kind(CAMERA_INFO))
+    infos = tuple(bag.topics_of_type(CAMERA_INFO))
     firsts: dict[str, Any] = {}
     for topic in (*images, *infos, *texts):
         first = next(bag.read([topic.name]), None)
@@ -66,14 +66,14 @@ def surveyed(bag: Bag) -> Survey:
 def _tree(bag: Bag) -> Tree:
     """How frames hang on one another; one whose transform differs between messages moves."""
     hangs: dict[str, Hang] = {}
-    for message in bag.read(topic.name for topic in bag.of_kind(TF)):
+    for message in bag.read(topic.name for topic in bag.topics_of_type(TF)):
         is_timed = not message.topic.name.endswith(_STATIC)
         for each in message.data.transforms:
             child, parent = plain(each.child_frame_id), plain(each.header.frame_id)
             known = hangs.get(child)
             if known is None:
-                hangs[child] = Hang(parent, values_of(each.transform), True, is_timed)
-            elif known.is_fixed and is_timed and not np.array_equal(values_of(each.transform), known.values):
+                hangs[child] = Hang(parent, transform_values(each.transform), True, is_timed)
+            elif known.is_fixed and is_timed and not np.array_equal(transform_values(each.transform), known.values):
                 hangs[child] = known._replace(is_fixed=False, is_timed=True)
     return Tree(hangs)
 

@@ -28,7 +28,7 @@ POSE_DEFINITIONS = {
 }
 """Of messages by type, as the library of bags takes them."""
 
-_ALONE = -1.0  # the number of the only tag of a picture, where a target has none by name
+_ONLY_TAG = -1.0  # the number of the only tag of a picture, where a target has none by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +50,11 @@ class TagFrames:
         for each in found:
             pose = each.pose.pose.pose
             p, q = pose.position, pose.orientation
-            number = float(each.id[0]) if self.tag_from_target else _ALONE
+            number = float(each.id[0]) if self.tag_from_target else _ONLY_TAG
             values.append(np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, number], dtype=np.float64))
         return min(values, key=lambda each: float(np.sum(each[:3] ** 2)), default=None)
 
-    def of_target(self, camera_from_tag: SE3, numbers: Array) -> SE3:
+    def target_poses(self, camera_from_tag: SE3, numbers: Array) -> SE3:
         """Poses of the target, (n,), where those of tags, (n,), of these numbers, (n,), were seen."""
         if not self.tag_from_target:
             return camera_from_tag

@@ -10,11 +10,11 @@ import numpy as np
 
 from basecal.cell.target import Tags
 from basecal.errors import InputError
-from basecal.exchange.bags.bag import TF, Bag, Message, stamp_of
-from basecal.exchange.bags.frames import Tree, along, pose_of, values_of
+from basecal.exchange.bags.bag import TF, Bag, Message, message_time
+from basecal.exchange.bags.frames import Tree, compose_path, pose_from_values, transform_values
 from basecal.exchange.bags.sources import ByFrames, ByJoints, ByPoses, ByTagPoses, ByTags, Taken
 from basecal.exchange.bags.survey import Survey, plain
-from basecal.exchange.bags.tags import SeenTags, corners_of
+from basecal.exchange.bags.tags import SeenTags, tag_corners
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
@@ -117,7 +117,7 @@ def _listening(
     if isinstance(source, ByFrames):
         moving = _moving(tree, source)
         found = _Gathered(7 * len(moving))
-        for topic in bag.of_kind(TF):
+        for topic in bag.topics_of_type(TF):
             listeners.setdefault(topic.name, []).append(_following(found, moving))
     elif isinstance(source, ByPoses):
         found = _Gathered(7)
@@ -141,7 +141,7 @@ def _moving(tree: Tree, source: ByFrames) -> list[str]:
     return moving or timed[:1]
 
 
-def _following(found: _Gathered, moving: list[str]) -> Callable[[Message], None]:
+def _following(gathered: _Gathered, moving: list[str]) -> Callable[[Message], None]:
     """A listener to /tf, which keeps instants that all frames that move have."""
     latest: dict[str, tuple[int, Array]] = {}
 
@@ -152,42 +152,42 @@ def _following(found: _Gathered, moving: list[str]) -> Callable[[Message], None]
             if child not in moving:
                 continue
             stamp = each.header.stamp
-            latest[child] = (stamp.sec * 10**9 + stamp.nanosec, values_of(each.transform))
+            latest[child] = (stamp.sec * 10**9 + stamp.nanosec, transform_values(each.transform))
             if len(latest) == len(moving) and len({time for time, _ in latest.values()}) == 1:
                 values = np.concatenate([latest[child][1] for child in moving])
-                found.add(stamp_of(each.header, message.recorded_s), values)
+                gathered.add(message_time(each.header, message.recorded_s), values)
 
     return listen
 
 
-def _posing(found: _Gathered) -> Callable[[Message], None]:
+def _posing(gathered: _Gathered) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep a pose at its time."""
         pose = message.data.pose
         p, q = pose.position, pose.orientation
         values = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], dtype=np.float64)
-        found.add(stamp_of(message.data.header, message.recorded_s), values)
+        gathered.add(message_time(message.data.header, message.recorded_s), values)
 
     return listen
 
 
-def _tagging(found: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
+def _tagging(gathered: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the pose of the nearest tag that is looked for, at its time."""
         values = source.frames.seen(message.data)
         if values is not None:
-            found.add(stamp_of(message.data.header, message.recorded_s), values)
+            gathered.add(message_time(message.data.header, message.recorded_s), values)
 
     return listen
 
 
-def _joining(found: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
+def _joining(gathered: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the joints at their time, in the order of `names`."""
         place = {name: k for k, name in enumerate(message.data.name)}
         if all(name in place and place[name] < len(message.data.position) for name in names):
             values = np.array([message.data.position[place[name]] for name in names], dtype=np.float64)
-            found.add(stamp_of(message.data.header, message.recorded_s), values)
+            gathered.add(message_time(message.data.header, message.recorded_s), values)
 
     return listen
 
@@ -195,43 +195,43 @@ def _joining(found: _Gathered, names: tuple[str, ...]) -> Callable[[Message], No
 def _noting(times: array[float]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the time of a picture."""
-        times.append(stamp_of(message.data.header, message.recorded_s))
+        times.append(message_time(message.data.header, message.recorded_s))
 
     return listen
 
 
-def _detecting(found: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
+def _detecting(gathered: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep what is seen of the tags at its time."""
-        corners = corners_of(message.data, tags)
+        corners = tag_corners(message.data, tags)
         if corners is not None:
-            found.append((stamp_of(message.data.header, message.recorded_s), corners))
+            gathered.append((message_time(message.data.header, message.recorded_s), corners))
 
     return listen
 
 
-def _tags(path: str, key: tuple[str, str], source: object, found: list[tuple[float, SeenTags]]) -> Track:
-    if not found:
+def _tags(path: str, key: tuple[str, str], source: object, gathered: list[tuple[float, SeenTags]]) -> Track:
+    if not gathered:
         raise InputError(f"{path}: {key[1]} seen by {key[0]}: {source}: no tag was found in any picture")
-    by_time = dict(sorted(found, key=lambda each: each[0]))
+    by_time = dict(sorted(gathered, key=lambda each: each[0]))
     return Track(np.array(list(by_time)), tags=tuple(by_time.values()))
 
 
-def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, found: _Gathered) -> Track:
+def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, gathered: _Gathered) -> Track:
     name = key if isinstance(key, str) else " seen by ".join(reversed(key))
-    if not found.times:
+    if not gathered.times:
         why = "its frames never have one stamp" if isinstance(source, ByFrames) else "no message says where it was"
         raise InputError(f"{path}: {name}: {source}: {why}")
-    times, values = found.sorted()
+    times, values = gathered.sorted()
     about = f"{path}: {name}: {source}"
     if not np.all(np.abs(values) <= LARGEST_VALUE):
         raise InputError(f"{about}: not all numbers are finite, and within {LARGEST_VALUE:g}")
     if isinstance(source, ByJoints):
         return Track(times, joints=values)
     if isinstance(source, ByPoses):
-        return Track(times, pose_of(values, about))
+        return Track(times, pose_from_values(values, about))
     if isinstance(source, ByTagPoses):
-        return Track(times, source.frames.of_target(pose_of(values[:, :7], about), values[:, 7]))
+        return Track(times, source.frames.target_poses(pose_from_values(values[:, :7], about), values[:, 7]))
     moving = _moving(tree, source)
     moved = {child: values[:, 7 * k : 7 * k + 7] for k, child in enumerate(moving)}
-    return Track(times, along(tree, tree.way(source.parent, source.child), moved, about))
+    return Track(times, compose_path(tree, tree.way(source.parent, source.child), moved, about))

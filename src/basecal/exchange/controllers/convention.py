@@ -80,13 +80,13 @@ class MatrixConvention:
             InputError: if they are no rigid transform.
         """
         matrix = numbers.reshape(*numbers.shape[:-1], 4, 4)
-        pose = SE3.from_matrix(_transposed(matrix) if self.is_by_columns else matrix)
+        pose = SE3.from_matrix(_transpose(matrix) if self.is_by_columns else matrix)
         return SE3(pose.rotation, pose.translation * self.length)
 
     def written(self, pose: SE3) -> Array:
         """Numbers of poses, (..., 16)."""
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
-        whole = _transposed(matrix) if self.is_by_columns else matrix
+        whole = _transpose(matrix) if self.is_by_columns else matrix
         return whole.reshape(*whole.shape[:-2], 16)
 
 
@@ -112,7 +112,7 @@ def _rotation_from_unit(q_xyzw: Array) -> Array:
     return SE3.from_quaternion(q_xyzw, np.zeros((*q_xyzw.shape[:-1], 3))).rotation
 
 
-def _transposed(rotation: Array) -> Array:
+def _transpose(rotation: Array) -> Array:
     return rotation.mT
 
 
@@ -126,8 +126,8 @@ MOVING_ZYX = RotationForm(
 )
 """About z, the new y, the new x: Rz(a) Ry(b) Rx(c); the angles of `FIXED_XYZ` the other way round."""
 MOVING_XYZ = RotationForm(
-    lambda abc: _transposed(_rotation_from_rpy(-abc)),
-    lambda r: -rpy_of_rotation(_transposed(r)),
+    lambda abc: _transpose(_rotation_from_rpy(-abc)),
+    lambda r: -rpy_of_rotation(_transpose(r)),
     "angles about x, the new y, the new z",
 )
 """About x, the new y, the new z: Rx(a) Ry(b) Rz(c)."""

@@ -7,7 +7,7 @@ import json
 import numpy as np
 
 from basecal.errors import InputError
-from basecal.exchange.exports.cameras import exported_camera, only_camera
+from basecal.exchange.exports.cameras import choose_camera, exported_camera
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.quoting import yaml_word
 from basecal.exchange.exports.remarks import comments
@@ -16,7 +16,7 @@ from basecal.exchange.ros_lenses import ros_lens
 from basecal.geometry import Array
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """The file that `camera_info_url` names; no rectification, and the projection is that of the lens.
 
     Raises:
@@ -25,15 +25,15 @@ def exported(wanted: Wanted) -> str:
 
     Source: github.com/ros-perception/image_common, camera_calibration_parsers.
     """
-    name = only_camera(wanted)
-    camera = exported_camera(wanted, name)
+    name = choose_camera(request)
+    camera = exported_camera(request, name)
     if camera.size_px is None:
         raise InputError(f"the image size of {name!r} is not known: write `size_px: [width, height]` into cell.yaml")
     model, distortion = ros_lens(camera)
     (fx, fy), (cx, cy) = camera.focal, camera.center
     matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     lines = [
-        *comments(wanted.remarks, "#"),
+        *comments(request.remarks, "#"),
         f"image_width: {camera.size_px[0]}",
         f"image_height: {camera.size_px[1]}",
         f"camera_name: {yaml_word(name)}",
@@ -52,4 +52,4 @@ def _matrix(name: str, values: Array) -> list[str]:
     return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {data}"]
 
 
-EXPORTER = Exporter("with --camera: its lens as a calibration file of ROS", exported, takes=("camera",))
+EXPORTER = Exporter("with --camera: its lens as a calibration file of ROS", export_text, takes=("camera",))

@@ -12,16 +12,16 @@ _HEADER = (
 )
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """Comma-separated values below a header; the last column says where they come from, since CSV has no comments."""
     rows = [csv_row(_HEADER)]
-    for one in wanted.transforms:
+    for one in request.transforms:
         mean, estimate = one.estimate.mean, one.estimate
         numbers = [*mean.translation, *mean.quaternion, *estimate.sigma_t, *estimate.sigma_r]
         written = [repr(float(number) + 0.0) for number in numbers]
-        origin = [one.status, "; ".join(wanted.remarks)]
+        origin = [one.status, "; ".join(request.remarks)]
         rows.append(csv_row([one.name, one.parent, one.child], [*written, *origin]))
     return "\n".join(rows) + "\n"
 
 
-EXPORTER = Exporter("a row for each transform", exported, is_pasted=True)
+EXPORTER = Exporter("a row for each transform", export_text, is_pasted=True)

@@ -9,7 +9,7 @@ from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.wanted import Wanted
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """One object: `transforms` by name, the verdict, and where they come from."""
     transforms = {
         one.name: {
@@ -21,10 +21,10 @@ def exported(wanted: Wanted) -> str:
             "covariance": numbers(one.estimate.covariance),
             "status": one.status,
         }
-        for one in wanted.transforms
+        for one in request.transforms
     }
-    data = {"transforms": transforms, "verdict": wanted.calibration.verdict, "from": list(wanted.remarks)}
+    data = {"transforms": transforms, "verdict": request.calibration.verdict, "from": list(request.remarks)}
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
-EXPORTER = Exporter("all digits and the covariance", exported, is_pasted=True)
+EXPORTER = Exporter("all digits and the covariance", export_text, is_pasted=True)

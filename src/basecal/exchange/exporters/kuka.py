@@ -5,20 +5,20 @@ from __future__ import annotations
 from basecal.exchange.controllers.kuka import CONVENTION
 from basecal.exchange.exports.digits import written_numbers
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """Frames of KRL; `$BASE`, `$ROBROOT` or `$TOOL` where the transform is one, with what is then meant.
 
     Source: KUKA System Variables: `$BASE` and `$ROBROOT` are in WORLD, `$TOOL` is in the flange.
     """
-    lines = comments(wanted.remarks, ";")
-    for one in wanted.transforms:
+    lines = comments(request.remarks, ";")
+    for one in request.transforms:
         numbers = zip(CONVENTION.names, written_numbers(CONVENTION, one.estimate), strict=True)
         frame = "{" + ", ".join(f"{name} {number}" for name, number in numbers) + "}"
-        lines += [*comments([about(one, "mm and deg")], ";"), frame]
+        lines += [*comments([describe_transform(one, "mm and deg")], ";"), frame]
         parent, child = one.own_frames
         if parent.endswith("_flange"):
             lines.append(f"$TOOL={frame} ; on {parent.removesuffix('_flange')}: poses are then those of {child}")
@@ -30,4 +30,6 @@ def exported(wanted: Wanted) -> str:
     return "\n".join(lines) + "\n"
 
 
-EXPORTER = Exporter("{X, Y, Z, A, B, C} of KRL in mm and deg, with $BASE, $ROBROOT or $TOOL", exported, is_pasted=True)
+EXPORTER = Exporter(
+    "{X, Y, Z, A, B, C} of KRL in mm and deg, with $BASE, $ROBROOT or $TOOL", export_text, is_pasted=True
+)

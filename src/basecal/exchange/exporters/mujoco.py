@@ -6,21 +6,21 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.quoting import xml_comment
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """A model whose bodies are the frames, each in the one that it is known in; the first ones stand at the origin.
 
     Source: mujoco.readthedocs.io, XML Reference, "body": pos in metres, quat with its scalar first.
     """
     model = Element("mujoco", model="basecal")
-    for line in comments([*wanted.remarks, *(about(one, "m") for one in wanted.transforms)], ""):
+    for line in comments([*request.remarks, *(describe_transform(one, "m") for one in request.transforms)], ""):
         model.append(xml_comment(line.strip()))
     world = SubElement(model, "worldbody")
-    for place in places(wanted.transforms):
+    for place in places(request.transforms):
         _add(world, place)
     indent(model)
     return tostring(model, encoding="unicode") + "\n"
@@ -40,4 +40,4 @@ def _exactly(values: list[float]) -> str:
     return " ".join(repr(value + 0.0) for value in values)
 
 
-EXPORTER = Exporter("bodies of an MJCF model", exported, is_pasted=True)
+EXPORTER = Exporter("bodies of an MJCF model", export_text, is_pasted=True)

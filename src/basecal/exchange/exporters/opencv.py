@@ -6,25 +6,25 @@ import numpy as np
 
 from basecal.exchange.exports.cameras import exported_camera
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 from basecal.geometry import Array
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """A map for each transform: `R`, `t` [m], `rvec`, `T` (4x4), `covariance`; or what `calib3d` takes of a lens.
 
     Source: docs.opencv.org, "File Input and Output using XML and YAML files".
     """
-    lines = ["%YAML:1.0", "---", *comments(wanted.remarks, "#")]
-    if wanted.camera is not None:
-        camera = exported_camera(wanted, wanted.camera)
+    lines = ["%YAML:1.0", "---", *comments(request.remarks, "#")]
+    if request.camera is not None:
+        camera = exported_camera(request, request.camera)
         if camera.size_px is not None:
             lines += [f"image_width: {camera.size_px[0]}", f"image_height: {camera.size_px[1]}"]
         (fx, fy), (cx, cy) = camera.focal, camera.center
         lines += _matrix("camera_matrix", np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]))
         lines += _matrix("distortion_coefficients", camera.distortion[None])
-    for one in wanted.transforms:
+    for one in request.transforms:
         mean = one.estimate.mean
         matrices = {
             "R": mean.rotation,
@@ -33,7 +33,7 @@ def exported(wanted: Wanted) -> str:
             "T": mean.matrix,
             "covariance": one.estimate.covariance,
         }
-        lines += [*comments([about(one, "m")], "#"), f"{one.name}:"]
+        lines += [*comments([describe_transform(one, "m")], "#"), f"{one.name}:"]
         lines += [f"   {line}" for name, values in matrices.items() for line in _matrix(name, values)]
     return "\n".join(lines) + "\n"
 
@@ -52,7 +52,7 @@ def _matrix(name: str, values: Array) -> list[str]:
 
 EXPORTER = Exporter(
     "FileStorage in YAML of transforms, or with --camera of its lens",
-    exported,
+    export_text,
     takes=("transform", "camera"),
     is_pasted=True,
 )

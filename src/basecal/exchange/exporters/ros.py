@@ -7,28 +7,31 @@ import json
 from basecal.errors import InputError
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.quoting import yaml_word
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros2 import ros_covariance
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """One message, as `ros2 topic pub` takes it; the frame whose pose it is stands in a comment, it has no field.
 
     Raises:
         InputError: if several transforms are wanted.
     """
-    if len(wanted.transforms) != 1:
-        names = ", ".join(one.name for one in wanted.transforms)
+    if len(request.transforms) != 1:
+        names = ", ".join(one.name for one in request.transforms)
         raise InputError(f"a message holds one pose: say which with --transform: {names}")
-    (one,) = wanted.transforms
+    (one,) = request.transforms
     place, turn = one.estimate.mean.translation.tolist(), one.estimate.mean.quaternion.tolist()
     position = {key: value + 0.0 for key, value in zip("xyz", place, strict=True)}
     orientation = {key: value + 0.0 for key, value in zip("xyzw", turn, strict=True)}
     axes = "covariance: x, y, z, then rotations, along and about the fixed axes of the frame in the header"
     return "\n".join(
         [
-            *comments([*wanted.remarks, about(one, "m, quaternion x, y, z, w"), f"child frame: {one.child}"], "#"),
+            *comments(
+                [*request.remarks, describe_transform(one, "m, quaternion x, y, z, w"), f"child frame: {one.child}"],
+                "#",
+            ),
             *comments([axes], "#"),
             "header:",
             f"  frame_id: {yaml_word(one.parent)}",
@@ -42,4 +45,4 @@ def exported(wanted: Wanted) -> str:
     )
 
 
-EXPORTER = Exporter("geometry_msgs/PoseWithCovarianceStamped as YAML", exported, is_pasted=True)
+EXPORTER = Exporter("geometry_msgs/PoseWithCovarianceStamped as YAML", export_text, is_pasted=True)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.ros2 import publisher_arguments, static_transform_publisher
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """A launch file with a node for each transform; the command that does the same is in a comment."""
     nodes = []
-    for one in wanted.transforms:
+    for one in request.transforms:
         mean = one.estimate.mean
         command = static_transform_publisher(mean, one.parent, one.child)
         nodes += [
-            *comments([about(one, "m, quaternion x, y, z, w"), command], "#"),
+            *comments([describe_transform(one, "m, quaternion x, y, z, w"), command], "#"),
             "Node(",
             '    package="tf2_ros",',
             '    executable="static_transform_publisher",',
@@ -25,7 +25,7 @@ def exported(wanted: Wanted) -> str:
         ]
     return "\n".join(
         [
-            *comments(wanted.remarks, "#"),
+            *comments(request.remarks, "#"),
             "from launch import LaunchDescription",
             "from launch_ros.actions import Node",
             "",
@@ -39,4 +39,4 @@ def exported(wanted: Wanted) -> str:
     )
 
 
-EXPORTER = Exporter("launch file that publishes on /tf_static", exported, is_pasted=True)
+EXPORTER = Exporter("launch file that publishes on /tf_static", export_text, is_pasted=True)

@@ -5,17 +5,17 @@ from __future__ import annotations
 from basecal.exchange.controllers.staubli import CONVENTION
 from basecal.exchange.exports.digits import written_numbers
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """Values of type `trsf`, each below its comment."""
-    lines = comments(wanted.remarks, "//")
-    for one in wanted.transforms:
-        lines += comments([about(one, "mm and deg, about x, the new y, the new z")], "//")
+    lines = comments(request.remarks, "//")
+    for one in request.transforms:
+        lines += comments([describe_transform(one, "mm and deg, about x, the new y, the new z")], "//")
         lines.append("{" + ", ".join(written_numbers(CONVENTION, one.estimate)) + "}")
     return "\n".join(lines) + "\n"
 
 
-EXPORTER = Exporter("{x, y, z, rx, ry, rz} of VAL 3 in mm and deg", exported, is_pasted=True)
+EXPORTER = Exporter("{x, y, z, rx, ry, rz} of VAL 3 in mm and deg", export_text, is_pasted=True)

@@ -15,7 +15,7 @@ from basecal.exchange.urdf import corrected_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """The URDF of the robot asked for: at the joints that it records, its flange is where the calibrated one is.
 
     Offsets that nothing is known of count as zero. A comment in it says what it was made from.
@@ -26,7 +26,7 @@ def exported(wanted: Wanted) -> str:
             calibrated: what was found must not be applied twice.
         DatasetError: if its URDF cannot be used.
     """
-    cell, folder, calibration, of = wanted.cell, wanted.folder, wanted.calibration, wanted.robot
+    cell, folder, calibration, of = request.cell, request.folder, request.calibration, request.robot
     if cell is None or folder is None:
         raise InputError("a corrected URDF needs the cell and its folder")
     if of is None:
@@ -36,7 +36,7 @@ def exported(wanted: Wanted) -> str:
     robot = cell.robots[of]
     if robot.urdf is None or robot.base_link is None or robot.flange_link is None:
         raise InputError(f"robot {of!r} has no urdf in cell.yaml: there is nothing to correct")
-    found = calibration.parameters_of(of)
+    found = calibration.parameters_of_robot(of)
     offsets, links = found.get("joint_offsets"), found.get("link_parameters")
     if offsets is None and links is None:
         raise InputError(
@@ -59,6 +59,6 @@ def exported(wanted: Wanted) -> str:
 
 EXPORTER = Exporter(
     "with --robot: its URDF with its joint offsets and link errors in the origins of its joints",
-    exported,
+    export_text,
     takes=("robot",),
 )

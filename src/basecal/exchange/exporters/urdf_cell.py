@@ -13,7 +13,7 @@ from basecal.exchange.urdf_scene import RobotPart, link_names, merged_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """A URDF made of one for each robot: those given, in the order of cell.yaml, or those that the cell names.
 
     A robot's base is the `base_link` that cell.yaml gives it, or the base of its `frames`, or the root of its URDF.
@@ -23,11 +23,11 @@ def exported(wanted: Wanted) -> str:
         InputError: if there are not as many URDFs as robots, or where one stands is not known.
         DatasetError: if a URDF cannot be used.
     """
-    cell = wanted.cell
-    if cell is None or wanted.folder is None:
+    cell = request.cell
+    if cell is None or request.folder is None:
         raise InputError("a URDF of a cell needs the cell and its folder")
-    named = [wanted.folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
-    paths = list(wanted.urdfs) or named
+    named = [request.folder / robot.urdf for robot in cell.robots.values() if robot.urdf is not None]
+    paths = list(request.urdfs) or named
     if len(paths) != len(cell.robots):
         robots = ", ".join(cell.robots)
         raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
@@ -39,17 +39,17 @@ def exported(wanted: Wanted) -> str:
             above = joint_origins(text, str(path))
             base_link = next(link for link in link_names(text) if link not in above)
         parts[robot.name] = RobotPart(text, base_link, str(path))
-    known = wanted.calibration.known_transforms(cell)
+    known = request.calibration.known_transforms(cell)
     others = [name for name in cell.robots if name != cell.reference]
     for name in others:
         if cell.base_name(name) not in known:
             raise InputError(f"where {name!r} stands is not known: there is no {cell.base_name(name)}")
     places = {name: known[cell.base_name(name)] for name in others}
     said = [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]
-    remarks = [line.strip() for line in comments([*wanted.remarks, *said], "")]
+    remarks = [line.strip() for line in comments([*request.remarks, *said], "")]
     return merged_urdf(parts, cell.reference, places, remarks)
 
 
 EXPORTER = Exporter(
-    "one URDF of all robots, each where it was found; with --urdf FILE... from these", exported, takes=("urdf",)
+    "one URDF of all robots, each where it was found; with --urdf FILE... from these", export_text, takes=("urdf",)
 )

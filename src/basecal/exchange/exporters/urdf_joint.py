@@ -5,13 +5,13 @@ from __future__ import annotations
 from basecal.bounded_file import read_bounded
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 from basecal.exchange.urdf_scene import patched_urdf
 from basecal.kinematics.urdf import LARGEST_BYTES
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """The URDF given, its links the frames of the transform as the cell's `frames` name them, or as the cell does.
 
     Raises:
@@ -19,16 +19,16 @@ def exported(wanted: Wanted) -> str:
         InputError: if not one URDF is given and one transform wanted, or which joint is meant is not clear.
         DatasetError: if the URDF cannot be used.
     """
-    if len(wanted.urdfs) != 1:
-        raise InputError(f"say in which URDF, with --urdf FILE; {len(wanted.urdfs)} were given")
-    if len(wanted.transforms) != 1:
-        names = ", ".join(one.name for one in wanted.transforms)
+    if len(request.urdfs) != 1:
+        raise InputError(f"say in which URDF, with --urdf FILE; {len(request.urdfs)} were given")
+    if len(request.transforms) != 1:
+        names = ", ".join(one.name for one in request.transforms)
         raise InputError(f"an origin is one transform: say which with --transform: {names}")
-    (one,), (path,) = wanted.transforms, wanted.urdfs
-    remarks = [line.strip() for line in comments([*wanted.remarks, about(one, "m")], "")]
+    (one,), (path,) = request.transforms, request.urdfs
+    remarks = [line.strip() for line in comments([*request.remarks, describe_transform(one, "m")], "")]
     text, mean = read_bounded(path, LARGEST_BYTES), one.estimate.mean
     try:
-        return patched_urdf(text, one.parent, one.child, mean, joint=wanted.joint, remarks=remarks, path=str(path))
+        return patched_urdf(text, one.parent, one.child, mean, joint=request.joint, remarks=remarks, path=str(path))
     except FrameNotFound as error:
         hint = "; links are named by `frames: {base: ..., flange: ...}` of robots in cell.yaml"
         raise InputError(f"{path}: {error}{hint}") from None
@@ -36,6 +36,6 @@ def exported(wanted: Wanted) -> str:
 
 EXPORTER = Exporter(
     "with --urdf FILE: that URDF, the origin of a fixed joint in it being what was found",
-    exported,
+    export_text,
     takes=("transform", "urdf", "joint"),
 )

@@ -6,12 +6,12 @@ from typing import Any
 
 from basecal.errors import MissingExtra
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.tree import Place, places
 from basecal.exchange.exports.wanted import Wanted
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """A stage in metres, z up, whose prims are the frames, each in the one that it is known in.
 
     Raises:
@@ -26,9 +26,9 @@ def exported(wanted: Wanted) -> str:
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    remarks = comments([*wanted.remarks, *(about(one, "m") for one in wanted.transforms)], "")
+    remarks = comments([*request.remarks, *(describe_transform(one, "m") for one in request.transforms)], "")
     stage.GetRootLayer().documentation = "\n".join(line.strip() for line in remarks)
-    roots = [_define(stage, place, Sdf.Path.absoluteRootPath) for place in places(wanted.transforms)]
+    roots = [_define(stage, place, Sdf.Path.absoluteRootPath) for place in places(request.transforms)]
     stage.SetDefaultPrim(roots[0])
     text: str = stage.GetRootLayer().ExportToString()
     return text
@@ -50,4 +50,4 @@ def _define(stage: Any, place: Place, above: Any) -> Any:
     return prim.GetPrim()
 
 
-EXPORTER = Exporter("frames of a USD stage, as text (.usda); needs the extra `usd`", exported)
+EXPORTER = Exporter("frames of a USD stage, as text (.usda); needs the extra `usd`", export_text)

@@ -5,18 +5,22 @@ from __future__ import annotations
 from basecal.exchange.controllers.yaskawa import CONVENTION
 from basecal.exchange.exports.digits import written_numbers
 from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import about, comments
+from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
 
 
-def exported(wanted: Wanted) -> str:
+def export_text(request: Wanted) -> str:
     """The numbers by their names, and in the order of a user frame."""
-    lines = comments(wanted.remarks, "'")
-    for one in wanted.transforms:
+    lines = comments(request.remarks, "'")
+    for one in request.transforms:
         numbers = written_numbers(CONVENTION, one.estimate)
         named = (f"{name} {number}" for name, number in zip(CONVENTION.names, numbers, strict=True))
-        lines += [*comments([about(one, "mm and deg")], "'"), ", ".join(named), f"////BUSER {','.join(numbers)}"]
+        lines += [
+            *comments([describe_transform(one, "mm and deg")], "'"),
+            ", ".join(named),
+            f"////BUSER {','.join(numbers)}",
+        ]
     return "\n".join(lines) + "\n"
 
 
-EXPORTER = Exporter("X, Y, Z, Rx, Ry, Rz in mm and deg, and the line of UFRAME.CND", exported, is_pasted=True)
+EXPORTER = Exporter("X, Y, Z, Rx, Ry, Rz in mm and deg, and the line of UFRAME.CND", export_text, is_pasted=True)

@@ -7,32 +7,32 @@ from basecal.exchange.exports.wanted import Wanted
 from basecal.geometry import Camera
 
 
-def only_camera(wanted: Wanted) -> str:
+def choose_camera(request: Wanted) -> str:
     """The camera asked for, or the only one whose lens is known.
 
     Raises:
         InputError: if none is asked for and there are several, or none.
     """
-    if wanted.camera is not None:
-        return wanted.camera
-    names = _names(wanted)
+    if request.camera is not None:
+        return request.camera
+    names = _names(request)
     if len(names) != 1:
         raise InputError(f"say whose lens, with --camera: {', '.join(names) or 'no lens is known'}")
     return names[0]
 
 
-def exported_camera(wanted: Wanted, name: str) -> Camera:
+def exported_camera(request: Wanted, name: str) -> Camera:
     """The lens that was estimated of a camera, or else the one that its cell states.
 
     Raises:
         FrameNotFound: if there is no such camera.
         InputError: if its lens is not known.
     """
-    if name in wanted.calibration.cameras:
-        return wanted.calibration.cameras[name][0]
-    stated = {} if wanted.cell is None else wanted.cell.cameras
+    if name in request.calibration.cameras:
+        return request.calibration.cameras[name][0]
+    stated = {} if request.cell is None else request.cell.cameras
     if name not in stated:
-        raise FrameNotFound(name, _names(wanted))
+        raise FrameNotFound(name, _names(request))
     intrinsics = stated[name].intrinsics
     if intrinsics is None or intrinsics.status != "fixed" or intrinsics.camera is None:
         raise InputError(f"the lens of {name!r} is not known: it was neither estimated nor is it fixed in cell.yaml")
@@ -40,6 +40,6 @@ def exported_camera(wanted: Wanted, name: str) -> Camera:
     return Camera(camera.model, camera.parameters, camera.size_px or stated[name].size_px)
 
 
-def _names(wanted: Wanted) -> list[str]:
-    stated = {} if wanted.cell is None else wanted.cell.cameras
-    return list(dict.fromkeys([*wanted.calibration.cameras, *stated]))
+def _names(request: Wanted) -> list[str]:
+    stated = {} if request.cell is None else request.cell.cameras
+    return list(dict.fromkeys([*request.calibration.cameras, *stated]))

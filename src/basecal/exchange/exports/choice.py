@@ -27,7 +27,7 @@ def chosen_transforms(
         InputError: if it is the place of a point, its frames move against each other, or there is nothing to export.
     """
     if name is not None:
-        return (_named(calibration, cell, name),)
+        return (_find_transform(calibration, cell, name),)
     if cell is not None:
         asked = list(cell.asked)
     else:
@@ -38,14 +38,14 @@ def chosen_transforms(
     if not names:
         known = ", ".join(calibration.transforms) or "none"
         raise InputError(f"no transform was estimated that could be exported; name one of: {known}")
-    return tuple(_named(calibration, cell, each) for each in names)
+    return tuple(_find_transform(calibration, cell, each) for each in names)
 
 
 def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple[NamedTransform, ...]:
     """Every transform of a calibration that can be exported, each followed by its inverse."""
     known = {name for name, estimate in calibration.transforms.items() if _is_covariance(estimate)}
     names = [name for name in calibration.transforms if name in known and name not in calibration.points]
-    return tuple(_named(calibration, cell, each) for name in names for each in (name, _turned_round(name)))
+    return tuple(_find_transform(calibration, cell, each) for name in names for each in (name, _turned_round(name)))
 
 
 def frame_names(cell: Cell, name: str) -> tuple[str, str]:
@@ -59,7 +59,7 @@ def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     return (parent, child) if parent != child else (ours[0], ours[1])
 
 
-def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
+def _find_transform(calibration: Calibration, cell: Cell | None, name: str) -> NamedTransform:
     inverse = _turned_round(name)
     found = name if name in calibration.transforms else inverse
     if found not in calibration.transforms:
@@ -71,16 +71,16 @@ def _named(calibration: Calibration, cell: Cell | None, name: str) -> NamedTrans
         estimate = calibration.frame_between(parent, child)
         if not _is_covariance(estimate):
             raise InputError(f"the covariance of {name} is none, a variance is negative or not finite: calibrate again")
-        return _called(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
+        return _make_transform(cell, name, estimate, "free" if np.any(estimate.covariance) else "fixed")
     if found in calibration.points:
         raise InputError(f"{found} is the place of a point and has no rotation: there is no pose to export")
     if not _is_covariance(calibration[found]):
         raise InputError(f"the covariance of {found} is none, a variance is negative or not finite: calibrate again")
     estimate = calibration[found] if found == name else calibration[found].inverse()
-    return _called(cell, name, estimate, calibration.status.get(found, "free"))
+    return _make_transform(cell, name, estimate, calibration.status.get(found, "free"))
 
 
-def _called(cell: Cell | None, name: str, estimate: PoseEstimate, status: str) -> NamedTransform:
+def _make_transform(cell: Cell | None, name: str, estimate: PoseEstimate, status: str) -> NamedTransform:
     parent, child = name.split("_from_") if cell is None else frame_names(cell, name)
     return NamedTransform(name, parent, child, estimate, status)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from basecal.exchange.controllers.convention import Convention
 from basecal.geometry import PoseEstimate
 
-_MORE = 2  # rounding then adds less than a hundredth of a sigma
+_EXTRA_DIGITS = 2  # rounding then adds less than a hundredth of a sigma
 _FINEST = 1e-9  # [m] or [rad]: of what is known exactly
 _QUATERNION = 3 + 4  # numbers of a pose whose rotation is a quaternion
 _FEWEST_OF_UNIT = 6  # of a quaternion or matrix, so that programs take its norm for 1
@@ -33,14 +33,14 @@ def written_numbers(convention: Convention, estimate: PoseEstimate) -> list[str]
     """A pose in a controller's numbers."""
     numbers, is_unit = convention.written(estimate.mean), len(convention.names) == _QUATERNION
     rotation = unit_decimals(estimate) if is_unit else angle_decimals(estimate, convention.angle)
-    return fixed(numbers[:3], length_decimals(estimate, convention.length)) + fixed(numbers[3:], rotation)
+    return format_fixed(numbers[:3], length_decimals(estimate, convention.length)) + format_fixed(numbers[3:], rotation)
 
 
-def fixed(values: Iterable[float], decimals: int) -> list[str]:
+def format_fixed(values: Iterable[float], decimals: int) -> list[str]:
     """Numbers with a fixed count of decimals; none is a negative zero."""
     return [f"{round(float(value), decimals) + 0.0:.{decimals}f}" for value in values]
 
 
 def _decimals(sigma: float, unit: float) -> int:
-    smallest = max(sigma * 10.0**-_MORE, _FINEST / unit)
+    smallest = max(sigma * 10.0**-_EXTRA_DIGITS, _FINEST / unit)
     return max(0, -math.floor(math.log10(smallest)))

@@ -30,7 +30,7 @@ def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, .
     return tuple(lines)
 
 
-def about(transform: NamedTransform, units: str) -> str:
+def describe_transform(transform: NamedTransform, units: str) -> str:
     """In a line, which way a transform goes, in which units it is written, and how well it is known."""
     parent, child = transform.own_frames
     estimate = transform.estimate

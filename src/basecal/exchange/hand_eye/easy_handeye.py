@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from basecal.errors import DatasetError, listed
+from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.geometry import SE3
@@ -65,8 +65,8 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
         str(path),
         f"{what}; {'camera on the robot' if arrangement.on_robot else 'target on the robot'} ({arrangement.by})",
         arrangement.on_robot,
-        _stacked(robot) if arrangement.on_robot else _stacked(robot).inverse(),
-        _stacked(tracking),
+        _stack_poses(robot) if arrangement.on_robot else _stack_poses(robot).inverse(),
+        _stack_poses(tracking),
         frames=frames,
     )
 
@@ -77,11 +77,11 @@ def _arrangement(root: Field, told: bool | None) -> _Arrangement:
     Raises:
         DatasetError: if nothing does, or the user and the file contradict each other.
     """
-    stated = _stated(root)
+    stated = _stated_arrangement(root)
     if told is not None and stated is not None and stated.on_robot != told:
         raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
     found = stated or (None if told is None else _Arrangement(told, "as told"))
-    found = found or _beside(Path(root.path)) or _by_name(Path(root.path))
+    found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
     if found is None:
         raise root.error(
             "does not say whether the camera is on the robot (eye_in_hand) or beside it (eye_on_base), on which the "
@@ -90,28 +90,28 @@ def _arrangement(root: Field, told: bool | None) -> _Arrangement:
     return found
 
 
-def _stated(root: Field) -> _Arrangement | None:
+def _stated_arrangement(root: Field) -> _Arrangement | None:
     place = root.first("parameters") or root
     if (kind := place.first("calibration_type")) is not None and kind.text():
         if kind.data not in _ON_ROBOT:
-            raise kind.error(f"is {kind.data!r}, expected one of {listed(list(_ON_ROBOT))}")
+            raise kind.error(f"is {kind.data!r}, expected one of {list_names(list(_ON_ROBOT))}")
         return _Arrangement(_ON_ROBOT[kind.data], f"calibration_type is {kind.data}")
     if (on_hand := place.first("eye_on_hand")) is not None:
         return _Arrangement(on_hand.yes(), f"eye_on_hand is {str(on_hand.yes()).lower()}")
     return None
 
 
-def _beside(path: Path) -> _Arrangement | None:
+def _sibling_arrangement(path: Path) -> _Arrangement | None:
     """What the calibration of the same name says."""
     for ending in (".calib", ".yaml", ".yml"):
         other = path.with_suffix(ending)
         if other != path and other.is_file():
-            found = _stated(read_fields(other, _LARGEST))
+            found = _stated_arrangement(read_fields(other, _LARGEST))
             return found and _Arrangement(found.on_robot, f"{found.by} in {other.name}")
     return None
 
 
-def _by_name(path: Path) -> _Arrangement | None:
+def _arrangement_from_name(path: Path) -> _Arrangement | None:
     words = f"_{re.sub(r'[^a-z0-9]+', '_', path.stem.lower())}_"
     found = {on_robot: word for word, on_robot in _IN_NAMES.items() if f"_{word}_" in words}
     if len(found) != 1:
@@ -131,7 +131,7 @@ def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
         )
     lists = inner or root
     if lists.first("hand_world_samples") is None:
-        held = listed(list(root.data)) if isinstance(root.data, dict) else "no fields"
+        held = list_names(list(root.data)) if isinstance(root.data, dict) else "no fields"
         raise root.error(f"holds {held}, expected samples, hand_world_samples, transform or transformation")
     both = [lists.at(key) for key in ("hand_world_samples", "camera_marker_samples")]
     robot, tracking = (
@@ -142,5 +142,5 @@ def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
     return robot, tracking
 
 
-def _stacked(poses: Sequence[SE3]) -> SE3:
+def _stack_poses(poses: Sequence[SE3]) -> SE3:
     return SE3.stack(list(poses))

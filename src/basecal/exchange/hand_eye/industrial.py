@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.cell.targets.fiducials import DICTIONARIES
-from basecal.errors import listed
+from basecal.errors import list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.lens_files.stated import StatedLens, camera_entry, made_camera
@@ -101,7 +101,7 @@ def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
     for name, read in _TARGETS.items():
         if name in kind.text():
             return read(place)
-    raise kind.error(f"{kind.data!r} has no equal here; there are: {listed(list(_TARGETS))}")
+    raise kind.error(f"{kind.data!r} has no equal here; there are: {list_names(list(_TARGETS))}")
 
 
 def _charuco(place: Field) -> dict[str, Any]:

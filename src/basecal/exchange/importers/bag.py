@@ -9,12 +9,12 @@ from tempfile import TemporaryDirectory
 
 from basecal.cell import Cell
 from basecal.errors import UsageError
-from basecal.exchange.bags.bag import Bag, Message, opened
-from basecal.exchange.bags.choice import chosen
+from basecal.exchange.bags.bag import Bag, Message, open_bag
+from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.entry import bag_entry, urdf_name
-from basecal.exchange.bags.rows import rows_of, still_instants, stream_instants, write_pictures
+from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_pictures
 from basecal.exchange.bags.sources import Asked, ByJoints, Taken
-from basecal.exchange.bags.survey import Survey, surveyed
+from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.known import known_cell
@@ -74,12 +74,12 @@ def read_bag(
         MissingExtra: if the library of bags is not installed.
         InputError: if it cannot be read, or does not fit the cell.
     """
-    asked = _asked(robot, camera, view, on, tf)
+    asked = _request(robot, camera, view, on, tf)
     known = known_cell(cell)
-    with opened(Path(bag)) as there:
-        watched = there if progress is None else _watched(there, progress)
-        survey = surveyed(watched)
-        taken = chosen(there, survey, asked, known)
+    with open_bag(Path(bag)) as there:
+        watched = there if progress is None else _count_messages(there, progress)
+        survey = survey_bag(watched)
+        taken = choose_sources(there, survey, asked, known)
         if list:
             topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(there.topics.values()))
             would = (f"would take {line}" for line in taken.words)
@@ -87,21 +87,21 @@ def read_bag(
         beside = next(above for above in Path(cell).absolute().parents if above.exists())
         scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
         try:
-            imported = _imported(watched, survey, taken, asked, known, Path(scratch.name), streams)
+            imported = _import_bag(watched, survey, taken, asked, known, Path(scratch.name), streams)
         except BaseException:
             scratch.cleanup()
             raise
         return replace(imported, scratch=scratch, notes=tuple(f"taking {line}" for line in taken.words))
 
 
-def _imported(
+def _import_bag(
     bag: Bag, survey: Survey, taken: Taken, asked: Asked, known: Cell | None, folder: Path, streams: bool
 ) -> Imported:
     """What is brought into the cell, pictures and URDFs being in a folder."""
     tracks = read_tracks(bag, survey, taken)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
     write_pictures(bag, taken, instants, folder)
-    rows = tuple(rows_of(tracks, instants, folder))
+    rows = tuple(make_rows(tracks, instants, folder))
     first = {name: path for row in reversed(rows) for name, path in row.pictures.items()}
     sizes = {name: size for name, path in first.items() if (size := picture_size(path)) is not None}
     files = {}
@@ -115,7 +115,7 @@ def _imported(
     return Imported(bag.path, what, rows, entry, files=files, is_stream=True, advice=advice)
 
 
-def _watched(bag: Bag, progress: Progress) -> Bag:
+def _count_messages(bag: Bag, progress: Progress) -> Bag:
     """The bag, with its messages counted as they are read: for what is in it, for times, for pictures."""
     total = 3 * sum(topic.messages for topic in bag.topics.values())
     done = 0
@@ -131,7 +131,7 @@ def _watched(bag: Bag, progress: Progress) -> Bag:
     return replace(bag, read=read)
 
 
-def _asked(
+def _request(
     robot: tuple[str, ...], camera: tuple[str, ...], view: tuple[str, ...], on: tuple[str, ...], tf: bool
 ) -> Asked:
     views = {}

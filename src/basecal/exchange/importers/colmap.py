@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
 from basecal.exchange.lens_files import colmap
@@ -46,5 +46,5 @@ def read_colmap(
     lenses = colmap.read_colmap(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
-        raise InputError(f"{file} has cameras {listed(list(map(str, lenses)))}: say which one by --camera-id")
+        raise InputError(f"{file} has cameras {list_names(list(map(str, lenses)))}: say which one by --camera-id")
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)

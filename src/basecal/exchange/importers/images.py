@@ -10,14 +10,14 @@ from typing import Any, Literal
 
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.exchange.importing.known import known_cell, recorded_samples
-from basecal.exchange.pictures import pictures_of, stamp_of, unreadable_pictures, usual_size
+from basecal.exchange.pictures import list_pictures, time_from_name, unreadable_pictures, usual_size
 from basecal.fields.problems import Loc
 
-_BY: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
+_PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
 
 
 def read_images(
@@ -66,7 +66,7 @@ def read_images(
         UsageError: if a target is described without its kind.
         InputError: if no picture can be read, or it is not clear what carries camera or target.
     """
-    files = pictures_of(Path(folder))
+    files = list_pictures(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
     carrier = new["cameras"][camera].get("on")
     shown = target_entry(cell, target, shape, {target_name: target_on}, {camera: carrier})
@@ -83,7 +83,7 @@ def read_images(
         rows,
         {key: value for key, value in entry.items() if value},
         replaced,
-        by=None if by is None else _BY[by],
+        by=None if by is None else _PAIRING_HELP[by],
         is_linked=link,
         advice="check --camera",
         warnings=looked.warnings,
@@ -92,7 +92,7 @@ def read_images(
 
 def _row(camera: str, path: Path, is_timed: bool) -> Row:
     """A picture, with the time that its name is if it `is_timed`."""
-    stamp = stamp_of(path.name) if is_timed else None
+    stamp = time_from_name(path.name) if is_timed else None
     if is_timed and stamp is None:
         raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
     return Row(pictures={camera: path}, image=path.name, stamp_s=stamp)
@@ -136,13 +136,13 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
         if progress is not None:
             progress(done, len(files))
     if not sizes:
-        raise InputError(f"{folder}: none of {len(files)} pictures can be read: {listed(damaged)}")
+        raise InputError(f"{folder}: none of {len(files)} pictures can be read: {list_names(damaged)}")
     size_px = usual_size(list(sizes.values()))
     odd = [f"{name} ({size[0]} x {size[1]})" for name, size in sizes.items() if size != size_px]
     others = unreadable_pictures(folder)
-    of_all = f"{len(damaged)} of {len(files)} pictures cannot be read, and will not be used: {listed(damaged)}"
-    of_sizes = f"{len(odd)} pictures have another size than the rest, and will not be used: {listed(odd)}"
-    of_kinds = f"{len(others)} files of other kinds are left out: {listed(others)}"
+    of_all = f"{len(damaged)} of {len(files)} pictures cannot be read, and will not be used: {list_names(damaged)}"
+    of_sizes = f"{len(odd)} pictures have another size than the rest, and will not be used: {list_names(odd)}"
+    of_kinds = f"{len(others)} files of other kinds are left out: {list_names(others)}"
     said = ((damaged, of_all), (odd, of_sizes), (others, of_kinds))
     return _Look(size_px, tuple(f"{folder}: {text}" for names, text in said if names))
 
@@ -180,7 +180,7 @@ def _carrier(folder: str | Path, known: Cell | None, name: str, on: str | None) 
     if len(robots) == 1:
         return robots[0]
     cameras = [] if known is None else list(known.cameras)
-    there = f"cell.yaml has {listed(cameras)}; " if cameras else ""
+    there = f"cell.yaml has {list_names(cameras)}; " if cameras else ""
     options = " or ".join(f"--on {each}" for each in [*robots, "world"])
     raise InputError(f"{folder} has no camera {name!r}: {there}to add it say what carries it, {options}")
 

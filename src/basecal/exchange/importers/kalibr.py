@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.known import known_cell
 from basecal.exchange.importing.lens import LensStatus, imported_target, lens_of_file, mount_by_chain
@@ -53,6 +53,6 @@ def read_kalibr(
     chosen = next(iter(lenses)) if camera_of_file is None and len(lenses) == 1 else camera_of_file
     chosen = camera if chosen is None and camera in lenses else chosen
     if chosen is None or chosen not in lenses:
-        raise InputError(f"{file} has {listed(list(lenses))}: say which one by --camera-of-file")
+        raise InputError(f"{file} has {list_names(list(lenses))}: say which one by --camera-of-file")
     mount = mount_by_chain(known, tuple(lenses.values()), chosen)
     return lens_of_file(cell, lenses[chosen], file, camera, on, status, mount)

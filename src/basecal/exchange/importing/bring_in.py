@@ -16,12 +16,12 @@ from basecal.cell.files import (
     read_recording,
     recording_from_text,
 )
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.pairing import Pairing, pair, plain_name
-from basecal.exchange.importing.placed import placed
+from basecal.exchange.importing.placed import place_files
 
 _CELL, _FOLDER = "cell.yaml", "recording"
 _NAMES = f"{_FOLDER}/image_names.json"
@@ -51,7 +51,7 @@ class Brought:
     doubts: tuple[str, ...] = ()
 
 
-def bring_in(folder: Path, imported: Imported, check: Callable[[Cell, Recording], tuple[str, ...]]) -> Brought:
+def add_to_cell(folder: Path, imported: Imported, check: Callable[[Cell, Recording], tuple[str, ...]]) -> Brought:
     """What was read is in the cell, all of it or nothing.
 
     Args:
@@ -67,7 +67,7 @@ def bring_in(folder: Path, imported: Imported, check: Callable[[Cell, Recording]
     old = read_text(path, "") if path.exists() else None
     started = imported.new_cell if old is None else old
     added = {**_reference(imported.cell), **imported.cell} if started is None else imported.cell
-    with placed(imported.files, folder):
+    with place_files(imported.files, folder):
         text, changed = completed_cell_text(started, added, str(path), imported.replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
@@ -77,14 +77,14 @@ def bring_in(folder: Path, imported: Imported, check: Callable[[Cell, Recording]
         journal = completed_recording_text(folder, samples) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
         doubts = check(cell, Recording(tuple(samples)))
-        with placed(pictures, folder, imported.is_linked):
+        with place_files(pictures, folder, imported.is_linked):
             if text != old:
-                write_whole(path, text)
-            named = {**names, **_named(imported.rows, pairing)}
+                write_atomically(path, text)
+            named = {**names, **_named_samples(imported.rows, pairing)}
             if named != names:
-                write_whole(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", within=folder)
+                write_atomically(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", within=folder)
             if samples:
-                write_whole(journal_path, journal, within=folder)
+                write_atomically(journal_path, journal, within=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
     return Brought(cell, recording, pairing, made, changed, old is None, doubts)
 
@@ -112,7 +112,7 @@ def _names(folder: Path) -> dict[str, int]:
         raise DatasetError(str(path), expected) from None
 
 
-def _named(rows: tuple[Row, ...], pairing: Pairing | None) -> Mapping[str, int]:
+def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None) -> Mapping[str, int]:
     """Samples of the pictures that rows without pictures name."""
     numbers = () if pairing is None else pairing.numbers
     return {

@@ -9,8 +9,8 @@ from typing import Any
 
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.cell.target import Target
-from basecal.cell.targets.fiducials import large_enough
-from basecal.cell.targets.kind import PrintSizes, alike
+from basecal.cell.targets.fiducials import smallest_dictionary
+from basecal.cell.targets.kind import PrintSizes, is_indistinguishable
 from basecal.cell.targets.registry import TARGETS
 from basecal.errors import InputError, UsageError
 from basecal.exchange.importing.known import known_cell
@@ -69,11 +69,11 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     columns, rows = numbers[0] if numbers else (1, 1)
     square = 1.0 if shape.square is None else length_m(shape.square, "--square", "40mm")
     marker = _MARKER * square if shape.marker is None else length_m(shape.marker, "--marker", "30mm")
-    by_count = large_enough("DICT_4X4_50", columns * rows // 2)
+    by_count = smallest_dictionary("DICT_4X4_50", columns * rows // 2)
     named = (shape.dictionary or by_count, shape.family or "tag36h11", shape.tag or 0)
     sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), *named)
     fields = printed_fields(kind, sizes, shape.set)
-    _check_said(kind, shape, fields, list(counts))
+    _check_described(kind, shape, fields, list(counts))
     return {"kind": kind, **fields}
 
 
@@ -104,14 +104,14 @@ def target_entry(
         return {}
     fields = target_fields(kind, shape)
     _check_marks(folder, name, kind, fields)
-    carrier = carrier or _only_carrier(folder, name, camera_on)
+    carrier = carrier or _single_carrier(folder, name, camera_on)
     targets = {"targets": {name: {"on": carrier, **fields}}}
     return targets if carrier == "world" else {"robots": {carrier: {}}, **targets}
 
 
-def are_alike(one: Target, other: Target) -> bool:
+def are_indistinguishable(one: Target, other: Target) -> bool:
     """Whether no picture tells which of two targets it shows."""
-    return one.kind == other.kind and alike(TARGETS[one.kind], one.options, other.options)
+    return one.kind == other.kind and is_indistinguishable(TARGETS[one.kind], one.options, other.options)
 
 
 def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
@@ -124,14 +124,14 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
     for other in cell.targets.values() if cell is not None else ():
         if other.name == name or other.target is None or other.target.kind != kind or not of_kind.marks(fields):
             continue
-        if alike(of_kind, fields, other.target.options):
+        if is_indistinguishable(of_kind, fields, other.target.options):
             raise InputError(
                 f"no picture tells {name!r} from {other.name!r} of cell.yaml, which has the same marks: if they are "
                 f"one and the same leave --target away, else state its own dictionary, family, number or counts"
             )
 
 
-def _only_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str | None]) -> str:
+def _single_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str | None]) -> str:
     """The one robot that does not carry the camera, or else the world.
 
     Raises:
@@ -149,7 +149,7 @@ def _only_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str |
     return others[0] if others else "world"
 
 
-def _check_said(kind: str, shape: Shape, fields: dict[str, Any], counted: list[str]) -> None:
+def _check_described(kind: str, shape: Shape, fields: dict[str, Any], counted: list[str]) -> None:
     """Nothing, where what must be measured of the kind was said and nothing else.
 
     Raises:

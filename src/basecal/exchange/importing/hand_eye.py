@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from basecal.cell import WORLD, Cell, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.imported import Imported, Row
@@ -52,7 +52,7 @@ def hand_eye_of_file(
         InputError: if it cannot be read, or does not fit the cell.
     """
     cell = known_cell(folder)
-    record = read(told_by_cell(cell, camera) if camera_on is None else camera_on == "robot")
+    record = read(is_camera_on_robot(cell, camera) if camera_on is None else camera_on == "robot")
     names = chosen_names(cell, robot, camera, target, record.camera_on_robot)
     return imported_hand_eye(cell, record, names, is_linked)
 
@@ -72,15 +72,15 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
     """
     if cell is None:
         return Names(robot or ("eye" if on_robot else "hand"), camera or "camera", target or "target")
-    camera = camera or _only("camera", cell.cameras, "camera")
-    target = target or _only("target", cell.targets, "target")
+    camera = camera or _only_name("camera", cell.cameras, "camera")
+    target = target or _only_name("target", cell.targets, "target")
     carried = cell.cameras.get(camera) if on_robot else cell.targets.get(target)
     if robot is None and carried is not None and carried.on in cell.robots:
         robot = carried.on
-    return Names(robot or _only("robot", cell.robots, "eye"), camera, target)
+    return Names(robot or _only_name("robot", cell.robots, "eye"), camera, target)
 
 
-def told_by_cell(cell: Cell | None, camera: str | None) -> bool | None:
+def is_camera_on_robot(cell: Cell | None, camera: str | None) -> bool | None:
     """Whether a robot of the cell carries the camera; None where the cell does not say."""
     if cell is None or (camera is None and len(cell.cameras) != 1):
         return None
@@ -88,9 +88,9 @@ def told_by_cell(cell: Cell | None, camera: str | None) -> bool | None:
     return None if found is None else found.on != WORLD
 
 
-def _only(kind: str, known: Mapping[str, Any], usual: str) -> str:
+def _only_name(kind: str, known: Mapping[str, Any], usual: str) -> str:
     if len(known) > 1:
-        raise InputError(f"which {kind}? --{kind} is one of: {listed(list(known))}")
+        raise InputError(f"which {kind}? --{kind} is one of: {list_names(list(known))}")
     return next(iter(known), usual)
 
 
@@ -162,7 +162,7 @@ def imported_joint_states(cell: Cell | None, states: JointStates, source: str, r
     chains = {} if cell is None else {name: each.chain for name, each in cell.robots.items() if each.chain is not None}
     name = robot or (next(iter(chains)) if len(chains) == 1 else None)
     if name is None or name not in chains:
-        known = listed(list(chains))
+        known = list_names(list(chains))
         raise InputError(
             f"{source}: joint states need a robot with a URDF in cell.yaml, --robot; with one there are: {known}"
         )
@@ -170,8 +170,8 @@ def imported_joint_states(cell: Cell | None, states: JointStates, source: str, r
     missing = [joint for joint in wanted if joint not in states.names]
     if missing:
         raise InputError(
-            f"{source}: has joints {listed(states.names)}, the chain of {name!r} in its URDF {listed(wanted)}: "
-            f"{listed(missing)} not recorded"
+            f"{source}: has joints {list_names(states.names)}, the chain of {name!r} in its URDF {list_names(wanted)}: "
+            f"{list_names(missing)} not recorded"
         )
     columns = [states.names.index(joint) for joint in wanted]
     rows = tuple(Row({name: RobotState(joints_rad=row)}) for row in states.joints_rad[:, columns])

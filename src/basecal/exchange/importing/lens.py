@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from basecal.cell import WORLD, Cell
 from basecal.cell.format.plain import pose_dict
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.known import known_cell, recorded_samples
 from basecal.exchange.lens_files.stated import StatedLens, camera_entry
@@ -81,7 +81,7 @@ def imported_lens(
             raise InputError(f"{sizes}: import the calibration of the pictures' size, or correct size_px")
     data: dict[str, Any] = {"cameras": {name: entry}}
     if known is None:
-        data = _carried(cell, name, on)
+        data = _camera_data(cell, name, on)
         data["cameras"] = {name: {**data["cameras"][name], **entry}}
     if mount is not None and (known is None or (known.mount.status == "free" and known.mount.mean is None)):
         data["cameras"][name]["mount"] = {"status": "free", "guess": pose_dict(mount)}
@@ -101,26 +101,26 @@ def chosen_camera(cell: Cell | None, camera: str | None) -> str:
     if cell is None:
         return "camera"
     if len(cell.cameras) != 1:
-        raise InputError(f"which camera? --camera NAME; the cell has {listed(list(cell.cameras))}")
+        raise InputError(f"which camera? --camera NAME; the cell has {list_names(list(cell.cameras))}")
     return next(iter(cell.cameras))
 
 
-def _carried(cell: Cell | None, camera: str, on: str | None) -> dict[str, Any]:
+def _camera_data(cell: Cell | None, camera: str, on: str | None) -> dict[str, Any]:
     """The data of a camera that is new to a cell, and of a cell that is new."""
     if cell is not None:
         if on is None and len(cell.cameras) == 0 and len(cell.robots) == 1:
             on = next(iter(cell.robots))
         if on is None or (on != WORLD and on not in cell.robots):
-            known = listed([*cell.robots, WORLD])
+            known = list_names([*cell.robots, WORLD])
             raise InputError(f"camera {camera!r} is not in cell.yaml: say what carries it, --on one of {known}")
-        return {"cameras": {camera: _on(on)}}
+        return {"cameras": {camera: _carrier_data(on)}}
     if on == WORLD:
         raise InputError(f"there is no cell.yaml to put camera {camera!r} into: `basecal new`, or --on ROBOT makes one")
     robot = on or "eye"
-    return {"robots": {robot: {}}, "cameras": {camera: _on(robot)}}
+    return {"robots": {robot: {}}, "cameras": {camera: _carrier_data(robot)}}
 
 
-def _on(carrier: str) -> Mapping[str, Any]:
+def _carrier_data(carrier: str) -> Mapping[str, Any]:
     return {"on": carrier, "mount": {"status": "free"}}
 
 
@@ -163,13 +163,13 @@ def imported_target(
     if name is None:
         name = next(iter(cell.targets), "target")
         if len(cell.targets) > 1:
-            raise InputError(f"which target? --target is one of: {listed(list(cell.targets))}")
+            raise InputError(f"which target? --target is one of: {list_names(list(cell.targets))}")
     entry: dict[str, Any] = dict(target)
     if name not in cell.targets:
         if on is None or (on != WORLD and on not in cell.robots):
-            known = listed([*cell.robots, WORLD])
+            known = list_names([*cell.robots, WORLD])
             raise InputError(f"target {name!r} is not in cell.yaml: say what carries it, --on one of {known}")
-        entry = {**_on(on), **entry}
+        entry = {**_carrier_data(on), **entry}
     sizes = ", ".join(f"{key} {value}" for key, value in target.items() if key != "kind")
     what = f"a target, {target['kind']}: {sizes}"
     return Imported(source, what, cell={"targets": {name: entry}}, advice="check its sizes")

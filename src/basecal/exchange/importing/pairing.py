@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from basecal.cell import Sample
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import By, Imported, Row
 
 LARGEST_DIFFERENCE_S = 0.05
@@ -53,18 +53,18 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
     if by == "image" or not any(row.pictures for row in rows):
         # Pictures of one camera are named by chance as those of another.
         known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
-    chosen = _by(rows, samples, known) if by is None else by
+    chosen = _pairing_method(rows, samples, known) if by is None else by
     if not samples and chosen != "sample":
         numbers: list[int | None] = list(range(len(rows)))
     elif chosen == "image":
-        numbers = _by_name(imported, samples, known)
+        numbers = _pair_by_name(imported, samples, known)
     elif chosen == "sample":
         numbers = [row.sample for row in rows]
     elif chosen == "stamp_s":
-        numbers = _by_time(rows, samples)
+        numbers = _pair_by_time(rows, samples)
     else:
-        numbers = _by_order(imported, samples)
-    _check_once(imported, numbers)
+        numbers = _pair_by_order(imported, samples)
+    _check_unique(imported, numbers)
     paired = set(numbers)
     return Pairing(
         chosen,
@@ -80,23 +80,23 @@ def _lines_of_their_own(imported: Imported, samples: Sequence[Sample]) -> Pairin
     Raises:
         InputError: if a robot, or a camera's view of a target, is recorded already.
     """
-    again = sorted(_told(imported.rows) & _told(samples))
+    again = sorted(_content_names(imported.rows) & _content_names(samples))
     if again:
         raise InputError(
-            f"{imported.source}: {listed(again)} is recorded already, and would stand beside itself; "
+            f"{imported.source}: {list_names(again)} is recorded already, and would stand beside itself; "
             "import into another folder, and `basecal merge` both"
         )
     first = max((sample.sample for sample in samples), default=-1) + 1
     return Pairing("sample", tuple(range(first, first + len(imported.rows))))
 
 
-def _told(lines: Sequence[Row | Sample]) -> set[str]:
+def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
     """What lines tell of, in words."""
     robots = {f"robot {name!r}" for line in lines for name in line.robots}
     return robots | {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
 
 
-def _by(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]) -> By:
+def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]) -> By:
     names = {plain_name(row.image) for row in rows if row.image is not None}
     # A table that names other pictures tells of other samples; a folder may hold another camera's in the same order.
     of_others = known and not any(row.pictures for row in rows)
@@ -108,7 +108,7 @@ def _by(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]
     return "stamp_s" if rows and samples and timed else "order"
 
 
-def _by_name(imported: Imported, samples: Sequence[Sample], known: Mapping[str, int]) -> list[int | None]:
+def _pair_by_name(imported: Imported, samples: Sequence[Sample], known: Mapping[str, int]) -> list[int | None]:
     """The samples of rows that name pictures; new ones where none is known, as of another camera's pictures."""
     numbers = [known.get(plain_name(row.image or "")) for row in imported.rows]
     if any(number is not None for number in numbers):
@@ -122,7 +122,7 @@ def _by_name(imported: Imported, samples: Sequence[Sample], known: Mapping[str, 
     return list(range(first, first + len(imported.rows)))
 
 
-def _by_order(imported: Imported, samples: Sequence[Sample]) -> list[int | None]:
+def _pair_by_order(imported: Imported, samples: Sequence[Sample]) -> list[int | None]:
     if len(imported.rows) != len(samples):
         counts = f"{imported.source} holds {len(imported.rows)}, the recording has {len(samples)} samples"
         raise InputError(
@@ -132,7 +132,7 @@ def _by_order(imported: Imported, samples: Sequence[Sample]) -> list[int | None]
     return [sample.sample for sample in samples]
 
 
-def _by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | None]:
+def _pair_by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | None]:
     """The sample nearest in time, where the row is the nearest to it as well, and near enough."""
     times = np.array([sample.stamp_s for sample in samples], dtype=np.float64)
     found: list[int | None] = [None] * len(rows)
@@ -149,11 +149,11 @@ def _by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | None]
     return found
 
 
-def _check_once(imported: Imported, numbers: Sequence[int | None]) -> None:
+def _check_unique(imported: Imported, numbers: Sequence[int | None]) -> None:
     first: dict[int, int] = {}
     for i, number in enumerate(numbers):
         if number is not None and first.setdefault(number, i) != i:
-            both = listed([_name(imported.rows[first[number]], first[number]), _name(imported.rows[i], i)])
+            both = list_names([_name(imported.rows[first[number]], first[number]), _name(imported.rows[i], i)])
             raise InputError(f"{imported.source}: two rows belong to sample {number} ({both}); keep one")
 
 

@@ -10,12 +10,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from basecal.cell.format.paths import inside
-from basecal.cell.format.writing import beside, make_folder
+from basecal.cell.format.writing import make_folder, temporary_path
 from basecal.errors import InputError
 
 
 @contextmanager
-def placed(files: Mapping[str, Path], folder: Path, link: bool = False) -> Iterator[None]:
+def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> Iterator[None]:
     """Files are in the cell while what follows uses them, and stay unless it fails.
 
     A file that is there already, the same to the byte, is left as it is.
@@ -37,19 +37,19 @@ def placed(files: Mapping[str, Path], folder: Path, link: bool = False) -> Itera
             if not os.path.lexists(target):
                 make_folder(target.parent, folder)
                 made.append(target)
-                _put(source, target, link)
+                _place_file(source, target, link)
             elif not target.is_file() or not filecmp.cmp(source, target, shallow=False):
                 raise InputError(f"{target} is there already, and is another file than {source}: it is not overwritten")
         yield
     except OSError as error:
-        _take_out(made, folder, existed)
+        _remove_files(made, folder, existed)
         raise InputError(f"{error.filename or folder} cannot be written: {error.strerror}") from None
     except BaseException:
-        _take_out(made, folder, existed)
+        _remove_files(made, folder, existed)
         raise
 
 
-def _put(source: Path, target: Path, link: bool) -> None:
+def _place_file(source: Path, target: Path, link: bool) -> None:
     if link:
         try:
             os.link(source, target)
@@ -57,7 +57,7 @@ def _put(source: Path, target: Path, link: bool) -> None:
             why = f"{source} cannot be linked into {target.parent} ({error.strerror})"
             raise InputError(f"{why}: hard links need one disk; leave --link away to copy") from None
         return
-    part = beside(target)
+    part = temporary_path(target)
     try:
         shutil.copyfile(source, part)
         os.replace(part, target)
@@ -65,7 +65,7 @@ def _put(source: Path, target: Path, link: bool) -> None:
         part.unlink(missing_ok=True)
 
 
-def _take_out(made: list[Path], folder: Path, existed: bool) -> None:
+def _remove_files(made: list[Path], folder: Path, existed: bool) -> None:
     """Remove files that were made, and folders that are empty then; the cell itself only where it is new."""
     for path in made:
         with suppress(OSError):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from basecal.cell import WORLD, Cell, PoseObservation
-from basecal.errors import InputError, listed
+from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import SE3
 
@@ -71,7 +71,7 @@ def _carrier(kind: str, name: str, given: str | None, known: Mapping[str, str], 
     if len(robots) == 1:
         return robots[0]
     option = "--on" if kind == "camera" else "--target-on"
-    choices = listed([*robots, WORLD]) if robots else f"a robot or {WORLD}"
+    choices = list_names([*robots, WORLD]) if robots else f"a robot or {WORLD}"
     raise InputError(f"{kind} {name!r} is new: say what carries it, {option} with one of: {choices}")
 
 

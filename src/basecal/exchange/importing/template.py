@@ -16,7 +16,7 @@ from basecal.geometry.lenses.registry import lens_models, terms_text
 
 Kind = Literal[TargetKindName, "pose"]
 
-_HEAD = """\
+_HEADER_LINES = """\
 # What exists in the cell, what is known of it, and what is asked for. Lengths in m, angles in rad unless the key says
 # otherwise. A transform a_from_b is where b stands in a; each has a status: free (asked), prior (with sigma_t_m and
 # sigma_r_rad) or fixed. A pose has t_m and one of q_xyzw, rotvec_rad, rpy_deg; or is a 4x4 matrix.
@@ -46,7 +46,7 @@ def cell_text(
     alone = ("world", names[0]) if camera_on_world else (names[0], "world")
     pairs = list(pairwise(names)) if len(names) > 1 else [alone]
     parts = [
-        _HEAD,
+        _HEADER_LINES,
         f"reference: {names[0]:<26}# this robot's base is `world`: where everything is expressed\n",
         _ROBOT_HELP,
     ]

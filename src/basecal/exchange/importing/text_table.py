@@ -81,7 +81,7 @@ def _heading(
     return _separator(first), None
 
 
-def number_of(cell: str, path: str, line: int, name: str) -> float:
+def parse_number(cell: str, path: str, line: int, name: str) -> float:
     """The number in a cell, with a decimal point or comma.
 
     Raises:
@@ -135,12 +135,12 @@ def _cells(
     if bracketed is not None:
         named = {name.lower(): value for name, value in _NAMED_NUMBER.findall(bracketed)}
         if all(name.lower() in named for name in names):
-            return {**_picture_before(line, bracketed), **{name: named[name.lower()] for name in names}}
+            return {**_leading_picture(line, bracketed), **{name: named[name.lower()] for name in names}}
         values = _NUMBER.findall(bracketed)
         if len(values) < len(names):
             raise DatasetError(path, f"{len(values)} numbers in brackets, expected {', '.join(names)}", number)
         # Those behind the last name are left out: ABB's targets end in configuration and axes.
-        return _picture_before(line, bracketed) | dict(zip(names, values, strict=False))
+        return _leading_picture(line, bracketed) | dict(zip(names, values, strict=False))
     cells = [cell.strip() for cell in (line.rstrip(";") if separator == ";" else line).split(separator)]
     if header is None and len(cells) == len(names) + 1 and is_picture(cells[0]):
         return dict(zip(("image", *names), cells, strict=True))
@@ -150,7 +150,7 @@ def _cells(
     return dict(zip(expected, cells, strict=True))
 
 
-def _picture_before(line: str, bracketed: str) -> dict[str, str]:
+def _leading_picture(line: str, bracketed: str) -> dict[str, str]:
     """The picture whose name stands before a pose in brackets; nothing where none does."""
     before = re.split(r"[,;\t ]", line[: len(line) - len(bracketed)].strip())[0].strip("\"'")
     return {"image": before} if is_picture(before) else {}
@@ -176,4 +176,4 @@ def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[f
         missing = [name for name in columns if name not in row.cells]
         if missing:
             raise DatasetError(table.path, f"has no {', '.join(missing)} but {', '.join(row.cells)}", row.line)
-        yield [number_of(row.cells[name], table.path, row.line, name) for name in columns]
+        yield [parse_number(row.cells[name], table.path, row.line, name) for name in columns]

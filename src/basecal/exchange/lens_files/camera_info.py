@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from basecal.errors import DatasetError, listed
+from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.lens_files.stated import StatedLens, made_camera, matrix_parameters, opencv_terms
 
@@ -49,7 +49,7 @@ def camera_info_lens(root: Field) -> StatedLens:
     elif named in _PINHOLE:
         camera = made_camera(matrix, "pinhole", [*parameters, *opencv_terms(terms or root, values)], size)
     else:
-        known = listed(sorted((_PINHOLE | _FISHEYE) - {""}))
+        known = list_names(sorted((_PINHOLE | _FISHEYE) - {""}))
         raise root.at("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
     name = root.first("camera_name")
     return StatedLens(

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from basecal.bounded_file import read_bounded
-from basecal.errors import DatasetError, listed, nearest
-from basecal.exchange.columns import text_of
+from basecal.errors import DatasetError, list_names, nearest
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
 from basecal.fields.problems import shorten
@@ -97,7 +97,7 @@ def read_colmap(path: str | Path) -> dict[int, StatedLens]:
 
 
 def _text(path: Path) -> Iterator[_Entry]:
-    lines = text_of(str(path), "lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`").splitlines()
+    lines = read_table_text(str(path), "lines `CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]`").splitlines()
     for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].split()
         where = Field(str(path), words, {(): number})
@@ -137,7 +137,7 @@ def _lens(entry: _Entry) -> StatedLens:
     if model is None:
         known = [name for name, each in _MODELS.items() if each.lens]
         raise entry.where.error(
-            f"no model {shorten(entry.model)}{nearest(entry.model, known)}; there are: {listed(known)}"
+            f"no model {shorten(entry.model)}{nearest(entry.model, known)}; there are: {list_names(known)}"
         )
     if model.lens is None:
         raise entry.where.error(f"{entry.model} has no equal here: calibrate with OPENCV or OPENCV_FISHEYE")

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cell.format.yaml_text import LARGEST_BYTES, read_text
 from basecal.errors import DatasetError
-from basecal.exchange.fields import Field, fields_of
+from basecal.exchange.fields import Field, parse_fields
 from basecal.fields.problems import CAUSE_LENGTH, Loc
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_HEAD = re.compile(r"\A%YAML[: ][^\n]*")
+_YAML_HEADER = re.compile(r"\A%YAML[: ][^\n]*")
 _TAG = re.compile(r"!!(opencv|python)[-\w/.:]*")
 _COMMENTS = re.compile(r"/\*.*?\*/|^[ \t]*//[^\n]*", re.S | re.M)  # which OpenCV's JSON may have
 _DEEPEST = 32  # levels, as of YAML
@@ -36,7 +36,7 @@ def read_file_storage(path: str | Path) -> Field:
         return _xml(text, name)
     if start == "{":
         text = _COMMENTS.sub(lambda comment: "\n" * comment[0].count("\n"), text).replace("\t", " ")
-    return fields_of(_TAG.sub("", _HEAD.sub("", text)), name)
+    return parse_fields(_TAG.sub("", _YAML_HEADER.sub("", text)), name)
 
 
 def _xml(text: str, path: str) -> Field:

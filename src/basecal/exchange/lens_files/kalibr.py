@@ -13,14 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from basecal.errors import listed
+from basecal.errors import list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
 
 _PROJECTION = "pinhole"  # the one of Kalibr's that lenses here have
 _MODELS = {"radtan": ("pinhole", 4), "equidistant": ("fisheye", 4), "none": ("pinhole", 0)}
 _FAMILY = "tag36h11"  # the one that Kalibr's own boards are printed in
-_SAME = 1e-6  # of both sides of a square: below what any printer keeps
+_EQUAL_SIDES = 1e-6  # of both sides of a square: below what any printer keeps
 
 
 def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
@@ -32,7 +32,7 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
     root = read_fields(path)
     names = [name for name in root.data if name.startswith("cam")] if isinstance(root.data, dict) else []
     if not names:
-        held = listed(list(root.data)) if isinstance(root.data, dict) else "no fields"
+        held = list_names(list(root.data)) if isinstance(root.data, dict) else "no fields"
         raise root.error(f"holds {held}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
     return tuple(_lens(root.at(name), name) for name in names)
 
@@ -43,7 +43,7 @@ def _lens(camera: Field, name: str) -> StatedLens:
         raise projection.error(f"{projection.data!r} has no equal here: calibrate with pinhole-radtan or pinhole-equi")
     distortion = camera.at("distortion_model")
     if distortion.text() not in _MODELS:
-        raise distortion.error(f"{distortion.data!r} has no equal here; there are: {listed(list(_MODELS))}")
+        raise distortion.error(f"{distortion.data!r} has no equal here; there are: {list_names(list(_MODELS))}")
     model, count = _MODELS[distortion.data]
     terms = camera.at("distortion_coeffs").numbers(count) if count else []
     resolution = camera.at("resolution")
@@ -81,7 +81,7 @@ def read_target(path: str | Path) -> dict[str, Any]:
     root = read_fields(path)
     kind = root.at("target_type")
     if kind.text() not in _TARGETS:
-        raise kind.error(f"{kind.data!r} is no target of Kalibr's; there are: {listed(list(_TARGETS))}")
+        raise kind.error(f"{kind.data!r} is no target of Kalibr's; there are: {list_names(list(_TARGETS))}")
     return _TARGETS[kind.data](root)
 
 
@@ -99,7 +99,7 @@ def _aprilgrid(root: Field) -> dict[str, Any]:
 
 def _checkerboard(root: Field) -> dict[str, Any]:
     across, down = root.at("colSpacingMeters"), root.at("rowSpacingMeters")
-    if abs(across.number() - down.number()) > _SAME * abs(across.number()):
+    if abs(across.number() - down.number()) > _EQUAL_SIDES * abs(across.number()):
         raise down.error(f"is {down.data}, colSpacingMeters {across.data}: the squares of a board here are square")
     corners = [root.at("targetCols").whole(2), root.at("targetRows").whole(2)]
     return {"kind": "chessboard", "corners": corners, "square_m": across.number()}

@@ -12,8 +12,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from basecal.errors import DatasetError, listed
-from basecal.exchange.columns import text_of
+from basecal.errors import DatasetError, list_names
+from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.stated import StatedLens, made_camera
 from basecal.fields.problems import Loc, shorten
@@ -39,7 +39,7 @@ def read_cameramodel(path: str | Path) -> StatedLens:
     name = kind.text().replace("DISTORTION", "LENSMODEL")
     if name not in _TERMS:
         advice = "mrcal-convert-lensmodel fits one that has"
-        raise kind.error(f"{shorten(name)} has no equal here ({listed(list(_TERMS))}): {advice}")
+        raise kind.error(f"{shorten(name)} has no equal here ({list_names(list(_TERMS))}): {advice}")
     values = root.at("intrinsics")
     size = root.at("imagersize").items("width and height")
     if len(size) != 2:
@@ -53,7 +53,7 @@ def read_cameramodel(path: str | Path) -> StatedLens:
 
 def _literal(path: str) -> Field:
     """The dictionary of a file, and the lines of its keys; what computes something is refused."""
-    text = text_of(path, "a cameramodel of mrcal, which is text")
+    text = read_table_text(path, "a cameramodel of mrcal, which is text")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of escapes in strings, which are mrcal's matter

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from basecal.errors import listed
+from basecal.errors import list_names
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.file_storage import read_file_storage
 from basecal.exchange.lens_files.stated import StatedLens, made_camera, matrix_parameters, opencv_terms
@@ -45,16 +45,16 @@ def read_opencv(path: str | Path, model: str | None = None, which: int | None = 
         root = read_file_storage(path)
     if (ros := root.first("distortion_model")) is not None:
         raise ros.error("says how ROS distorts, which OpenCV does not write: basecal import camera-info")
-    named = _by_plain_name(root)
+    named = _fields_by_name(root)
     suffix = "" if which is None else str(which)
-    matrix = _one_of(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
+    matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
     if matrix is None:
-        both = _one_of(named, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE)
+        both = _first_matrix(named, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE)
         if which is None and both is not None:
-            raise root.error(f"holds two cameras ({listed(list(root.data))}): say which by --which 1 or --which 2")
+            raise root.error(f"holds two cameras ({list_names(list(root.data))}): say which by --which 1 or --which 2")
         expected = "expected camera_matrix, cameraMatrix, mtx or K, 3 x 3"
-        raise root.error(f"has no camera matrix; it has {listed(_names(root))}: {expected}")
-    terms = _one_of(named, (f"{each}{suffix}" for each in _TERMS))
+        raise root.error(f"has no camera matrix; it has {list_names(_names(root))}: {expected}")
+    terms = _first_matrix(named, (f"{each}{suffix}" for each in _TERMS))
     values = [] if terms is None else _data(terms).numbers()
     said = next((named[each] for each in _FISHEYE if each in named), None)
     lens = model or ("fisheye" if said is not None and said.yes() else "pinhole")
@@ -72,7 +72,7 @@ def _names(root: Field) -> list[str]:
     return list(root.data) if isinstance(root.data, dict) else []
 
 
-def _by_plain_name(root: Field) -> dict[str, Field]:
+def _fields_by_name(root: Field) -> dict[str, Field]:
     """Fields by name without underscores in lower case, also those one mapping deeper."""
     found: dict[str, Field] = {}
     for name in _names(root):
@@ -80,12 +80,12 @@ def _by_plain_name(root: Field) -> dict[str, Field]:
         if field is None:
             continue
         if isinstance(field.data, dict) and "data" not in field.data:
-            found |= {**_by_plain_name(field), **found}
+            found |= {**_fields_by_name(field), **found}
         found[str(name).replace("_", "").replace("-", "").lower()] = field
     return found
 
 
-def _one_of(named: dict[str, Field], names: Iterable[str], count: int | None = None) -> Field | None:
+def _first_matrix(named: dict[str, Field], names: Iterable[str], count: int | None = None) -> Field | None:
     """The first field that holds a matrix, of `count` numbers where given."""
     for name in names:
         field = named.get(name)

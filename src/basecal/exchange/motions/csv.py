@@ -8,7 +8,7 @@ from basecal.exchange.motions.way import Motion, Way
 _POSE = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
-def written(way: Way) -> str:
+def write_motion(way: Way) -> str:
     """A line of names, then the rows."""
     head = ["sample"]
     for name in way.robots:
@@ -26,4 +26,4 @@ def written(way: Way) -> str:
     return "\n".join(rows) + "\n"
 
 
-MOTION = Motion("a row for each sample: joints, and poses of the flanges", written)
+MOTION = Motion("a row for each sample: joints, and poses of the flanges", write_motion)

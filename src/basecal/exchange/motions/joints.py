@@ -7,7 +7,7 @@ import json
 from basecal.exchange.motions.way import Motion, Way
 
 
-def written(way: Way) -> str:
+def write_motion(way: Way) -> str:
     """One object: numbers of the samples, and for each robot its joints.
 
     Raises:
@@ -20,4 +20,4 @@ def written(way: Way) -> str:
     return json.dumps({"samples": way.numbers, "robots": robots}, indent=1) + "\n"
 
 
-MOTION = Motion("joints of all robots as JSON [rad]", written)
+MOTION = Motion("joints of all robots as JSON [rad]", write_motion)

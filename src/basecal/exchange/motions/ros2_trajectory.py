@@ -10,7 +10,7 @@ from basecal.exchange.exports.quoting import yaml_word
 from basecal.exchange.motions.way import Motion, Way
 
 
-def written(way: Way) -> str:
+def write_motion(way: Way) -> str:
     """The documents.
 
     Raises:
@@ -36,5 +36,5 @@ def _goal(way: Way, robot: str) -> str:
 
 
 MOTION = Motion(
-    "goals of FollowJointTrajectory as YAML, one document for each robot, in step with one another", written
+    "goals of FollowJointTrajectory as YAML, one document for each robot, in step with one another", write_motion
 )

@@ -12,7 +12,7 @@ from basecal.exchange.motions.way import Motion, Way
 _ACCELERATION = 0.5  # [rad/s^2], a third of what the arms begin with
 
 
-def written(way: Way) -> str:
+def write_motion(way: Way) -> str:
     """The program.
 
     Raises:
@@ -34,4 +34,4 @@ def written(way: Way) -> str:
     return "\n".join([*lines, "end", f"basecal_{robot}()"]) + "\n"
 
 
-MOTION = Motion("with --robot: a program of URScript that waits at each sample", written)
+MOTION = Motion("with --robot: a program of URScript that waits at each sample", write_motion)

@@ -111,7 +111,7 @@ class Motion:
     text: Callable[[Way], str]
 
 
-def way_of(
+def make_way(
     cell: Cell, samples: Sequence[Sample], robot: str | None = None, speed_rad_s: float = 0.5, hold_s: float = 2.0
 ) -> Way:
     """The samples as ways.

@@ -195,10 +195,10 @@ def domain_mask(points: Array, distortion: list[float]) -> BoolArray:
 def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolArray]:
     """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
     k = _pad_distortion(distortion)
-    return invert_map(lambda a, b: image_of(a, b, k), u, v, fold(distortion))
+    return invert_map(lambda a, b: project_direction(a, b, k), u, v, fold(distortion))
 
 
-def image_of(a: Array, b: Array, k: Sequence[Number]) -> Image:
+def project_direction(a: Array, b: Array, k: Sequence[Number]) -> Image:
     """The image of directions (a, b, 1), (...,) each, and its derivative, by all eight terms."""
     rays = _rays(a, b, k)
     uu, uv, vv = _derivative(rays, k)

@@ -19,20 +19,20 @@ LENSES: Mapping[str, Lens] = {
 
 
 @cache
-def lens_of(model: str, terms: int) -> Lens:
+def find_lens(model: str, terms: int) -> Lens:
     """The lens of a model with so many distortion terms.
 
     Raises:
         InputError: if there is no such model, or none with so many terms.
     """
-    for lens in lenses_of(model):
+    for lens in model_lenses(model):
         if terms in lens.TERMS:
             return lens
     raise InputError(f"a {model} lens has {' or '.join(map(str, term_counts(model)))} distortion terms, not {terms}")
 
 
 @cache
-def lenses_of(model: str) -> tuple[Lens, ...]:
+def model_lenses(model: str) -> tuple[Lens, ...]:
     """The lenses of a model, the usual one first.
 
     Raises:
@@ -54,12 +54,12 @@ def lens_models() -> tuple[str, ...]:
 @cache
 def term_counts(model: str) -> tuple[int, ...]:
     """How many distortion terms a lens of the model may have, rising."""
-    return tuple(sorted({count for lens in lenses_of(model) for count in lens.TERMS}))
+    return tuple(sorted({count for lens in model_lenses(model) for count in lens.TERMS}))
 
 
 def terms_text(model: str) -> str:
     """The distortion terms of a model, those that may be left out in brackets: `k1 k2 p1 p2 [k3 [k4 k5 k6]]`."""
-    names = max((lens.TERM_NAMES for lens in lenses_of(model)), key=len)
+    names = max((lens.TERM_NAMES for lens in model_lenses(model)), key=len)
     text = ""
     for start, end in reversed(list(pairwise([0, *filter(None, term_counts(model))]))):
         text = " ".join(names[start:end]) + (f" [{text}]" if text else "")

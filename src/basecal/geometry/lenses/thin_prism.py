@@ -69,16 +69,16 @@ def unproject(u: Array, v: Array, distortion: list[float]) -> tuple[Array, BoolA
     """Directions (a, b, 1), (..., 3), and whether each has the image (u, v) inside the fold, (...,)."""
     s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]
 
-    def image_of(a: Array, b: Array) -> Image:
+    def project_direction(a: Array, b: Array) -> Image:
         """The pinhole's image and its derivative, with what the prism adds."""
-        at, s = pinhole.image_of(a, b, distortion[:_RADIAL_TERMS]), a * a + b * b
+        at, s = pinhole.project_direction(a, b, distortion[:_RADIAL_TERMS]), a * a + b * b
         for_u, for_v = 2 * (s1 + 2 * s2 * s), 2 * (s3 + 2 * s4 * s)
         moved_u, moved_v = at.u + s * (s1 + s2 * s), at.v + s * (s3 + s4 * s)
         return Image(
             moved_u, moved_v, at.du_da + for_u * a, at.du_db + for_u * b, at.dv_da + for_v * a, at.dv_db + for_v * b
         )
 
-    return invert_map(image_of, u, v, pinhole.fold(distortion[:_RADIAL_TERMS]))
+    return invert_map(project_direction, u, v, pinhole.fold(distortion[:_RADIAL_TERMS]))
 
 
 def usual_distortion(rng: np.random.Generator) -> Array:

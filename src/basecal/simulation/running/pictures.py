@@ -84,7 +84,7 @@ class CameraView:
     def _levels(self, scene: Seen, is_lit: bool) -> Array:
         if self._kept is not None:
             before, was_lit, levels = self._kept
-            if was_lit == is_lit and _is_alike(before, scene):
+            if was_lit == is_lit and _is_equal(before, scene):
                 return levels
         levels = self._board_picture(scene) if scene.shape.sheets else self._light_picture(scene, is_lit)
         self._kept = (scene, is_lit, levels)
@@ -130,7 +130,7 @@ class CameraView:
         )
 
 
-def _is_alike(scene: Seen, other: Seen) -> bool:
+def _is_equal(scene: Seen, other: Seen) -> bool:
     """Whether two are the same to the last bit: what is drawn then follows from where things are, and nothing else."""
     if scene.scene is not None:
         return scene.scene == other.scene

@@ -11,7 +11,7 @@ from pydantic import Field
 from basecal.cell import Cell
 from basecal.cell.files import read_cell, read_truth, write_cell, write_truth
 from basecal.cell.format.plain import numbers, pose_dict
-from basecal.cell.format.writing import write_whole
+from basecal.cell.format.writing import write_atomically
 from basecal.cell.results.truth_file import FILE, read_truth_extra
 from basecal.cell.schema.errors import check_entry
 from basecal.errors import DatasetError
@@ -37,7 +37,7 @@ def write_world(world: World, folder: Path) -> None:
     for robot in world.cell.robots.values():
         if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
             text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
-            write_whole(folder / robot.urdf, text, within=folder)
+            write_atomically(folder / robot.urdf, text, within=folder)
     write_world_truth(world, folder)
     write_cell(world.cell, folder)
 

@@ -13,7 +13,7 @@ _MADE = frozenset({"derived", "runs"})  # what programs make of a cell, in its o
 _MARKS = frozenset({"cell.yaml", "recording"})  # a folder that has one of them is meant to be a cell
 
 
-def cells_in(folder: Path) -> tuple[str, ...]:
+def find_cells(folder: Path) -> tuple[str, ...]:
     """Paths of the cells below a folder, at any depth, in their order; links are not followed.
 
     Raises:

@@ -74,7 +74,7 @@ class Row:
 COLUMNS = tuple(f.name for f in fields(Row))
 
 
-def calibrated(folder: str, cell: str) -> bytes:
+def calibrate_row(folder: str, cell: str) -> bytes:
     """The row of a cell, its calibration, and the traceback of a fault of this program, as JSON.
 
     Args:
@@ -83,7 +83,7 @@ def calibrated(folder: str, cell: str) -> bytes:
     """
     begin, row, calibration, fault = time.perf_counter(), Row(cell, "failed"), None, ""
     try:
-        row, calibration = _calibrated(Path(folder, cell), cell)
+        row, calibration = _calibrate_cell(Path(folder, cell), cell)
     except BasecalError as error:
         row = Row(cell, "unreadable", said=_one_line(error))
     except MemoryError:
@@ -92,15 +92,15 @@ def calibrated(folder: str, cell: str) -> bytes:
         fault = printable(traceback.format_exc())
         row = Row(cell, "failed", said=_one_line(f"a fault of basecal itself ({type(error).__name__}: {error})"))
     took = asdict(row) | {"time_s": time.perf_counter() - begin}
-    return _written(took, calibration, fault)
+    return _pack_row(took, calibration, fault)
 
 
-def killed(cell: str, why: str) -> bytes:
-    """As `calibrated`, of a cell that kills whoever works on it."""
-    return _written(asdict(Row(cell, "failed", said=why)), None, "")
+def killed_row(cell: str, why: str) -> bytes:
+    """As `calibrate_row`, of a cell that kills whoever works on it."""
+    return _pack_row(asdict(Row(cell, "failed", said=why)), None, "")
 
 
-def _written(row: dict[str, Any], calibration: dict[str, Any] | None, fault: str) -> bytes:
+def _pack_row(row: dict[str, Any], calibration: dict[str, Any] | None, fault: str) -> bytes:
     found = {"row": row, "calibration": calibration, "fault": fault}
     return json.dumps(found, allow_nan=False).encode("utf-8", "backslashreplace")
 
@@ -109,7 +109,7 @@ def _one_line(error: object) -> str:
     return " ".join(printable(str(error)).split())
 
 
-def _calibrated(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
+def _calibrate_cell(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
     cell = read_cell(folder)
     hashes = input_hashes(folder, cell)
     recording = read_recording(folder, cell)
@@ -133,14 +133,14 @@ def _row(name: str, cell: Cell, recording: Recording, made: Calibration) -> Row:
         " ".join(dict.fromkeys(finding.code for finding in bad)),
         _one_line(bad[0].message) if bad else "",
         len(recording.samples),
-        **({} if found is None else _placed(found, made)),
+        **({} if found is None else _transform_columns(found, made)),
         rms_px=made.residuals.rms_px,
         held_out_mm=None if valid is None or valid.target_m is None else 1e3 * valid.target_m,
         held_out_deg=None if valid is None or valid.target_rad is None else float(np.degrees(valid.target_rad)),
     )
 
 
-def _placed(name: str, made: Calibration) -> dict[str, Any]:
+def _transform_columns(name: str, made: Calibration) -> dict[str, Any]:
     """The columns of a transform."""
     estimate = made.transforms[name]
     variances = np.diagonal(estimate.covariance)

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.writing import make_folder, write_whole
+from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
-from basecal.studies.fleet.folder import cells_in, fingerprint
-from basecal.studies.fleet.row import COLUMNS, calibrated, killed
+from basecal.studies.fleet.folder import find_cells, fingerprint
+from basecal.studies.fleet.row import COLUMNS, calibrate_row, killed_row
 from basecal.studies.jobs import Job, Where, done_jobs
 
 ROW, CALIBRATION, FAULT = "row.json", "calibration.json", "fault.txt"
@@ -62,7 +62,7 @@ class Fleet:
         return kept if tuple(kept) == COLUMNS else None
 
     def keep(self, cell: str, fingerprint: str, content: bytes) -> None:
-        """Keep what `calibrated` gave of a cell of that fingerprint; the row last, which says that all is there.
+        """Keep what `calibrate_row` gave of a cell of that fingerprint; the row last, which says that all is there.
 
         Raises:
             InputError: if it cannot be written.
@@ -70,31 +70,31 @@ class Fleet:
         found = json.loads(content)
         for name, text in ((CALIBRATION, _as_text(found["calibration"])), (FAULT, found["fault"])):
             if text:
-                write_whole(self.kept(cell, name), text, within=self.output, durable=False)
+                write_atomically(self.kept(cell, name), text, within=self.output, durable=False)
             else:
                 self.kept(cell, name).unlink(missing_ok=True)
         row = found["row"] | {"fingerprint": fingerprint}
-        write_whole(self.kept(cell, ROW), _as_text(row), within=self.output, durable=False)
+        write_atomically(self.kept(cell, ROW), _as_text(row), within=self.output, durable=False)
 
 
 def _as_text(data: Any) -> str:
     return "" if data is None else json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
-def fleet_of(folder: Path, output: Path) -> Fleet:
+def make_fleet(folder: Path, output: Path) -> Fleet:
     """The cells of a folder, with a folder made for what comes of them.
 
     Raises:
         InputError: if there is no cell, or that folder is of something else, or among the cells.
     """
-    cells = cells_in(folder)
+    cells = find_cells(folder)
     if output.resolve().is_relative_to(folder.resolve()):
         raise InputError(f"{output} is among the cells: choose a folder outside of {folder} with -o")
     make_folder(output)
     mark = output / FLEET
     if not mark.exists() and any(output.iterdir()):
         raise InputError(f"{output} holds other files and no fleet: choose another folder with -o")
-    write_whole(mark, _as_text({"schema": SCHEMA, "cells": str(folder.resolve())}))
+    write_atomically(mark, _as_text({"schema": SCHEMA, "cells": str(folder.resolve())}))
     return Fleet(folder, cells, output)
 
 
@@ -115,7 +115,7 @@ def run_fleet(fleet: Fleet, where: Where, step: Step | None = None) -> None:
     done, total = len(now) - len(left), len(now)
     tell(done, total)
     folder = str(fleet.folder.resolve())
-    jobs = [Job(k, 1, partial(calibrated, folder, cell), partial(killed, cell)) for k, cell in enumerate(left)]
+    jobs = [Job(k, 1, partial(calibrate_row, folder, cell), partial(killed_row, cell)) for k, cell in enumerate(left)]
     for job, content in done_jobs(jobs, where):
         cell = left[job.number]
         fleet.keep(cell, now[cell], content)

@@ -21,7 +21,7 @@ _QUANTILES = {"p05": 0.05, "median": 0.5, "p95": 0.95}
 Row = Mapping[str, Any]
 
 
-def rows_of(fleet: Fleet) -> list[Row]:
+def fleet_rows(fleet: Fleet) -> list[Row]:
     """The rows of all cells, in the fleet's order.
 
     Raises:

@@ -13,8 +13,8 @@ from basecal.errors import BasecalError
 from basecal.estimation.solve import Solution, solve_packed
 from basecal.estimation.solve_batch import solve_batch
 from basecal.geometry import SE3, Array, BoolArray
-from basecal.studies.draws import Draws, pixels_of
-from basecal.studies.solvers.solver import Answers, Solver, unsolved
+from basecal.studies.draws import Draws, group_pixels
+from basecal.studies.solvers.solver import Answers, Solver, no_answers
 
 _PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does not reach it, another optimum does
 
@@ -22,24 +22,26 @@ _PLAUSIBLE_SIGMAS = 4.0  # root of a trial's cost over the median's: noise does 
 def solve(draws: Draws) -> Answers:
     """All trials."""
     if draws.own_starts:
-        return _each(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+        return _complete_answers(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
     try:
-        first = _alone(draws, 0)
+        first = _solve_trial(draws, 0)
     except (BasecalError, np.linalg.LinAlgError) as error:
-        return unsolved(draws.count, str(error))
+        return no_answers(draws.count, str(error))
     if draws.transform in first.observability.unobservable:
-        return unsolved(draws.count, f"{draws.transform} is not observable")
+        return no_answers(draws.count, f"{draws.transform} is not observable")
     if first.observability.unobservable:  # the batch inverts the information of everything
-        return _each(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+        return _complete_answers(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
     try:
         found = solve_batch(draws.problem, first.state.spread(draws.problem, draws.count))
     except np.linalg.LinAlgError:  # the information of one of them
-        return _each(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
+        return _complete_answers(draws, _placeholder(draws), np.ones(draws.count, dtype=bool))
     where = draws.problem.columns[draws.transform]
     together = _Together(
         found.state.transforms[draws.transform], found.covariance[:, where, where], found.converged.copy()
     )
-    return _each(draws, together, ~found.converged | (found.cost > _PLAUSIBLE_SIGMAS**2 * np.median(found.cost)))
+    return _complete_answers(
+        draws, together, ~found.converged | (found.cost > _PLAUSIBLE_SIGMAS**2 * np.median(found.cost))
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +61,14 @@ def _placeholder(draws: Draws) -> _Together:
     )
 
 
-def _each(draws: Draws, found: _Together, again: BoolArray) -> Answers:
+def _complete_answers(draws: Draws, found: _Together, again: BoolArray) -> Answers:
     """What was found, those of `again` solved by themselves."""
     rotation, translation = found.transform.rotation.copy(), found.transform.translation.copy()
     covariance, solved = found.covariance.copy(), found.converged.copy()
     where = draws.problem.columns[draws.transform]
     for trial in np.flatnonzero(again):
         try:
-            own = _alone(draws, int(trial))
+            own = _solve_trial(draws, int(trial))
         except (BasecalError, np.linalg.LinAlgError):
             solved[trial] = False
             continue
@@ -77,10 +79,10 @@ def _each(draws: Draws, found: _Together, again: BoolArray) -> Answers:
     return Answers(SE3(rotation, translation), covariance, solved, "" if solved.all() else "not converged")
 
 
-def _alone(draws: Draws, trial: int) -> Solution:
+def _solve_trial(draws: Draws, trial: int) -> Solution:
     """A trial solved by itself, from nothing."""
     groups = [
-        replace(group, measurement=replace(pixels_of(group), pixels=pixels_of(group).pixels[trial]))
+        replace(group, measurement=replace(group_pixels(group), pixels=group_pixels(group).pixels[trial]))
         for group in draws.problem.groups
     ]
     return solve_packed(draws.problem.with_groups(groups), draws.made.cell)

@@ -23,13 +23,13 @@ def unfit(settings: Settings) -> str | None:
 
 def solve(draws: Draws) -> Answers:
     """Each trial by itself."""
-    found = [_solved(draws, pixels) for pixels in draws.measurement().pixels]
+    found = [_solve_trial(draws, pixels) for pixels in draws.measurement().pixels]
     solved = np.array([each is not None for each in found])
     transforms = SE3.stack([SE3.identity() if each is None else each for each in found])
     return Answers(transforms, None, solved, "" if solved.all() else "OpenCV found nothing")
 
 
-def _solved(draws: Draws, pixels: Array) -> SE3 | None:
+def _solve_trial(draws: Draws, pixels: Array) -> SE3 | None:
     """The transform that is judged, from the pixels of a trial, (n, p, 2)."""
     group, measurement = draws.problem.groups[0], draws.measurement()
     lens, points = draws.made.cameras[group.camera], measurement.points_in_target
@@ -40,14 +40,14 @@ def _solved(draws: Draws, pixels: Array) -> SE3 | None:
     seen = SE3.stack([view for view in views if view is not None])
     eye, hand = (end.base_from_flange[kept] for end in group.ends)
     if group.hand.robot is None:
-        return _named(draws, robot_world(seen, eye.inverse()), True)
+        return _judged_transform(draws, robot_world(seen, eye.inverse()), True)
     if group.eye.robot is None:
-        return _named(draws, robot_world(seen, hand), True)
+        return _judged_transform(draws, robot_world(seen, hand), True)
     known = draws.made.truth[group.eye.mount]
-    return _named(draws, robot_world(eye @ known @ seen, hand), False)
+    return _judged_transform(draws, robot_world(eye @ known @ seen, hand), False)
 
 
-def _named(draws: Draws, found: RobotWorld | None, of_camera: bool) -> SE3 | None:
+def _judged_transform(draws: Draws, found: RobotWorld | None, of_camera: bool) -> SE3 | None:
     """The one of the two unknowns that is judged; the first is the camera's mount turned about, or the base."""
     group = draws.problem.groups[0]
     if found is None:

@@ -46,6 +46,6 @@ class Solver:
     blocks: int = 1
 
 
-def unsolved(count: int, reason: str) -> Answers:
+def no_answers(count: int, reason: str) -> Answers:
     """No answer to any of so many trials."""
     return Answers(SE3.identity((count,)), None, np.zeros(count, dtype=bool), reason)

@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell.target import Target
 from basecal.cell.targets.charuco import charuco_target
-from basecal.cell.targets.fiducials import large_enough
+from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.geometry import Array
 from basecal.vision.kinds.fiducial import MARKER_SETS, dictionary, marker_corners
 from basecal.vision.kinds.ways import Grey
@@ -44,7 +44,7 @@ def likely_boards(images: Sequence[Grey], target: Target) -> Iterator[Target]:
     if len(most) < _FEWEST_MARKERS:
         return
     highest = max(max(each) for each in seen if each)
-    name = large_enough(target.options["dictionary"], highest + 1)
+    name = smallest_dictionary(target.options["dictionary"], highest + 1)
     off = {board: _layout_error(board, most) for board in _boards(target, name, highest)}
     yield from sorted((board for board in off if off[board] < _NEAR_SHARE), key=lambda board: off[board])[:_BOARD_TRIES]
 

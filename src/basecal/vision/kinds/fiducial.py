@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from basecal.cell.target import Target
-from basecal.cell.targets.fiducials import large_enough
+from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.errors import InputError
 from basecal.geometry import Array, BoolArray
 
@@ -68,7 +68,7 @@ def charuco_board(target: Target) -> Any:
     if needed > len(known.bytesList):
         size = "x".join(map(str, of["squares"]))
         few = f"{of['dictionary']} has {len(known.bytesList)} markers, a {size} board needs {needed}"
-        larger = large_enough(of["dictionary"], needed)
+        larger = smallest_dictionary(of["dictionary"], needed)
         mend = f": write dictionary: {larger}, which begins with the same" if larger != of["dictionary"] else ""
         raise InputError(f"{few}{mend}")
     board = cv2.aruco.CharucoBoard(tuple(of["squares"]), of["square_m"], of["marker_m"], known)
