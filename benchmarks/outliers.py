@@ -307,7 +307,7 @@ def trial(name: str, seed: int) -> Trial:
     began = time.perf_counter()
     ours = _with_noise(spoilt.problem, made.cell) if estimated else solve_robustly(spoilt.problem, made.cell)
     took = time.perf_counter() - began
-    settings = Settings(robot_noise="estimated" if estimated else None)
+    settings = Settings(robot_noise="estimated" if estimated else "stated")
     oracle = solve_packed(inlier_problem(spoilt.problem, spoilt.clean), made.cell, settings)
     return Trial(
         _error(made, oracle.state.transforms[BASE]),

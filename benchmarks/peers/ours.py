@@ -8,7 +8,7 @@ from functools import partial
 
 from basecal.cell import Cell, Recording
 from basecal.cell.recording import PoseObservation
-from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import PoseEstimate
 from benchmarks.peers.task import Task
@@ -33,7 +33,7 @@ def works(task: Task) -> dict[str, Callable[[], PoseEstimate]]:
     return found
 
 
-def _asked(task: Task, cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> PoseEstimate:
+def _asked(task: Task, cell: Cell, recording: Recording, settings: Settings = STATED) -> PoseEstimate:
     return solve(cell, recording, settings).transforms[task.asked]
 
 

@@ -117,7 +117,7 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
     """Of twenty poses of one unknown mount: the squares about their mean, and six freedoms less than numbers."""
     errors = times * np.random.default_rng(0).standard_normal((20, 6))
     problem, state = pose_problem(1e-3 * errors, np.full(6, 1e-3))
-    found = contradicted_sigmas(solve_from(problem, state, Settings()))
+    found = contradicted_sigmas(solve_from(problem, state))
     squares, freedoms = np.sum((errors - errors.mean(0)) ** 2), 6 * 20 - 6
     assert [(f.about, f.of_robot) for f in found] == ([("camera", False)] if told else [])
     for each in found:
@@ -126,7 +126,7 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
         assert np.log(each.chance) == pytest.approx(np.log(tail(squares, freedoms)), rel=1e-2)
         assert each.is_too_small == (times > 1)
     few, at = pose_problem(1e-3 * errors[:1], np.full(6, 1e-3))
-    assert contradicted_sigmas(solve_from(few, at, Settings())) == ()
+    assert contradicted_sigmas(solve_from(few, at)) == ()
 
 
 @pytest.mark.parametrize(

@@ -170,14 +170,14 @@ def test_guess_is_used_where_asked_for():
     """`start='guess'` needs a value for every transform, and then ends at the same optimum."""
     s = simulate(Scenario(), seed=6)
     with pytest.raises(InputError, match="needs a guess"):
-        solve(s.cell, s.recording, Settings(start="guess"))
+        solve(s.cell, s.recording, Settings(start="guess", robot_noise="stated"))
     told = replace(
         s.cell,
         bases={"hand": Unknown("free", s.truth["eye_base_from_hand_base"])},
         cameras={"wrist": replace(s.cell.cameras["wrist"], mount=Unknown("free", s.truth["eye_flange_from_wrist"]))},
         targets={"board": replace(s.cell.targets["board"], mount=Unknown("free", s.truth["hand_flange_from_board"]))},
     )
-    by_guess = solve(told, s.recording, Settings(start="guess")).state.transforms
+    by_guess = solve(told, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms
     assert all(off(by_guess[n], t) < 1e-8 for n, t in solve(s.cell, s.recording).state.transforms.items())
 
 
@@ -208,7 +208,7 @@ def test_a_start_is_thorough_where_that_is_asked_for(monkeypatch, start, thoroug
 
     s = simulate(Scenario(samples=8), seed=0)
     monkeypatch.setattr("basecal.estimation.solve.first_state", first_state)
-    assert solve(s.cell, s.recording, Settings(start=start)).converged
+    assert solve(s.cell, s.recording, Settings(start=start, robot_noise="stated")).converged
     assert asked == thorough
 
 
@@ -220,10 +220,12 @@ def test_the_papers_closed_form_starts_robots_with_noise():
     s = simulate_shifts(true, eye, SE3.from_rotvec([0.2, 0.1, 0.0], [0.1, 0.05, 0.4]) @ hand, camera, 0.05, True, 0.05)
     robots = {name: replace(robot, noise=np.full(6, 1e-4)) for name, robot in s.cell.robots.items()}
     cell = replace(s.cell, robots=robots)
-    found = solve(cell, s.recording, Settings(start="axis-shift"))
+    found = solve(cell, s.recording, Settings(start="axis-shift", robot_noise="stated"))
     assert found.converged
     told = replace(cell, bases={"hand": Unknown("free", true)})
-    by_truth = solve(told, s.recording, Settings(start="guess")).state.transforms["eye_base_from_hand_base"]
+    by_truth = solve(told, s.recording, Settings(start="guess", robot_noise="stated")).state.transforms[
+        "eye_base_from_hand_base"
+    ]
     assert off(found.state.transforms["eye_base_from_hand_base"], by_truth) < 1e-7
 
 

@@ -30,8 +30,8 @@ class Settings:
             stations.
         task_box: With a task point: two opposite corners of the part of the workspace, (x, y, z, x, y, z) [m] there,
             that is to be calibrated by itself, too; the workspace is parted by where samples are where it is None.
-        robot_noise: `stated` (robots that state none are exact) or `estimated` where none is stated, together with all
-            other noise; None for `stated` by `solve`, and for `estimated` by `calibrate`.
+        robot_noise: `estimated` if none is stated, together with all other noise, or `stated`: robots that state none
+            are exact.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
         stages: Where the time of each stage is counted; no part of what is asked.
@@ -43,7 +43,7 @@ class Settings:
     task_point: tuple[float, float, float] | None = None
     task_box: tuple[float, float, float, float, float, float] | None = None
     station_choice: StationChoice = "nearest"
-    robot_noise: RobotNoise | None = None
+    robot_noise: RobotNoise = "estimated"
     certify: bool = False
     stages: Stages | None = field(default=None, compare=False)
 
@@ -64,4 +64,5 @@ class Settings:
 
 
 DEFAULT = Settings()
+STATED = Settings(robot_noise="stated")
 LOG.addHandler(logging.NullHandler())  # quiet, unless who uses this package says where its words go

@@ -17,7 +17,7 @@ from basecal.estimation.observability.observability import Observability, analys
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.start.first_state import first_state, guessed_state, lenses
 from basecal.estimation.streams.streams import synchronous
 from basecal.estimation.view.measurement import Noise
@@ -85,7 +85,7 @@ class Solution:
         return np.zeros((size, size)) if where is None else self.covariance[where, where]
 
 
-def solve(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Solution:
+def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solution:
     """Start, maximum likelihood and covariance.
 
     Args:
@@ -104,7 +104,7 @@ def solve(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Sol
 def solve_packed(
     problem: Problem,
     cell: Cell,
-    settings: Settings = DEFAULT,
+    settings: Settings = STATED,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """As `solve`, from arrays."""
@@ -116,7 +116,7 @@ def solve_packed(
 def solve_from(
     problem: Problem,
     start: State,
-    settings: Settings = DEFAULT,
+    settings: Settings = STATED,
     findings: tuple[Finding, ...] = (),
 ) -> Solution:
     """Maximum likelihood and covariance downhill of a start."""
@@ -146,7 +146,7 @@ def integrate_solution(solution: Solution, is_quick: bool = False, near: NoiseEs
 def solve_at_mode(
     problem: Problem,
     start: State,
-    settings: Settings = DEFAULT,
+    settings: Settings = STATED,
     findings: tuple[Finding, ...] = (),
     near: NoiseEstimate | None = None,
 ) -> Solution:

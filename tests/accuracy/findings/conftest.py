@@ -12,7 +12,7 @@ def stand_in(**changed):
     """Evidence of a good answer about the base of `hand`, but for what is changed."""
     usual = {
         "cell": SimpleNamespace(asked=["base"]),
-        "settings": SimpleNamespace(robot_noise=None),
+        "settings": SimpleNamespace(robot_noise="estimated"),
         "recorded": SimpleNamespace(unstated=frozenset(), groups=()),
         "robust": SimpleNamespace(outliers=(), points=100, solution=None),
         "solution": SimpleNamespace(

@@ -11,7 +11,6 @@ from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.accuracy.findings.prior_dominated import prior_dominated
 from basecal.cell import Unknown
-from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve, solve_from
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -24,7 +23,7 @@ VIEWS = 4
 def told(sigma, prior=PRIOR, status="prior", **changed):
     """Findings about a mount with a prior, seen as four poses with these sigmas."""
     problem, state = pose_problem(np.zeros((VIEWS, 6)), sigma, Unknown(status, SE3.identity(), prior))
-    solution = replace(solve_from(problem, state, Settings()), **changed)
+    solution = replace(solve_from(problem, state), **changed)
     return prior_dominated(SimpleNamespace(solution=solution, cell=SimpleNamespace(asked=[MOUNT])))
 
 

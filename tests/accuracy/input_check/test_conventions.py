@@ -456,7 +456,7 @@ def test_a_guess_that_misled_is_no_mix_up(judged_by_name, first, anew, start, ex
 
     judged_by_name.setattr(conventions, "fit_hypothesis", fit)
     judged_by_name.setattr(conventions, "_SOLVED", 7)
-    found = conventions._as_declared(BOARD.cell, BOARD.recording, Settings(start=start), "known")
+    found = conventions._as_declared(BOARD.cell, BOARD.recording, Settings(start=start, robot_noise="stated"), "known")
     assert (None if found is None else found.core) == expected
     assert asked[0] == (7, start, "known")
     assert asked[1:] in ([], [(7, "closed", None)])
@@ -499,7 +499,9 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
     judged_by_name.setattr(conventions, "_tried", tried)
     judged_by_name.setattr(conventions, "decide_hypotheses", decide)
     few = replace(BOARD.recording, samples=BOARD.recording.samples[:samples])
-    check = conventions._checked(BOARD.cell, few, SimpleNamespace(models={}), None, Settings(start="guess"), True)
+    check = conventions._checked(
+        BOARD.cell, few, SimpleNamespace(models={}), None, Settings(start="guess", robot_noise="stated"), True
+    )
     assert ended(check) == (("finding",) if decided else ())
     if decided:
         known = {"start": "closed", "found": ["tried"], "explained": True, "still": frozenset({"eye"})}

@@ -22,7 +22,7 @@ from basecal.accuracy.input_check.view_errors import off_views
 from basecal.cell import Recording, RobotState, Sample
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import STATED
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -75,14 +75,13 @@ def test_samples_go_by_time_and_are_thinned_evenly():
 def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():
     """A board's held-out views are within the pixels' noise; with the eye's poses inverted the fit is implausible."""
     made = simulate(Scenario(samples=12), 0)
-    settings = Settings(robot_noise="stated")
-    right = fit_hypothesis(made.cell, made.recording, settings)
+    right = fit_hypothesis(made.cell, made.recording, STATED)
     assert right is not None
     assert right.in_pixels
     assert right.off.shape == (12,)
     assert 0.15e-3 < right.core < 0.4e-3
     assert plausible(right)
-    wrong = fit_hypothesis(made.cell, with_robots(made.recording, {"eye": inverted}), settings)
+    wrong = fit_hypothesis(made.cell, with_robots(made.recording, {"eye": inverted}), STATED)
     assert wrong is None or not plausible(wrong)
 
 
@@ -91,8 +90,7 @@ def test_a_fit_may_start_where_another_ended():
     made = simulate(Scenario(samples=12), 0)
     problem, _ = build_problem(made.cell, made.recording)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
-    settings = Settings(robot_noise="stated")
-    found, unguided = (fit_hypothesis(made.cell, made.recording, settings, s) for s in (start, None))
+    found, unguided = (fit_hypothesis(made.cell, made.recording, STATED, s) for s in (start, None))
     assert found.solution.cost == pytest.approx(unguided.solution.cost, rel=1e-6)
     np.testing.assert_allclose(found.off, unguided.off, rtol=1e-3)
     assert found.whole > np.sqrt(np.mean(off_views(problem, problem.groups[0], found.solution.state) ** 2))
@@ -108,7 +106,7 @@ def test_a_few_views_that_are_far_off_do_not_hide_it():
 
     samples = tuple(bumped(s) if s.sample == 2 else s for s in made.recording.samples)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
-    found = fit_hypothesis(made.cell, replace(made.recording, samples=samples), Settings(), start)
+    found = fit_hypothesis(made.cell, replace(made.recording, samples=samples), STATED, start)
     assert found.core < 0.5e-3
     assert found.whole > 1e-2
 
@@ -116,9 +114,9 @@ def test_a_few_views_that_are_far_off_do_not_hide_it():
 def test_nothing_to_fit_is_no_fit():
     """Without a view there is none, nor where camera and target hang on one arm."""
     made = simulate(Scenario(samples=4), 0)
-    assert fit_hypothesis(made.cell, Recording(), Settings()) is None
+    assert fit_hypothesis(made.cell, Recording(), STATED) is None
     board = replace(made.cell.targets["board"], on="eye")
-    assert fit_hypothesis(replace(made.cell, targets={"board": board}), made.recording, Settings()) is None
+    assert fit_hypothesis(replace(made.cell, targets={"board": board}), made.recording, STATED) is None
 
 
 @pytest.mark.parametrize(
@@ -134,7 +132,7 @@ def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, o
     monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([1.0, 2.0]))
     monkeypatch.setattr(module, "_is_near", lambda fit: near)
     monkeypatch.setattr(module, "_predicted_off", lambda problem, solution: held_out)
-    found = fit_hypothesis(made.cell, made.recording, Settings())
+    found = fit_hypothesis(made.cell, made.recording, STATED)
     assert (found.solution, found.in_pixels) == (solution, False)
     np.testing.assert_array_equal(found.off, off)
 
@@ -167,7 +165,7 @@ def test_a_fit_is_repeated_without_views_far_off(monkeypatch, far, times):
     monkeypatch.setattr(module, "off_views", lambda problem, group, state: off[group.k])
     monkeypatch.setattr(module, "solve_from", solve)
     first = SimpleNamespace(problem=whole, state=None)
-    found = module._concentrated(first, Settings())
+    found = module._concentrated(first, STATED)
     assert (found is first) == (not kept)
     assert len(kept) == times
     for each in kept:

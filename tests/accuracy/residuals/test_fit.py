@@ -12,7 +12,6 @@ from tests.pose_problem import pose_problem
 from basecal.accuracy.residuals.fit import residuals, single_view_pose
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_from
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -25,7 +24,7 @@ def fixed_at_truth(scenario, change=None, seed=0):
     problem, _ = build_problem(made.cell, made.recording)
     if change is not None:
         problem = problem.with_groups(map(change, problem.groups))
-    return solve_from(problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))), Settings())
+    return solve_from(problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))))
 
 
 def with_pixels(change):
@@ -81,7 +80,7 @@ def test_loops_are_those_of_the_recorded_poses():
 def test_measured_poses_close_loops_by_what_they_are_off():
     """Half a metre and a third of a radian; there are no pixels."""
     problem, state = pose_problem(np.array([[0.5, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0.3, 0]]), np.ones(6))
-    found = residuals(solve_from(replace(problem, columns={}), state, Settings()))
+    found = residuals(solve_from(replace(problem, columns={}), state))
     assert [(r.loop_m, r.rms_px) for r in found.per_sample] == [(pytest.approx(0.5), None), (pytest.approx(0), None)]
     assert found.per_sample[1].loop_rad == pytest.approx(0.3)
     assert found.loop_rms_m == pytest.approx(0.5 / np.sqrt(2))

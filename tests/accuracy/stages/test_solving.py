@@ -21,7 +21,7 @@ def case(**parts):
     return Case(MADE.cell, MADE.recording, Settings(robot_noise=parts.pop("robot_noise", None)), packed="all", **parts)
 
 
-@pytest.mark.parametrize(("robot_noise", "noisy"), [(None, "noisy"), ("estimated", "noisy"), ("stated", None)])
+@pytest.mark.parametrize(("robot_noise", "noisy"), [("estimated", "noisy"), ("stated", None)])
 def test_noise_is_estimated_unless_the_stated_one_is_asked_for(monkeypatch, robot_noise, noisy):
     """And the first solution has the noise as stated."""
     given = []

@@ -23,7 +23,6 @@ from basecal.cell import Unknown
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_from, solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -40,8 +39,8 @@ def solved(scenario, seed=0, off=None):
     cell = replace(made.cell, cameras={"wrist": replace(camera, mount=mount)})
     free = replace(made.cell, cameras={"wrist": replace(camera, mount=Unknown("free"))})
     problem = build_problem(cell, made.recording)[0]
-    solution = solve_packed(problem, cell, Settings())
-    freed = solve_from(build_problem(free, made.recording)[0], solution.state, Settings())
+    solution = solve_packed(problem, cell)
+    freed = solve_from(build_problem(free, made.recording)[0], solution.state)
     return Situation(solution.problem, solution.state, problem, {}), solution, freed
 
 

@@ -162,7 +162,11 @@ def test_the_closed_form_starts_the_general_solver():
         pixel_px=0.1,
     )
     name = "eye_base_from_hand_base"
-    by_shifts = solve(simulated.cell, simulated.recording, Settings(start="axis-shift")).transforms[name].mean
+    by_shifts = (
+        solve(simulated.cell, simulated.recording, Settings(start="axis-shift", robot_noise="stated"))
+        .transforms[name]
+        .mean
+    )
     unguessed = solve(simulated.cell, simulated.recording).transforms[name].mean
     assert np.abs((by_shifts.inverse() @ unguessed).log()).max() < 1e-8
 

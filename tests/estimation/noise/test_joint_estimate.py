@@ -17,7 +17,7 @@ from basecal.estimation.noise.joint_estimate import _units, estimate_jointly, in
 from basecal.estimation.noise.laplace import SigmaPosterior
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
@@ -87,7 +87,7 @@ def test_clean_cells_get_little_noise_of_robots():
 def test_stated_noise_is_taken_at_its_word():
     """Where every robot and the pixels state their noise nothing is estimated, and asking changes nothing."""
     told = replace(SILENT, state_robot_noise=True)
-    asked, plain = solved(told, 0), solved(told, 0, Settings())
+    asked, plain = solved(told, 0), solved(told, 0, STATED)
     assert not asked.noise.robots
     np.testing.assert_allclose(asked.covariance, plain.covariance, rtol=1e-6)
 

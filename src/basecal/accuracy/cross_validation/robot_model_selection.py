@@ -22,7 +22,7 @@ from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.build import free_ends, recorded_by_joints, recorded_joints
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
-from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
@@ -79,7 +79,7 @@ class RobotModelChoice:
     solution: Solution
 
 
-def choose_robot_model(solution: Solution, settings: Settings = DEFAULT) -> RobotModelChoice | None:
+def choose_robot_model(solution: Solution, settings: Settings = STATED) -> RobotModelChoice | None:
     """The model of the robots that held-out samples call for; None where there is nothing to choose.
 
     There is nothing to choose where no robot is given by joints, where kinematics are being estimated already, where

@@ -15,7 +15,7 @@ from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.settings import DEFAULT
+from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_packed
 from basecal.estimation.streams.streams import recording_streams
 
@@ -96,15 +96,14 @@ def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     views = len({int(sample) for group in problem.groups for sample in group.sample})
     if views < _FEWEST_SAMPLES:
         return QuickLook(views, untold=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
-    stated = replace(DEFAULT, robot_noise="stated")
-    plain = solve_packed(problem, cell, stated)
+    plain = solve_packed(problem, cell, STATED)
     explained = is_as_of_arms(with_noise(plain, DEFAULT))
-    said = check_conventions(cell, recording, problem, plain, stated, explained)
+    said = check_conventions(cell, recording, problem, plain, STATED, explained)
     if found := tuple(f for f in said if f.severity == "error" or (is_whole and f.severity == "warning")):
         return QuickLook(views, found)
     if is_hopeless(plain.problem, plain.state):
         return QuickLook(views, (hopeless(plain.problem, plain.state),))
-    fit = fit_hypothesis(cell, recording, stated, plain.state)
+    fit = fit_hypothesis(cell, recording, STATED, plain.state)
     if fit is None or any(name in plain.observability.unobservable for name in cell.asked):
         return QuickLook(views, untold=_left_open(cell, fit))
     if not plausible(fit):

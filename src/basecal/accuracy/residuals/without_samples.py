@@ -15,7 +15,7 @@ from basecal.estimation.noise.robot_noise import with_robot_noise, without_error
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import State
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import STATED
 from basecal.estimation.solve import solve_from
 from basecal.geometry import PoseEstimate
 
@@ -67,7 +67,7 @@ def without_samples(
     start = State({**transforms, **known.state.transforms}, known.state.cameras, np.zeros((0, 6)), known.state.robots)
     start = without_errors(problem, start)
     problem, _ = choose_correspondence(problem, start)
-    solution = solve_from(replace(problem, held=True), start, Settings(robot_noise="stated"))
+    solution = solve_from(replace(problem, held=True), start, STATED)
     seen = [name for name in cell.asked if name in solution.transforms]
     told = {name: solution.transforms[name] for name in seen if name not in solution.observability.unobservable}
     return WithoutSamples(told, residuals(solution), solution.converged)

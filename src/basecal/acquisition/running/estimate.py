@@ -19,7 +19,7 @@ from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
-from basecal.estimation.settings import Settings
+from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode, solve_packed
 
 FEWEST = 4
@@ -27,7 +27,6 @@ FEWEST = 4
 
 _OPEN = 0.3  # [m, rad] of a sigma: above, a direction has not been seen
 _ESTIMATED = Settings(robot_noise="estimated")
-_STATED = Settings(robot_noise="stated")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +82,7 @@ def _at_mode(cell: Cell, problem: Problem, near: RunningEstimate | None) -> tupl
         found = solve_at_mode(problem, start, _ESTIMATED, near=noise)
         if found.converged:
             return found, noise
-    exact = solve_packed(problem, cell, _STATED)
+    exact = solve_packed(problem, cell, STATED)
     return solve_at_mode(exact.problem, exact.state, _ESTIMATED), None
 
 

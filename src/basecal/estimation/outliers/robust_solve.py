@@ -42,7 +42,7 @@ from basecal.estimation.outliers.reweighted import graduated_truncation
 from basecal.estimation.outliers.subset_starts import score, subset_states
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
-from basecal.estimation.settings import DEFAULT, Settings
+from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -77,7 +77,7 @@ class RobustSolution:
 
 
 def solve_robustly(
-    problem: Problem, cell: Cell, settings: Settings = DEFAULT, plain: Solution | None = None
+    problem: Problem, cell: Cell, settings: Settings = STATED, plain: Solution | None = None
 ) -> RobustSolution:
     """The solution of all views and points but the gross outliers, and these.
 
@@ -111,7 +111,7 @@ def solve_robustly(
 
 
 def judged_again(
-    before: RobustSolution, noisy: Solution, recorded: Problem, cell: Cell, settings: Settings = DEFAULT
+    before: RobustSolution, noisy: Solution, recorded: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
     """The same views and points judged anew by other sigmas; None where that leads to no answer.
 
