@@ -95,6 +95,9 @@ class Kept:
         lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
         self._known: dict[str | int, Any] = dict(json.loads(line) for line in lines)
 
+    def __contains__(self, key: object) -> bool:
+        return key in self._known
+
     def of(self, key: str | int, measured: Callable[[], Any]) -> Any:
         """What was kept by this key; where nothing was, what is measured, kept from now on."""
         if key not in self._known:

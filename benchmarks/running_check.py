@@ -30,9 +30,10 @@ from basecal.cell import Cell, PixelObservation, Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.joint_offsets import candidates as joint_offsets
 from basecal.errors import BasecalError, DatasetError
+from basecal.estimation.noise.robot_noise import with_robot_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve
+from basecal.estimation.solve import solve, solve_from
 from basecal.planning import poses
 from basecal.planning.feasible import make_feasibility_check
 from basecal.planning.sketch import sketch_cell
@@ -48,6 +49,7 @@ SAMPLES, SIGMA_CAPTURES, CLEAN, FAULTY, LATEST = 25, 60, 60, 40, 3
 MOST_REAL = 60  # samples of a real recording
 PIXEL_PX = 0.05
 POSE_SIGMA = np.repeat([2.5e-5, 4.2e-5], 3)  # [m, rad] of a stop of an arm whose joints repeat to 30 urad
+LOOSE = 0.1  # [m, rad] of stops with which each view is where its own points have it
 THRESHOLD = float(norm.ppf(0.99))
 ARMS = (
     "", "joint-offsets=0.2", "link-errors=0.5", "backlash=0.1", "encoder-noise=0.02", "sag=0.1",
@@ -195,8 +197,9 @@ def shown(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     if not information > 0:
         return False, False, False
     filtered = -gradient / float(np.sqrt(information))
-    loose = {name: replace(robot, noise=np.ones(6)) for name, robot in robots.items()}
-    within_views = solve(replace(cell, robots=loose), recording, Settings(robot_noise="stated")).cost
+    loose = with_robot_noise(found.problem, dict.fromkeys(robots, np.full(6, LOOSE)))
+    errors = found.state.stop_errors * found.problem.stops.sigma / LOOSE
+    within_views = solve_from(loose, replace(found.state, stop_errors=errors), Settings(robot_noise="stated")).cost
     free = (found.problem.columns[name] for name in found.problem.unknowns.keys() & found.problem.columns.keys())
     freedoms = 6 * count - sum(where.stop - where.start for where in free) - 1  # a lens is held by its prior
     level = np.sqrt(max(found.cost - within_views - filtered**2, 0.0) / freedoms)

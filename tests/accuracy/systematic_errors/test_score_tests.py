@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, norm
+from scipy.stats import chi2, f, norm
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors.score_tests import (
@@ -13,6 +13,7 @@ from basecal.accuracy.systematic_errors.score_tests import (
     Sums,
     linearised,
     log_chance_of,
+    log_chance_of_gain,
     score,
     score_of,
     sums,
@@ -210,3 +211,29 @@ def test_an_error_of_which_a_ten_thousandth_is_left_is_seen(share, freedoms):
         found = score_of(Linearised(None, None, (), np.zeros(1), np.eye(1), None), known)
         assert found.freedoms.tolist() == [freedoms]
         assert found.statistic[0] == pytest.approx(freedoms / share)
+
+
+@pytest.mark.parametrize(("sizes", "residuals"), [(1, 6.0), (2, 20.0), (6, 300.5)])
+def test_a_gain_has_the_chance_of_the_ratio_of_variances(sizes, residuals):
+    """Of normal residuals twice the log likelihood gains n log(1 + q F / (n - q)), with Fisher's ratio F of q sizes."""
+    left = residuals - sizes
+    for ratio in (0.1, 1.0, 30.0):
+        gain = residuals * np.log1p(sizes * ratio / left)
+        found = log_chance_of_gain(gain, sizes, residuals)
+        assert found == pytest.approx(f.logsf(ratio, sizes, left), rel=1e-9)
+
+
+def test_the_chance_of_a_gain_has_bounds():
+    """A loss is certain, and so is any gain where nothing is left to tell the noise; a large one stays a number."""
+    assert log_chance_of_gain(-3.0, 1, 20.0) == 0.0
+    assert log_chance_of_gain(50.0, 3, 3.0) == log_chance_of_gain(50.0, 0, 20.0) == 0.0
+    near, far = log_chance_of_gain(1300.0, 2, 50.0), log_chance_of_gain(1500.0, 2, 50.0)
+    assert far - near == pytest.approx(-200 * 48 / 100, rel=1e-3)
+
+
+@pytest.mark.parametrize(("sigma", "held"), [(1e-9, 6), (1e6, 0)])
+def test_an_unknown_that_its_prior_holds_takes_no_freedom_of_the_residuals(sigma, held):
+    """The equations of four poses, less the unknowns that views determine."""
+    prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, sigma))
+    problem, state = pose_problem(1e-3 * np.random.default_rng(1).standard_normal((4, 6)), np.full(6, 1e-3), prior)
+    assert linearised(problem, state).residuals == pytest.approx(24 - problem.width + held, abs=1e-3)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import f
 from tests.evidence import evidence_of
 
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
@@ -327,23 +327,20 @@ def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(Non
     return search._Suspect(code, candidate, np.array(size), len(size), -2 * log_chance, log_chance, log_chance, several)
 
 
-def surprised(plain, logs=True, equations=(20, 30), width=10):
-    """A solution of such a surprise, and of half of it with a random effect, with so many equations by group."""
-    groups = [
-        SimpleNamespace(measurement=SimpleNamespace(equations=lambda n=n: np.array([n - 1, 1]))) for n in equations
-    ]
+def surprised(plain, logs=True):
+    """A solution of such a surprise, and of half of it with a random effect."""
     noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain, surprise=plain / 2)
-    return SimpleNamespace(noise=noise, problem=SimpleNamespace(groups=groups, width=width))
+    return SimpleNamespace(noise=noise)
 
 
 @pytest.mark.parametrize("name", ["", "smooth"])
-def test_a_gain_counts_by_the_share_of_equations_that_are_left(monkeypatch, name):
-    """Of fifty equations ten are of unknowns and two of the error: what it gains is a chi-square less 24 %.
+def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
+    """Of forty freedoms two are of the error.
 
     By the surprise with the random effect that the error is tested beside, before it is taken out and after.
     """
     error = suspect(size=(0.5, 0.1), several=1.5)
-    of = SimpleNamespace(random_effect=lambda effect, about: name)
+    of = SimpleNamespace(random_effect=lambda effect, about: name, about=SimpleNamespace(residuals=40.0))
     after = {}
     monkeypatch.setattr(search, "_without", lambda solution, of, error: solution)
     monkeypatch.setattr(search, "_surprise", lambda solution, name: after[name])
@@ -353,10 +350,9 @@ def test_a_gain_counts_by_the_share_of_equations_that_are_left(monkeypatch, name
         after[name] = left / (2 if name else 1)
         return search._log_chance(of, error, surprised(before, **changed))
 
-    assert chance(130.0, 30.0) == pytest.approx(chi2.logsf(38.0 if name else 76.0, 2) + 1.5)
+    gain = 50.0 if name else 100.0
+    assert chance(130.0, 30.0) == pytest.approx(f.logsf(38 / 2 * np.expm1(gain / 40), 2, 38) + 1.5)
     assert chance(30.0, 130.0) == 1.5  # nothing gained
-    assert chance(130.0, 30.0, equations=(4, 2)) == 1.5  # nothing left
-    assert chance(130.0, 30.0, equations=()) == 1.5
     assert chance(130.0, 30.0, logs=False) == 0.0  # noise that was not estimated tells nothing
 
 

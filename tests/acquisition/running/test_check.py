@@ -59,3 +59,11 @@ def test_a_joint_that_is_off_is_named():
     found = [doubt for _, doubt in reported(cell, with_joint_off(samples, "eye", 2, 5e-3)) if doubt.is_lasting]
     assert len(found) == 1
     assert found[0].message.startswith("Joint 3 of eye is off by -0.3")
+
+
+def test_an_offset_does_not_hide_in_the_noise_that_it_makes():
+    """Six samples show an offset of 0.3 deg to arms that nobody states any noise of."""
+    cell, samples = recorded(7, joints=True)
+    (place, doubt), *_ = reported(cell, with_joint_off(samples, "eye", 2, 5e-3))
+    assert (place, doubt.is_lasting) == (5, True)
+    assert doubt.message.startswith("Joint 3 of eye is off by -0.2")

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import betainc, betaln, chdtrc
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.views import Moves
@@ -69,6 +69,27 @@ def log_chance_of(statistic: float, freedoms: int) -> float:
     return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic))
 
 
+def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
+    """Logarithm of the chance that unknowns without effect gain so much of minus twice the log likelihood.
+
+    The noise is estimated with and without them, so that the gain tells the ratio of the sums of squares, which is
+    Fisher-distributed. Source: docs/mathematics.md (11.4).
+
+    Args:
+        gain: Of minus twice the log likelihood.
+        freedoms: How many unknowns are added.
+        residuals: Freedoms of the residuals without them.
+    """
+    left = 0.5 * (residuals - freedoms)
+    if freedoms < 1 or left <= 0:
+        return 0.0
+    log_ratio = -max(gain, 0.0) / residuals
+    chance = float(betainc(left, 0.5 * freedoms, np.exp(log_ratio)))
+    if chance > _LEAST:
+        return float(np.log(chance))
+    return float(left * log_ratio - np.log(left) - betaln(left, 0.5 * freedoms))
+
+
 @dataclass(frozen=True, eq=False)
 class Linearised:
     """A problem to second order about a state: views that count as weighed, and their sums with stops eliminated.
@@ -90,6 +111,14 @@ class Linearised:
     gradient: Array
     hessian: Array
     system: SchurComplement | None
+
+    @cached_property
+    def residuals(self) -> float:
+        """Freedoms of the views' residuals: their equations less unknowns, but for what priors hold of these."""
+        equations = sum(int(group.measurement.equations().sum()) for group in self.problem.groups)
+        priors = ((jacobian, where) for _, jacobian, where in prior_residuals(self.problem, self.state))
+        held = sum(float(np.sum((j @ self.inverse[where, where]) * j)) for j, where in priors)
+        return equations - self.problem.width + held
 
     @cached_property
     def inverse(self) -> Array:

@@ -14,7 +14,14 @@ import numpy as np
 from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, log_chance_of, score, sums
+from basecal.accuracy.systematic_errors.score_tests import (
+    Linearised,
+    linearised,
+    log_chance_of,
+    log_chance_of_gain,
+    score,
+    sums,
+)
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
@@ -22,6 +29,7 @@ from basecal.effects.faces.found import FoundEffect
 from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
 from basecal.estimation.noise.random_effects import shared_errors
+from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
@@ -113,15 +121,15 @@ def systematic_error(
     return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
 
 
-def running_error(solution: Solution, stamps: Mapping[int, float], settings: Settings) -> FoundEffect | None:
+def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffect | None:
     """The likeliest systematic error while samples are still taken, its size and the answer's shift to first order.
 
-    Only an error that is not certain at the noise of the answer is solved for, to see the noise without it.
+    Errors that all samples have enlarge the noise that is estimated with them: if none is certain, those of the effect
+    that the random effects show are looked for with the noise beside these.
 
     Args:
-        solution: The answer, with its noise.
+        solution: The answer, with its noise and the random effects that stops share.
         stamps: Time of each sample by number [s].
-        settings: How the answer was solved.
 
     Returns:
         The error that held-out blocks confirm; None where there is none, or robots' kinematics are estimated.
@@ -129,15 +137,23 @@ def running_error(solution: Solution, stamps: Mapping[int, float], settings: Set
     if not solution.converged or not solution.problem.groups or solution.problem.models:
         return None
     situation = _situation(solution, solution.problem, stamps)
-    every = _suspects(situation)
-    suspect = next(_confirmed_suspects(situation, _tried(situation, every)), None)
+    first = _first_confirmed(solution, situation, _suspects(situation))
+    if (first is not None and first.is_certain) or solution.noise.beside_common is None:
+        return first
+    held = solution.noise.beside_common.held_by(solution.problem)
+    beside = Situation(held, without_errors(held, solution.state), solution.problem, stamps)
+    random = [each for each in _suspects(beside) if _null_of(situation, each) is situation.about]
+    second = _first_confirmed(solution, beside, random)
+    return second if first is None or (second is not None and second.is_certain) else first
+
+
+def _first_confirmed(solution: Solution, situation: Situation, suspects: Sequence[_Suspect]) -> FoundEffect | None:
+    """The first suspect that held-out blocks confirm; it is certain if chance hardly makes its gain."""
+    suspect = next(_confirmed_suspects(situation, _tried(situation, suspects)), None)
     if suspect is None:
         return None
-    least = np.log(CONFIRMED_SIGNIFICANCE)
-    is_certain = suspect.log_chance < least
-    if not is_certain:
-        is_certain = _log_chance(situation, suspect, solution) < least
-    alternatives = _alternatives(situation, suspect, every)
+    is_certain = _log_chance(situation, suspect, solution) < np.log(CONFIRMED_SIGNIFICANCE)
+    alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
 
@@ -266,17 +282,14 @@ def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> 
     """Logarithm of the chance of what the error gains in likelihood, the noise estimated anew.
 
     Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain;
-    where few residuals tell the noise, chance makes the gain larger by the share of unknowns (Bartlett 1937). All else
-    is to second order about the solution.
+    where few residuals tell the noise, chance makes the gain larger. All else is to second order about the solution.
     """
     if solution.noise.logs is None:
         return 0.0
-    equations = sum(int(group.measurement.equations().sum()) for group in solution.problem.groups)
-    left = 1 - (solution.problem.width + suspect.freedoms) / max(equations, 1)
     name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
     before = solution.noise.surprise if name else solution.noise.plain_surprise
-    gain = max(before - _surprise(_without(solution, situation, suspect), name), 0.0) * max(left, 0.0)
-    return log_chance_of(gain, suspect.freedoms) + suspect.several
+    gain = before - _surprise(_without(solution, situation, suspect), name)
+    return log_chance_of_gain(gain, suspect.freedoms, situation.about.residuals) + suspect.several
 
 
 def _surprise(solution: Solution, name: str) -> float:

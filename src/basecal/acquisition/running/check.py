@@ -15,6 +15,7 @@ from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.found import FoundEffect
+from basecal.effects.registry import describe_effect
 
 SIGNIFICANCE_LEVEL = 1e-3
 """Chance by which a sample is reported that agrees: one in forty captures of 25 samples."""
@@ -124,7 +125,8 @@ class RunningCheck:
 
 
 def _name(error: FoundEffect | None) -> tuple[str, ...]:
-    return () if error is None else (error.code, error.about)
+    """Kind of finding and what has it: effects of one arm take turns while few samples tell them apart."""
+    return () if error is None else (describe_effect(error).code, error.about)
 
 
 def _first(sample: Sample, alone: Disagreement) -> Doubt:

@@ -67,7 +67,7 @@ def running_estimate(
         at_mode, before = _at_mode(cell, problem, near)
         solution = integrate_solution(at_mode, is_quick=True, near=before)
         stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
-        error = running_error(at_mode, stamps, _ESTIMATED)
+        error = running_error(solution, stamps)
     except (BasecalError, np.linalg.LinAlgError):
         return None
     if not solution.converged:
