@@ -15,7 +15,7 @@ from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import integrated, solve_packed
+from basecal.estimation.solve import integrate_solution, solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -91,7 +91,7 @@ def bent():
         samples.append(replace(sample, stamp_s=float(k), robots={**sample.robots, "hand": off}))
     problem, _ = build_problem(made.cell, Recording(tuple(samples)))
     plain = solve_packed(problem, made.cell, Settings(robot_noise="stated"))
-    return problem, integrated(with_noise(plain, SETTINGS))
+    return problem, integrate_solution(with_noise(plain, SETTINGS))
 
 
 def test_single_stops_do_not_absorb_what_stops_share(bent):
