@@ -1,4 +1,4 @@
-"""Every exception that basecal raises on purpose, and the exit code it stands for."""
+"""Every exception that basecal raises on purpose, and the exit code it represents."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sentence(clause: str, names: Iterable[str] = ()) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A hint " (did you mean 'x'?)", or nothing where no known name is near."""
+    """A hint " (did you mean 'x'?)", or nothing if no known name is near."""
     close = get_close_matches(name[:_LONGEST], list(islice(known, _LOOKED_AT)), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
@@ -66,7 +66,7 @@ class DatasetError(InputError):
 
 
 class FrameNotFound(BasecalError, KeyError):
-    """A frame or transform that does not exist was asked for; the message lists those that do."""
+    """A frame or transform that does not exist was requested; the message lists those that do."""
 
     def __init__(self, name: str, known: Sequence[str]) -> None:
         self.name, self.known = name, tuple(known)
@@ -77,7 +77,7 @@ class FrameNotFound(BasecalError, KeyError):
 
 
 class NotObservable(BasecalError):
-    """A transform asked for is unobservable; the message names the null directions in words."""
+    """A requested transform is unobservable; the message names the null directions in words."""
 
     exit_code = 4
 

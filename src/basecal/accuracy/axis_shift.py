@@ -39,7 +39,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     depth does, found by feeding the closed form the pixels that its own answer predicts.
 
     Raises:
-        NotObservable: if there is no station, a mount or lens is not known, or several bases are asked for.
+        NotObservable: if there is no station, a mount or lens is not known, or several bases are requested.
     """
     names = [name for name in cell.asked if name in {cell.base_name(r) for r in cell.robots}]
     if len(names) != 1:

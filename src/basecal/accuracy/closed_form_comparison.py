@@ -59,7 +59,7 @@ class ClosedFormComparison:
 
 
 def compare_closed_form(cell: Cell, recording: Recording, calibration: Calibration) -> ClosedFormComparison | None:
-    """The closed form beside a calibration; None where it is one itself, or the recording has no programmed shifts.
+    """The closed form beside a calibration; None if it is one itself, or the recording has no programmed shifts.
 
     Args:
         cell: What was calibrated.

@@ -19,8 +19,8 @@ class FitDetails:
     Attributes:
         points: How far each point is from where it is predicted, by camera and target.
         views: Where each camera stood to its target, by camera and target.
-        errors: How far off the transforms asked for are expected to be.
-        closed_form: The paper's closed form beside the answer; None where the recording has no programmed shifts.
+        errors: How far off the requested transforms are expected to be.
+        closed_form: The paper's closed form beside the answer; None if the recording has no programmed shifts.
     """
 
     points: tuple[PointResiduals, ...] = ()

@@ -68,7 +68,7 @@ def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> Robot
 
 
 def _parameters_by_joint(solution: Solution, model: RobotModel, kind: str, unobserved: BoolArray) -> RobotParameters:
-    """A value for each joint, their covariance, and which are seen; NaN where nothing is known."""
+    """A value for each joint, their covariance, and which are seen; NaN if nothing is known."""
     n, where = model.chain.n, solution.problem.columns[f"{model.robot}_{kind}"]
     basis, prior = model.columns[kind]
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)

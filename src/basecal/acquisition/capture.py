@@ -1,7 +1,7 @@
 """Going through a plan: send the arms, wait until all is still, take states and picture, detect, append to the journal.
 
-Every sample that is told of is on the disk. Cut off at any instant, a capture goes on with the samples of its plan that
-are neither in the journal nor given up.
+Every sample that is reported is on the disk. Cut off at any instant, a capture goes on with the samples of its plan
+that are neither in the journal nor given up.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Step:
 
     Attributes:
         sample: Its number.
-        reason: Why it was given up, in words; empty where it was taken.
+        reason: Why it was given up, in words; empty if it was taken.
         samples: How many samples there are now.
         planned_count: How many the plan has.
         coverage: Of all of them.
@@ -61,7 +61,7 @@ class Step:
 
 
 def remaining_samples(folder: Path, cell: Cell) -> tuple[Sample, ...]:
-    """Samples of a plan in a cell's folder that are still to be taken; none where there is no plan."""
+    """Samples of a plan in a cell's folder that are still to be taken; none if there is no plan."""
     if not (folder / PLAN_FILE).exists():
         return ()
     done = {sample.sample for sample in _recorded_samples(folder, cell)} | _abandoned_numbers(folder)
@@ -85,7 +85,7 @@ def store_plan(folder: Path, cell: Cell, samples: Sequence[Sample]) -> tuple[Sam
 
 
 def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) -> Iterator[Step]:
-    """Take the samples of a plan, one after another; each has become what is told when it is told.
+    """Take the samples of a plan, one after another; each has become what is reported when it is reported.
 
     Args:
         taker: What takes them.

@@ -38,7 +38,7 @@ class Coverage:
         return float(self.cells.mean())
 
     def advice(self, samples: int) -> str:
-        """What to do to see more; empty where there is nothing to say."""
+        """What to do to see more; empty if there is nothing to say."""
         if samples < _FEWEST_SAMPLES:
             return ""
         for robot, turned in self.turned_rad.items():
@@ -71,7 +71,7 @@ def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
 
 
 def find_equal_sample(sketch: Sketch, sample: Sample, others: Sequence[Sample], m: float, rad: float) -> int | None:
-    """The number of another sample with all arms within so much of this one; None where there is none."""
+    """The number of another sample with all arms within so much of this one; None if there is none."""
     for other in others:
         away = []
         for robot in sketch.movers:

@@ -24,7 +24,7 @@ _REST_TOLERANCE = 1e-3  # [rad, m] by which arms that are held still may move
 _LEAST_MOTION = 0.03  # [rad, m] from where the last sample was due: nearer it is no new place
 
 Key = Callable[[], str]
-"""The key that was pressed since it was last asked; empty where none was."""
+"""The key that was pressed since it was last asked; empty if none was."""
 
 
 def wait_for_led_arms(rig: Rig, states: Mapping[str, RobotState], patience_s: float) -> dict[str, RobotState]:
@@ -61,7 +61,7 @@ class Led:
     def wait(self) -> bool:
         """Wait until a sample is due; False where the person has ended.
 
-        Of robots whose states do not come by themselves nothing is awaited: whoever types a pose is there.
+        Of robots whose states do not come without a request nothing is awaited: whoever types a pose is there.
 
         Raises:
             DriverError: if a robot does not answer.

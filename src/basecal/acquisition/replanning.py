@@ -116,7 +116,7 @@ def stations_for_task(
         samples: What was recorded already.
         home: Where the robots are.
         points_m: (n, 3) the task in the reference's base [m].
-        tolerance_m: The error that 95 of 100 there are to stay below [m]; None where only `count` says how many.
+        tolerance_m: The error that 95 of 100 there are to stay below [m]; None if only `count` says how many.
         count: How many samples; as many as the tolerance needs where None.
         seed: Of the draws.
 

@@ -32,11 +32,11 @@ Note = Callable[[str, Reading], None]
 """Takes account of a state that a robot, by its name, gave just now."""
 
 Report = Callable[[str], None]
-"""Is told what a person should know, in words."""
+"""Receives what a person should know, in words."""
 
 
 class Unfit(Exception):
-    """What is before the camera cannot be used as it is; the text is told to the person."""
+    """What is before the camera cannot be used as it is; the text is reported to the person."""
 
 
 class Moving(Unfit):
@@ -52,7 +52,7 @@ def wait_for_arms(
     """Where arms are, once all stand still; the mean of their last states.
 
     Args:
-        robots: By name; of one whose states do not come by themselves the next one is taken as it is.
+        robots: By name; of one whose states do not come without a request the next one is taken as it is.
         goals: Where they were sent, by name; of one that is not there, anywhere will do.
         patience_s: How long, by the states' own stamps; by this machine's clock while these stand still.
         note: Takes account of each state.
@@ -138,7 +138,7 @@ def wait_for_picture_after(
         camera: The camera.
         after_s: The instant, by `time.monotonic()`; of a camera that exposes when asked, the next picture will do.
         patience_s: How long older ones may come.
-        report: Is told what a person should know of pictures.
+        report: Receives what a person should know of pictures.
 
     Raises:
         Moving: if only older ones came.
@@ -165,10 +165,10 @@ def wait_for_picture(
 
     Args:
         camera: The camera.
-        targets: What it looks at; a light is a few pixels, and is followed by itself.
+        targets: What it looks at; a light is a few pixels, and is followed alone.
         patience_s: How long, by the pictures' own stamps.
         after_s: All three are exposed after this instant, by `time.monotonic()`.
-        report: Is told what a person should know of pictures.
+        report: Receives what a person should know of pictures.
 
     Raises:
         Moving: if something still moves then, or all pictures are older.

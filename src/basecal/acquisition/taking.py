@@ -24,7 +24,7 @@ from basecal.vision.edge_width import edge_width
 from basecal.vision.image_file import png_bytes
 
 Tell = Callable[[str], None]
-"""Is told what is done now, in words."""
+"""Receives what is done now, in words."""
 
 _EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # between samples that say nearly the same
 TOOL_M_S = 0.25
@@ -64,8 +64,8 @@ class Taker:
         sketch: The cell.
         folder: The cell's folder.
         settings: How arms are moved and waited for.
-        tell: Is told what is done.
-        report: Is told what a person should know of pictures.
+        tell: Receives what is done.
+        report: Receives what a person should know of pictures.
         sharpness: Of the views so far.
     """
 

@@ -48,7 +48,7 @@ class Snapshot:
 
     @property
     def advice(self) -> str:
-        """What to do to see more; empty where there is nothing to say."""
+        """What to do to see more; empty if there is nothing to say."""
         return "" if self.step is None else self.step.coverage.advice(self.step.taken)
 
 
@@ -180,7 +180,7 @@ class _Watched:
 
     @property
     def is_live(self) -> bool:
-        """Whether pictures come by themselves by now."""
+        """Whether pictures come without a request by now."""
         return self._camera.is_live
 
     def picture(self) -> Picture:

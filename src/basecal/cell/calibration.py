@@ -73,7 +73,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class SampleResidual:
-    """How one view fits: rms over its coordinates [px], and the loop it closes [m, rad]; None where not defined."""
+    """How one view fits: rms over its coordinates [px], and the loop it closes [m, rad]; None if not defined."""
 
     sample: Whole
     camera: str
@@ -103,7 +103,7 @@ class Loop:
 
 @dataclass(frozen=True)
 class Residuals:
-    """How everything fits; None where no view defines it."""
+    """How everything fits; None if no view defines it."""
 
     rms_px: Error = None
     median_px: Error = None
@@ -121,7 +121,7 @@ class Outlier:
         sample: Number of the sample.
         camera: Which camera saw it.
         target: What it saw.
-        ids: Which points; none where the whole view is left out.
+        ids: Which points; none if the whole view is left out.
         reason: In words.
     """
 
@@ -140,10 +140,10 @@ class Validation:
         kind: `k-fold`.
         folds: How many.
         rms_px: Of a coordinate, held out [px]; None without pixels.
-        target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None where it has none.
+        target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None if it has none.
         target_rad: Likewise its rms angle [rad].
-        base_change: Mean over folds of the squared change of the transforms asked for, in units of its expectation by
-            the covariance: 1 where that is true; None where nothing asked is free.
+        base_change: Mean over folds of the squared change of the requested transforms, in units of its expectation by
+            the covariance: 1 where that is true; None if nothing asked is free.
     """
 
     kind: str
@@ -159,9 +159,9 @@ class Certificate:
     """Whether no other state fits better.
 
     Attributes:
-        gap: Cost over the proven lower bound, less one; None where no bound was found.
-        is_global: True where proven; None where it could not be decided.
-        reason: Why it could not; empty where it was.
+        gap: Cost over the proven lower bound, less one; None if no bound was found.
+        is_global: True where proven; None if it could not be decided.
+        reason: Why it could not; empty if it was.
     """
 
     gap: Real | None
@@ -171,7 +171,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """What is added to the stamps of a device to make them the reference's, and its sigma [s]; 0 where it is fixed."""
+    """What is added to the stamps of a device to make them the reference's, and its sigma [s]; 0 if it is fixed."""
 
     offset_s: float
     sigma_s: float
@@ -179,7 +179,7 @@ class ClockOffset:
 
 @dataclass(frozen=True)
 class LineTime:
-    """How long after a row of a camera's pictures the next is seen, and its sigma [s]; 0 where it is fixed."""
+    """How long after a row of a camera's pictures the next is seen, and its sigma [s]; 0 if it is fixed."""
 
     line_time_s: float
     sigma_s: float
@@ -219,7 +219,7 @@ class ErrorMap:
 
 @dataclass(frozen=True, eq=False)
 class LocalFit:
-    """A part of the workspace, calibrated by itself.
+    """A part of the workspace, calibrated separately.
 
     Attributes:
         centre_m: (3,) its middle in the reference's base [m].
@@ -228,7 +228,7 @@ class LocalFit:
         local_m: Likewise by a fit to which samples far from its middle count little; None, both, where one has no end.
         chance: Of a local fit so far from that of all where there is noise alone.
         is_better: Whether the local fit is recommended there.
-        transforms: Those asked for, by the local fit of all samples.
+        transforms: The requested ones, by the local fit of all samples.
     """
 
     centre_m: Vector3
@@ -278,14 +278,14 @@ class Calibration:
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
         residuals: How everything fits.
-        outliers: What was not used, and why; None where it was not looked for.
-        validation: How well held-out samples are predicted; None where it was not computed.
-        certificate: Whether the optimum is proven; None where it was not asked.
+        outliers: What was not used, and why; None if it was not looked for.
+        validation: How well held-out samples are predicted; None if it was not computed.
+        certificate: Whether the optimum is proven; None if it was not asked.
         condition: Condition number of the whitened, scaled information.
         unobservable: Directions that the data leave open, in words.
-        budget: The error at the task by source, the largest first; None where no task is named.
-        error_map: The error over the workspace; None where no task is named.
-        local: Parts of the workspace calibrated by themselves; None where no task is named.
+        budget: The error at the task by source, the largest first; None if no task is named.
+        error_map: The error over the workspace; None if no task is named.
+        local: Parts of the workspace calibrated separately; None if no task is named.
         findings: What the user should know.
         verdicts: Of each of `transforms`, by the findings that concern it.
         tolerance: How the answer compares with what is needed; None if no tolerance was given.
@@ -331,7 +331,7 @@ class Calibration:
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 
     def between(self, robot: str, other: str) -> PoseEstimate:
-        """`<robot>_base_from_<other>_base` of any two robots, by what both have in common too.
+        """`<robot>_base_from_<other>_base` of any two robots, by what both share too.
 
         The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other's base; bases that the same
         views place stand to each other better than each does to the reference's.

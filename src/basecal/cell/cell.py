@@ -42,7 +42,7 @@ class Clock:
         status: `fixed` (exactly `offset_s`), `prior` (`offset_s` with `sigma_s`) or `free` (`offset_s` is a guess).
         offset_s: What is added to its stamps to make them the reference's [s].
         sigma_s: Of the prior [s]; with `prior` only.
-        jitter_s: Sigma of what each stamp is off by itself [s]; None where it is to be estimated. Of cameras only.
+        jitter_s: Sigma of what each stamp is off alone [s]; None if it is to be estimated. Of cameras only.
     """
 
     status: Status = "fixed"
@@ -85,15 +85,15 @@ class Robot:
 
     Attributes:
         name: Its name in the cell.
-        noise: (6,) [m, rad] sigmas of its recorded pose in flange axes, drawn once per stop; None where not stated.
+        noise: (6,) [m, rad] sigmas of its recorded pose in flange axes, drawn once per stop; None if not stated.
         chain: Its kinematics, where joints are recorded.
         parameters: What is known of the parameters of its kinematics, by kind; those that are not there are fixed.
-        urdf: Path of the URDF relative to the cell; None where poses are recorded.
+        urdf: Path of the URDF relative to the cell; None if poses are recorded.
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
         frames: Names of `base` and `flange` in other programs, for export.
-        clock: Of the stamps of its poses; None where nothing is stated.
-        driver: What talks to it while a recording is made; None where nothing does.
+        clock: Of the stamps of its poses; None if nothing is stated.
+        driver: What talks to it while a recording is made; None if nothing does.
         reach_m: Farthest place of its flange from its base; None if it is not stated.
     """
 
@@ -116,7 +116,7 @@ class Intrinsics:
 
     Attributes:
         status: `fixed`, `prior` or `free`.
-        camera: Its value, prior mean or guess; None where free and nothing is stated.
+        camera: Its value, prior mean or guess; None if free and nothing is stated.
         sigma: (4 + terms,) sigmas of fx, fy, cx, cy [px] and the distortion; with `prior` only.
         distortion_terms: How many distortion coefficients are estimated where `camera` is None; the model's usual
             number where None.
@@ -139,11 +139,11 @@ class CellCamera:
         on: The robot whose flange carries it, or `world`.
         mount: `<robot>_flange_from_<camera>`, or `<reference>_base_from_<camera>`.
         model: Name of its lens model.
-        size_px: Width and height of its images; None where it gives only poses or 3-D points.
-        intrinsics: None where it gives only poses or 3-D points.
-        clock: Of the stamps of its images; None where nothing is stated.
-        driver: What gives its pictures while a recording is made; None where nothing does.
-        rolling_shutter: Of its rows; None where all are seen at once.
+        size_px: Width and height of its images; None if it gives only poses or 3-D points.
+        intrinsics: None if it gives only poses or 3-D points.
+        clock: Of the stamps of its images; None if nothing is stated.
+        driver: What gives its pictures while a recording is made; None if nothing does.
+        rolling_shutter: Of its rows; None if all are seen at once.
     """
 
     name: str
@@ -158,7 +158,7 @@ class CellCamera:
 
     @property
     def distortion_terms(self) -> int:
-        """How many distortion terms its lens has, or is to have; 0 where it gives only poses or 3-D points."""
+        """How many distortion terms its lens has, or is to have; 0 if it gives only poses or 3-D points."""
         if self.intrinsics is None:
             return 0
         if self.intrinsics.camera is not None:
@@ -175,7 +175,7 @@ class CellTarget:
         name: Its name in the cell.
         on: The robot whose flange carries it, or `world`.
         mount: `<robot>_flange_from_<target>`, or `<reference>_base_from_<target>`.
-        target: Its shape; None where it is seen only as poses.
+        target: Its shape; None if it is seen only as poses.
         size_sigma: Sigma of its size as a share, 0 if shape and size are exact; None if unstated.
     """
 
@@ -208,7 +208,7 @@ class KeepOut:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Everything that exists, and what is asked for.
+    """Everything that exists, and what is requested.
 
     Attributes:
         reference: The robot whose base is `world`.
@@ -216,8 +216,8 @@ class Cell:
         bases: `<reference>_base_from_<robot>_base` of every other robot, by the robot's name.
         cameras: By name.
         targets: By name.
-        pixel_px: Sigma of a pixel coordinate where an observation states none; None where it is to be estimated.
-        correlated_px: Sigma of an error that all points of a view have in common, per coordinate; None for none.
+        pixel_px: Sigma of a pixel coordinate where an observation states none; None if it is to be estimated.
+        correlated_px: Sigma of an error that all points of a view share, per coordinate; None for none.
         keep_out: Boxes that arms stay out of, by name.
     """
 

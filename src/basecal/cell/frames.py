@@ -1,4 +1,4 @@
-"""How any frame stands to any other that it does not move against, of estimates that have errors in common.
+"""How any frame stands to any other that it does not move against, of estimates that share errors.
 
 Along a chain T = T_1 ... T_n the tangent of T is the sum of Ad((T_k+1 ... T_n)^-1) x_k to first order; a transform that
 the chain goes through backwards has -Ad(T) x in place of x.
@@ -39,7 +39,7 @@ def frame_between(
     Args:
         transforms: Estimates by name, that have a rotation.
         order: Names of those that `joint` is of; the others are known exactly.
-        joint: (6 n, 6 n) covariance of their right tangents [m, rad]; None where none has any.
+        joint: (6 n, 6 n) covariance of their right tangents [m, rad]; None if none has any.
         parent: A frame that one of them names, such as `hand_base`.
         child: Another.
 

@@ -26,7 +26,7 @@ class PixelObservation:
         target: Name of the target.
         ids: (n,) which points.
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
-        sigma_px: (n,) per coordinate [px]; None where not stated.
+        sigma_px: (n,) per coordinate [px]; None if not stated.
         detected: Whether `sigma_px` is a detector's own, which weighs points against one another and states nothing.
     """
 
@@ -79,7 +79,7 @@ class Sample:
 
     Attributes:
         sample: Its number.
-        stamp_s: Its time; None where not recorded.
+        stamp_s: Its time; None if not recorded.
         robots: Where each robot was, by name.
         observations: What the cameras saw.
         images: Paths relative to the cell, by camera.
@@ -100,8 +100,8 @@ class Recording:
 
     Attributes:
         samples: In the order of the file.
-        findings: What was found amiss while reading them (a truncated last line, a sample given twice).
-        folder: The cell's folder, from which the paths of images count; None where it was not read from one.
+        findings: What was found wrong while reading them (a truncated last line, a sample given twice).
+        folder: The cell's folder, from which the paths of images count; None if it was not read from one.
     """
 
     samples: tuple[Sample, ...] = ()

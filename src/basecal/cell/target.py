@@ -44,7 +44,7 @@ class Target:
         points: (n, 3) [m] in the target's frame.
         options: The fields of `cell.yaml` it was made from, as plain data.
         sheets: What is printed; nothing of lights and measured points.
-        found_by: How it is found in images; None where it is not.
+        found_by: How it is found in images; None if it is not.
         tags: The tags that its points are corners of, where it has any.
         alike_turned: Whether it looks the same turned by half a turn in its plane: point k is then point n - 1 - k.
     """

@@ -1,4 +1,4 @@
-"""The command line: a table of verbs, each in a small file that is loaded when it is asked for."""
+"""The command line: a table of verbs, each in a small file that is loaded when it is requested."""
 
 from __future__ import annotations
 

@@ -34,12 +34,12 @@ def calibrate(
     json: bool = False,
     verbose: bool = False,
 ) -> int:
-    """Estimate the transforms asked for, with their covariance.
+    """Estimate the requested transforms, with their covariance.
 
     Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
     and its report, as text and as a page to look at, to CELL/runs. Prints the
-    verdict, what was asked for with its sigma, the cross-validation error and
-    what to do; all else with --verbose. Ends with 0 where the answer is good,
+    verdict, what was requested with its sigma, the cross-validation error and
+    what to do; all else with --verbose. Ends with 0 if the answer is good,
     with 1 where it is doubtful or refused, or not as exact as --tolerance asks.
 
     For example:
@@ -57,13 +57,13 @@ def calibrate(
         cell: Folder of the cell.
         method: axis-shift is the closed form for a light shifted before a still camera.
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
-        task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is told by source,
-            and the axis-shift method fits best there.
-        task_box: Two opposite corners of where it is done, instead of a point: the error is told for its middle, and
-            the box calibrated by itself, too, with whether that predicts held-out samples in it better.
+        task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is reported by
+            source, and the axis-shift method fits best there.
+        task_box: Two opposite corners of where it is done, instead of a point: the error is reported for its
+            middle, and the box calibrated separately, too, with whether that predicts held-out samples in it better.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
-        robot_noise: Whether noise of robots that state none is estimated, or these robots are taken for exact.
+        robot_noise: Whether noise of robots that state none is estimated, or these robots are assumed exact.
         tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
         json: Print calibration.json instead of words, and the verdict on the tolerance.
         verbose: Print all of the report, and on stderr how long each stage took.

@@ -270,7 +270,7 @@ def _store_plan(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bo
 def _taker(
     rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, view: CaptureView | None, waits_for_check: bool = False
 ) -> Taker:
-    """What takes samples; without a view nobody is told what is done."""
+    """What takes samples; without a view nothing is reported."""
     from basecal.acquisition.taking import CaptureSettings, Taker
 
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)

@@ -1,4 +1,4 @@
-"""What a capture shows while it goes on: lines, or a view where somebody watches a terminal; a page if asked for."""
+"""What a capture shows while it goes on: lines, or a view where somebody watches a terminal; a page if requested."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _A_SECOND = 4  # how often the view is drawn
 
 @dataclass(frozen=True, eq=False)
 class CaptureView:
-    """What is told of a capture, and what a person answers.
+    """Reports of a capture, and the answers of a person.
 
     Attributes:
         watch: What is shown.
@@ -41,7 +41,7 @@ class CaptureView:
         return watch_rig(rig, self.watch)
 
     def tell(self, words: str) -> None:
-        """Tell what is done now."""
+        """Report what is done now."""
         self.watch.tell(words)
 
     def report(self, words: str) -> None:
@@ -51,7 +51,7 @@ class CaptureView:
             say(words)
 
     def note(self, step: Step, place: int) -> None:
-        """Tell what has become of a sample."""
+        """Report what has become of a sample."""
         self.watch.note(step)
         if self.has_lines:
             say_step(step, place)
@@ -69,7 +69,7 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
         quiet: Whether standard output belongs to a program.
 
     Raises:
-        MissingExtra: if the page is asked for and its library not installed.
+        MissingExtra: if the page is requested and its library not installed.
         InputError: if the port is taken.
     """
     from basecal.acquisition.watching import Watch

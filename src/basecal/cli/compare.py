@@ -11,14 +11,14 @@ from basecal.cli.terminal import print_json, say
 
 
 def compare(*runs: Path, json: bool = False) -> int:
-    """Tell whether two runs or more agree, and what differs between them.
+    """Report whether two runs or more agree, and what differs between them.
 
     Every run is compared with the first: how far apart its transforms are, in
     mm and in sigmas, which files it was made from have changed, and which
-    settings. A cell's folder stands for its latest run. Errors of two runs
+    settings. A cell's folder represents its latest run. Errors of two runs
     count as independent; those of the same samples differ by less.
 
-    Ends with 0 where all agree within what their covariances explain, else
+    Ends with 0 if all agree within what their covariances explain, else
     with 1.
 
     For example:

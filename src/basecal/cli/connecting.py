@@ -41,7 +41,7 @@ ASKING = Connecting()
 
 
 def allowed_rig(cell: Cell, folder: Path, connecting: Connecting) -> AbstractContextManager[Rig]:
-    """The rig of a cell, after it was asked for; see `open_rig`.
+    """The rig of a cell, after it was requested; see `open_rig`.
 
     Raises:
         DatasetError: if a driver is not known, or an option is wrong.

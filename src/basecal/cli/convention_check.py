@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
-    """Tell whether what is recorded closes its loops as it was read, by a few of its samples.
+    """Report whether what is recorded closes its loops as it was read, by a few of its samples.
 
     Args:
         folder: The cell's, where detections are kept.

@@ -19,10 +19,10 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
     """Find the targets in the images of a recording.
 
     What is found is kept in CELL/derived and taken by `basecal calibrate`,
-    which detects by itself where it has to. Images without a target and
+    which detects if needed. Images without a target and
     images that cannot be used are listed.
 
-    Ends with 0 where every image shows what it should, else with 1.
+    Ends with 0 if every image shows what it should, else with 1.
 
     For example:
 

@@ -32,7 +32,7 @@ def detected_recording(folder: Path, cell: Cell) -> Recording:
 
 @contextmanager
 def counting(activity: str) -> Iterator[Step]:
-    """A bar on stderr for steps that are counted; nothing where stderr is not a terminal."""
+    """A bar on stderr for steps that are counted; nothing if stderr is not a terminal."""
     if not is_terminal(sys.stderr):
         yield lambda done, total: None
         return

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
-    """The first of what is missing, and what to do; None where nothing is, so that it can be calibrated."""
+    """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated."""
     from basecal.exchange.pictures import ENDINGS
 
     place = quote_path(folder)

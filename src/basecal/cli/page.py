@@ -29,8 +29,8 @@ class StoredRun:
 
     Attributes:
         run: Its folder.
-        recording: As it is now; empty where it can no longer be read.
-        details: Of the fit; nothing where the inputs have changed since.
+        recording: As it is now; empty if it can no longer be read.
+        details: Of the fit; nothing if the inputs have changed since.
         changed: The inputs that have.
     """
 
@@ -85,7 +85,7 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
 
 
 def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequence[tuple[int, float]]:
-    """What more samples would bring at the task; nothing where none is named, or none can be planned."""
+    """What more samples would bring at the task; nothing if none is named, or none can be planned."""
     from numpy import array
 
     from basecal.errors import BasecalError

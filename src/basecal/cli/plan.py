@@ -50,7 +50,7 @@ def plan(
     forbids it. With -o the samples are written for `basecal capture --plan`,
     with --to as robots' own programs take them.
 
-    Ends with 0 if the tolerance is reached or none is asked for, else 5.
+    Ends with 0 if the tolerance is reached or none is requested, else 5.
 
     For example:
 
@@ -140,7 +140,7 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
 def _tell(
     plan_result: Plan, data: Mapping[str, Any], motion: str | None, cell: Path, output: Path | None, json: bool
 ) -> None:
-    """Print and write what is asked for: a robot's program alone where it is printed."""
+    """Print and write what is requested: a robot's program alone where it is printed."""
     from json import dumps
 
     from basecal.cell.files import write_plan
@@ -194,7 +194,7 @@ def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg
 
 
 def _find_calibration(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:
-    """The latest run where it is of this recording, else what the recording gives now; None where it gives nothing."""
+    """The latest run where it is of this recording, else what the recording gives now; None if it gives nothing."""
     from basecal.accuracy.calibrate import calibrate
     from basecal.cell.files import input_hashes, latest_run, read_calibration
 

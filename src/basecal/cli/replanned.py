@@ -27,7 +27,7 @@ class Task(NamedTuple):
 def requested_task(
     point: Point | None, box: Box | None, tolerance: str | None, may_be_open: bool = False
 ) -> Task | None:
-    """What was asked for; None where nothing of it was.
+    """What was requested; None if nothing of it was.
 
     Args:
         point: Where the work is done.

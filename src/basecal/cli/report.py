@@ -12,15 +12,15 @@ from basecal.fields.typed_length import length_m
 
 
 def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, verbose: bool = False) -> int:
-    """Tell the latest calibration in plain text, and write its page.
+    """Print the latest calibration in plain text, and write its page.
 
-    The verdict, what was asked for with its sigma, the cross-validation error
+    The verdict, what was requested with its sigma, the cross-validation error
     and what to do. With --verbose all transforms, residuals, noise and findings,
     and lines to paste for URDF and ROS 2. The page, report.html beside
     calibration.json, says the same with figures; it opens in a browser and
     needs no network.
 
-    Ends with 0 where the answer is good, with 1 where it is doubtful or
+    Ends with 0 if the answer is good, with 1 where it is doubtful or
     refused, or not as exact as --tolerance asks.
 
     For example:

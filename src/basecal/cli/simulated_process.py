@@ -108,7 +108,7 @@ def _draws_surroundings(renderer: RendererName) -> bool:
     """Whether MuJoCo draws what stands around the target.
 
     Raises:
-        InputError: if it is asked for and cannot.
+        InputError: if it is requested and cannot.
     """
     if renderer == "analytic":
         return False

@@ -42,7 +42,7 @@ def study_paper(
         basecal study paper --json > study.json
 
     Args:
-        seed: Of the noise; 0 where none is given.
+        seed: Of the noise; 0 if none is given.
         draws: Of the 1 % and 5 % noise; 10,000 where none is given.
         figures: Folder to write the figures to, as SVG.
         workers: How many processes try the file; as many as the machine has cores where none is given.

@@ -1,4 +1,4 @@
-"""Places as they are typed: numbers by themselves, or between one pair of quotes."""
+"""Places as they are typed: single numbers, or between one pair of quotes."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def print_json(answer: Mapping[str, Any]) -> None:
 
 @contextmanager
 def progress(message: str) -> Iterator[Callable[[str], None]]:
-    """A line on stderr that names what is done now and how long it takes still; nothing where stderr is no terminal."""
+    """A line on stderr that names what is done now and how long it takes still; nothing if stderr is no terminal."""
     if not is_terminal(sys.stderr):
         yield lambda now: None
         return

@@ -55,7 +55,7 @@ class TimeLeft:
         self._stage, self._stage_began = stage, self._clock()
 
     def seconds(self) -> float | None:
-        """How long all stages take still [s]; None where too little is known."""
+        """How long all stages take still [s]; None if too little is known."""
         done = sum(share for stage, share in _SHARES.items() if stage in self._seen)
         before = self._stage_began - self._began
         if not done or before < _SOONEST_S:

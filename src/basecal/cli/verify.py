@@ -25,18 +25,18 @@ def verify(
     history: bool = False,
     json: bool = False,
 ) -> int:
-    """Tell from one or a few new samples whether a cell is still as calibrated.
+    """Check by one or a few new samples whether a cell is unchanged.
 
     Says whether anything moved, what (a base, a camera, a target, the zero of
     a joint) and by how much with its sigma, and which shift would have been
     seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images
     in the recording's folder; or a folder that poses and pictures of the same
     robots and cameras were imported into. What was found is appended to the
-    cell's verifications.jsonl, of which --history tells.
+    cell's verifications.jsonl, which --history reports.
 
-    Ends with 0 where nothing moved, with 1 where something did or that cannot
-    be told, so that a scheduled check can raise an alarm. Where nothing moved
-    one check in two hundred says otherwise by chance.
+    Ends with 0 if nothing moved, with 1 if something did or if that cannot be
+    determined, so that a scheduled check can raise an alarm. If nothing moved,
+    one check in two hundred reports a motion by chance.
 
     For example:
 
@@ -52,7 +52,7 @@ def verify(
         samples: New samples, one JSON object a line; or the folder of a cell that they were imported into.
         against: Folder of the run to verify; the latest where none is given.
         recalibrate: Where nothing moved, add the new samples to the recording, and calibrate from all of them.
-        history: Tell of all verifications, and of what drifts; with SAMPLES after verifying them.
+        history: Report all verifications, and what drifts; with SAMPLES after verifying them.
         json: Print one JSON object instead of words.
     """
     from basecal.cell.files import read_cell
@@ -112,7 +112,7 @@ def _verify(cell: Path, described: Cell, run: Path, new: Recording) -> Verificat
 def _recalibrate(
     cell: Path, described: Cell, new: Recording, verification: Verification
 ) -> tuple[dict[str, Any] | None, int]:
-    """The run made of old and new samples, and its exit code; nothing where something moved, or that is not known."""
+    """The run made of old and new samples, and its exit code; nothing if something moved, or that is not known."""
     from dataclasses import replace
 
     from basecal.cell.files import append_samples, read_recording

@@ -25,11 +25,11 @@ class Settings:
         iterations: Steps of the descent, at most.
         start: `closed` (a closed form, or a search where the data need it), `thorough` (always a search), `guess` (the
             cell's means and guesses) or `axis-shift` (the paper's closed form).
-        task_point: (x, y, z) [m] in the reference robot's base, about which the error is told by source and place, and
-            where the axis-shift method, for which it is the eye robot's base, should fit best; None for a mean of all
-            stations.
+        task_point: (x, y, z) [m] in the reference robot's base, about which the error is reported by source and
+            place, and where the axis-shift method, for which it is the eye robot's base, should fit best; None for a
+            mean of all stations.
         task_box: With a task point: two opposite corners of the part of the workspace, (x, y, z, x, y, z) [m] there,
-            that is to be calibrated by itself, too; the workspace is parted by where samples are where it is None.
+            that is to be calibrated separately, too; the workspace is parted by where samples are where it is None.
         robot_noise: `estimated` if none is stated, together with all other noise, or `stated`: robots that state none
             are exact.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
@@ -52,7 +52,7 @@ class Settings:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
 
     def stage(self, name: StageName) -> AbstractContextManager[None]:
-        """A part of the work: it is logged as it begins, and its time is counted where that is asked for."""
+        """A part of the work: it is logged as it begins, and its time is counted where that is requested."""
         LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)
 

@@ -46,7 +46,7 @@ class Solution:
         cost: Sum of squared residuals over sigmas.
         dof: Scalar residuals less unknowns.
         converged: Whether it is an optimum.
-        findings: About samples that were not used, and noise that cannot be told apart.
+        findings: About samples that were not used, and noise that cannot be distinguished.
         disputed: Whether starts were tried that ended in different optima.
     """
 

@@ -33,7 +33,7 @@ class SolutionBatch:
 
 
 def solve_batch(problem: Problem, starts: State, iterations: int = 100) -> SolutionBatch:
-    """Maximum likelihood and covariance downhill of a batch of starts, each as `solve` gives it by itself.
+    """Maximum likelihood and covariance downhill of a batch of starts, each as `solve` gives it alone.
 
     Args:
         problem: One structure, what was seen with a leading batch axis; all sigmas stated, or none of one kind of

@@ -28,7 +28,7 @@ def recording_from_streams(
         target: Which target it saw.
         camera_from_target: Its pose, where another program found it.
         pixels: Ids and pixels by sample, where only its points were found; a sample may have none.
-        sigma_px: Of the pixels, per coordinate [px]; None where not stated.
+        sigma_px: Of the pixels, per coordinate [px]; None if not stated.
 
     Raises:
         InputError: if the streams differ in length, or pixels belong to a sample that is not there.

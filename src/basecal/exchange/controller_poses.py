@@ -163,7 +163,7 @@ def _is_stacked(path: str) -> bool:
 
 
 def guessed_format(path: str) -> str:
-    """The format of a file that says it by itself: of matrices, or of a header with quaternions as of ROS.
+    """The format of a file that says it alone: of matrices, or of a header with quaternions as of ROS.
 
     Raises:
         DatasetError: if it does not.

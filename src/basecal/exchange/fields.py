@@ -1,4 +1,4 @@
-"""YAML and JSON of other programs, asked for by the names of their fields; an error tells path, line and field."""
+"""YAML and JSON of other programs, requested by the names of their fields; an error tells path, line and field."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Field:
         return DatasetError(self.path, message, line_number(self.loc, self.lines), field_name(self.loc) or None)
 
     def first(self, *names: str) -> Field | None:
-        """The first of these fields that is written; None where none is, or this is no mapping."""
+        """The first of these fields that is written; None if none is, or this is no mapping."""
         found = [name for name in names if isinstance(self.data, dict) and self.data.get(name) is not None]
         return Field(self.path, self.data[found[0]], self.lines, (*self.loc, found[0])) if found else None
 

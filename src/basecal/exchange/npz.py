@@ -30,7 +30,7 @@ _ENTRY, _ZIP, _NPY = b"PK\x01\x02", b"PK", b"\x93NUMPY"
 def read_arrays(path: str) -> tuple[str, dict[str, Array]]:
     """The file's name, and its arrays of numbers by key; other arrays are passed over.
 
-    Only what is asked for is unpacked, and nothing that is larger than any recording.
+    Only what is requested is unpacked, and nothing that is larger than any recording.
 
     Args:
         path: `file.npy`, `file.npz`, or `file.npz:key` for one array alone.

@@ -44,7 +44,7 @@ class PoseStream:
     Attributes:
         path: Where they were read.
         poses: (n,) transforms, lengths in metres.
-        stamps_s: (n,) times; None where the file has none.
+        stamps_s: (n,) times; None if the file has none.
     """
 
     path: str

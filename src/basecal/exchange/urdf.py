@@ -44,8 +44,8 @@ def corrected_urdf(
         text: The URDF.
         base_link: Root of the chain that was calibrated.
         flange_link: Its tip.
-        offsets: (n,) joint offsets [rad]; none where None.
-        links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; none where None.
+        offsets: (n,) joint offsets [rad]; none if None.
+        links: (n + 1, 6) right tangents of the origins, then of the tip [m, rad]; none if None.
         note: Where it comes from, written as a comment into it.
 
     Raises:

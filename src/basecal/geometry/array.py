@@ -20,7 +20,7 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
 
     Args:
         values: Anything NumPy turns into numbers.
-        shape: Expected shape of the last axes; None stands for any length.
+        shape: Expected shape of the last axes; None represents any length.
         name: What to call it in an error.
 
     Raises:

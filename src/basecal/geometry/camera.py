@@ -22,7 +22,7 @@ class Camera:
         model: Name of a lens model, such as `pinhole` (Brown-Conrady) or `fisheye` (Kannala-Brandt).
         parameters: (..., 4 + k) fx, fy, cx, cy [px] and k distortion terms of the model. Leading axes are a batch of
             lenses, which lines up with the leading axes of what is projected.
-        size_px: Width and height; None where not known.
+        size_px: Width and height; None if not known.
 
     Raises:
         InputError: if the model is not known, a parameter not finite, a focal length or the size not positive, or the
@@ -68,7 +68,7 @@ class Camera:
 
     @property
     def term_sigmas(self) -> Array:
-        """How large the distortion terms of real lenses are, (k,): 1 sigma about zero, infinite where not known."""
+        """How large the distortion terms of real lenses are, (k,): 1 sigma about zero, infinite if not known."""
         sigmas, count = self._lens.TERM_SIGMAS, self.distortion.shape[-1]
         return np.array(sigmas[:count]) if count <= len(sigmas) else np.full(count, np.inf)
 
@@ -93,7 +93,7 @@ class Camera:
             points_in_camera: (..., 3) [m].
 
         Returns:
-            (..., 2) [px]; NaN where z <= 0, for a fisheye only on the axis. Past the fold of the lens the formula
+            (..., 2) [px]; NaN if z <= 0, for a fisheye only on the axis. Past the fold of the lens the formula
             still gives a pixel that no real lens does: see `sees`.
 
         Raises:
@@ -148,7 +148,7 @@ class Camera:
             pixels: (..., 2) [px].
 
         Returns:
-            Unit directions in the camera's axes, (..., 3); NaN where not valid.
+            Unit directions in the camera's axes, (..., 3); NaN if not valid.
             Valid, (...,): whether the lens has an image there: not so past the radius where its polynomial folds.
 
         Raises:

@@ -32,7 +32,7 @@ class Projection(NamedTuple):
         u: Along x.
         v: Along y.
         by_points: To the points, (..., 2, 3) [px/m].
-        by_terms: To the distortion terms, (..., 2, k) [px]; None where they were not asked for.
+        by_terms: To the distortion terms, (..., 2, k) [px]; None if they were not requested.
     """
 
     u: Array
@@ -60,7 +60,7 @@ class Lens(Protocol):
         MODEL: What its model is called in files; two lenses of one model differ in their numbers of terms.
         TERM_NAMES: Of its distortion terms, in their order.
         TERMS: How many of them it may have.
-        TERM_SIGMAS: How large the terms of real lenses are, 1 sigma about zero, infinite where they may be anything: of
+        TERM_SIGMAS: How large the terms of real lenses are, 1 sigma about zero, infinite if they may be anything: of
             a lens with at most so many terms; with more, none is held.
         USUAL_TERMS: How many it has where nothing is said.
         USUAL_FOCAL_PX: Least and greatest focal length, in an image 1280 px wide, of one that a simulation draws.
@@ -77,7 +77,7 @@ class Lens(Protocol):
         """Distortion terms as a simulation draws them, (USUAL_TERMS,)."""
 
     def project(self, points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
-        """Image u and v, (...,) each, of points (..., 3); NaN where the lens is not defined."""
+        """Image u and v, (...,) each, of points (..., 3); NaN if the lens is not defined."""
 
     def project_with_derivatives(
         self, points: Array, focal: tuple[Number, Number], distortion: Sequence[Number], terms: bool

@@ -28,7 +28,7 @@ class SerialChain:
         tip: ([b,]) `last_joint_from_flange`.
         lower: (n,) [rad], -inf where there is no limit.
         upper: (n,) [rad], inf where there is no limit.
-        masses: What hangs on the joints; None where it is not known.
+        masses: What hangs on the joints; None if it is not known.
         collisions: Bodies of its links, as a URDF states them.
 
     Raises:

@@ -309,7 +309,7 @@ def _masses(
 ) -> Masses | None:
     """The links' masses, each at the last turning joint above it; joints beside the way stand at zero.
 
-    None where no link has a mass.
+    None if no link has a mass.
     """
     n, carriers = len(turning), {name: number for number, name in enumerate(turning)}
     of_link: dict[str, _Carrier] = {}
@@ -350,7 +350,7 @@ def _collisions(
 def _carrying_joint(
     link: str, turning: Mapping[str, int], parents: Mapping[str, _Joint], carriers: dict[str, _Carrier]
 ) -> _Carrier:
-    """The turning joint that carries a link, and the link in its frame; None where none does.
+    """The turning joint that carries a link, and the link in its frame; None if none does.
 
     `carriers` holds those of links that are known, so that each joint of a tree is gone through once.
     """
@@ -389,7 +389,7 @@ def _inertial(element: Element, path: str, link: str) -> tuple[float, Array]:
 
 
 def _joints_up_to(parents: dict[str, _Joint], link: str, end: str) -> list[_Joint] | None:
-    """The joints from a link up to another; None where that is not above it."""
+    """The joints from a link up to another; None if that is not above it."""
     way: list[_Joint] = []
     while link != end:
         if link not in parents or len(way) > len(parents):

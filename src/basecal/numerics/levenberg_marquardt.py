@@ -39,7 +39,7 @@ class Linearised(Protocol):
 
     @property
     def cost(self) -> Array:
-        """(b,) infinite or NaN where a state cannot be."""
+        """(b,) infinite or NaN if a state cannot be."""
 
     @property
     def gradient(self) -> Array:
@@ -115,7 +115,7 @@ class Optima(Generic[S, L]):
 
 @dataclass(frozen=True, eq=False)
 class _Flight(Generic[S, L]):
-    """The problems that have not ended; `row` tells which they were."""
+    """The problems that have not ended; `row` determines which they were."""
 
     row: IntArray
     state: S
@@ -294,7 +294,7 @@ def _accept_step(
 
 
 def _is_near(flight: _Flight[S, L], expected: Array) -> BoolArray:
-    """Whether a step that promises so much less cost, of a sigma at most, tells what bends at an optimum, (b,)."""
+    """Whether a step that promises so much less cost, of a sigma at most, reports what bends at an optimum, (b,)."""
     near: BoolArray = expected <= np.minimum(_scale(flight), _NEAR_SHARE * flight.cost)
     return near
 
@@ -345,7 +345,7 @@ def _damped_step(model: Linearised, damping: Array) -> Array:
 
 
 def _linearise(system: System[S, L], state: S, previous: L) -> tuple[L, Array]:
-    """The problems about their states, and their costs: infinite where a state is beyond numbers."""
+    """The problems about their states, and their costs: infinite if the state is not finite."""
     try:
         after = system.linearise(state)
     except np.linalg.LinAlgError:

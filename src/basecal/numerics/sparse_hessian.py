@@ -63,7 +63,7 @@ class SparseHessian:
 
     @cached_property
     def extremes(self) -> tuple[float, float]:
-        """The smallest and the largest eigenvalue; the smallest is 0 where it is rounding of the largest."""
+        """The smallest and the largest eigenvalue; the smallest is 0 if it is rounding of the largest."""
         largest = _largest_eigenvalue(len(self._scale), lambda x: self.matrix @ x)
         try:
             smallest = 1 / _largest_eigenvalue(

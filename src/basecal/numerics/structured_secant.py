@@ -1,7 +1,7 @@
 """What residuals bend: the part of a cost's curvature that J'J leaves out, as steps show it.
 
 Where residuals are large and the model is curved, steps of Gauss-Newton overshoot or fall short by the same share
-each time. The change of the gradient over a step tells by how much; a symmetric matrix of rank one then mends that
+each time. The change of the gradient over a step tells by how much; a symmetric matrix of rank one then fixes that
 direction.
 Source: Dennis, Gay, Welsch 1981, "An adaptive nonlinear least-squares algorithm" (NL2SOL); the update is SR1.
 """
@@ -22,7 +22,7 @@ _LEAST_DIAGONAL_SHARE = (
 
 
 def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: BoolArray) -> Array:
-    """The bend of residuals after a step, none where it was not near an optimum, (b, p, p).
+    """The bend of residuals after a step, none if it was not near an optimum, (b, p, p).
 
     Args:
         bend: As known before, (b, p, p).

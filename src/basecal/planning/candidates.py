@@ -58,7 +58,7 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
 def _draw_flanges(
     sketch: Sketch, views: Sequence[Taught], near: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
 ) -> dict[str, SE3]:
-    """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each by itself."""
+    """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each alone."""
     pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[near]
     drawn = {}
     for robot in sketch.movers:

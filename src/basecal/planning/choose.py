@@ -93,7 +93,7 @@ def choose_fewest(
 
 
 def gains(roots: Array, covariance: Array, weight: Array) -> Array:
-    """By how much the criterion falls with each candidate by itself, (n,)."""
+    """By how much the criterion falls with each candidate alone, (n,)."""
     n, p, q = roots.shape
     flat = np.swapaxes(roots, 0, 1).reshape(p, n * q)
     carried = np.swapaxes((covariance @ flat).reshape(p, n, q), 0, 1)

@@ -31,7 +31,7 @@ CANDIDATES = 600
 """Drawn to choose from: of arms with joints each takes some milliseconds to be found free of collision."""
 
 OUTLOOK_COUNTS = (0, 5, 10, 20, 40)
-"""Samples more, of which it is told what they bring."""
+"""Samples more, of which it is reported what they bring."""
 
 OUTLOOK_CANDIDATES = 200
 
@@ -45,10 +45,10 @@ class Plan:
 
     Attributes:
         samples: Where the robots shall be, in an order that makes their way short.
-        needed: How many samples the tolerance needs beside those recorded; None where it is not reached, or not stated.
-        expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]; None where
+        needed: How many samples the tolerance needs beside those recorded; None if it is not reached, or not stated.
+        expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]; None if
             even then a direction is open.
-        reachable: Whether the tolerance is; None where none is stated.
+        reachable: Whether the tolerance is; None if none is stated.
         recorded: How many samples are recorded already and count.
         budget: The error at the task by source, with the samples taken.
     """
@@ -90,7 +90,7 @@ def plan_for_task(
     Args:
         cell: The cell.
         recording: Samples with observations count as recorded; all show where the arms may stand.
-        calibration: Of them; None where nothing is calibrated, and the cell's own guesses are taken.
+        calibration: Of them; None if nothing is calibrated, and the cell's own guesses are taken.
         points_m: (n, 3) the task in the reference's base [m].
         tolerance_m: The error that 95 of 100 are to stay below [m].
         count: How many samples; as many as the tolerance needs where None.

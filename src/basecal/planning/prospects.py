@@ -88,7 +88,7 @@ def prospects(
     Args:
         cell: The cell.
         recording: What counts as recorded already; without observations nothing does.
-        calibration: Of it; None where there is none.
+        calibration: Of it; None if there is none.
         views: For each camera and target the candidates that show it.
     """
     recorded = tuple(sample for sample in recording.samples if sample.observations)

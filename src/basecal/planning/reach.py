@@ -9,7 +9,7 @@ from basecal.kinematics.inverse import inverse
 
 
 def reach_pose(robot: Robot, base_from_flange: SE3, near: RobotState) -> RobotState | None:
-    """The state near another one that brings the flange there; None where the arm does not reach.
+    """The state near another one that brings the flange there; None if the arm does not reach.
 
     Args:
         robot: The robot.

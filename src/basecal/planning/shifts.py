@@ -61,7 +61,7 @@ def plan(
 
 
 def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
-    """The sample with its camera turned towards the target; None where the arm does not reach, or nobody carries it.
+    """The sample with its camera turned towards the target; None if the arm does not reach, or nobody carries it.
 
     The closed form takes the camera's axis for the ray to the light: what it neglects grows with the angle between
     them, however short the shifts are.
@@ -82,7 +82,7 @@ def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
 
 
 def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample] | None:
-    """The origin and its six shifts; None where the arm does not reach one.
+    """The origin and its six shifts; None if the arm does not reach one.
 
     Args:
         sketch: What is known of the cell.

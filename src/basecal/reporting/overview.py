@@ -26,7 +26,7 @@ class Overview:
     Attributes:
         answer: What came out: a name and a few words each.
         cell: What it is of, likewise.
-        tolerance: `PASS` or `FAIL`, and why; None where no tolerance is stated.
+        tolerance: `PASS` or `FAIL`, and why; None if no tolerance is stated.
     """
 
     answer: Rows
@@ -48,7 +48,7 @@ def overview(
 def _answer(
     cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, time: datetime | None
 ) -> Iterator[tuple[str, str]]:
-    """When, what was asked for, how good it is and what it rests on."""
+    """When, what was requested, how good it is and what it rests on."""
     if time is not None:
         yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
     for name in cell.asked:

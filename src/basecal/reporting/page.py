@@ -85,7 +85,7 @@ def page(
         cell: What was calibrated.
         recording: What was seen.
         calibration: What came out.
-        details: How the recording fits it; None where that is not known.
+        details: How the recording fits it; None if that is not known.
         title: What the reader calls it.
         time: When it was calibrated, UTC.
         run: Name of its run, said in what is pasted.

@@ -63,7 +63,7 @@ def printed_pages(target: Target, title: str) -> list[PrintedPage]:
         title: Printed beside the ruler.
 
     Raises:
-        InputError: if a template is asked for points that do not lie in a plane z = 0.
+        InputError: if a template is requested points that do not lie in a plane z = 0.
     """
     if not target.sheets:
         return [_template(target, title)]

@@ -27,7 +27,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     """Lines of at most `LINE_WIDTH` characters, joined by newlines; `text_report` tells all else.
 
     Args:
-        cell: What was calibrated: it says which transforms are asked for.
+        cell: What was calibrated: it says which transforms are requested.
         calibration: What came out.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]

@@ -10,7 +10,7 @@ from basecal.geometry import Array
 
 
 def element(name: str, *inside: str, **attributes: object) -> str:
-    """An element; `class_` and `stroke_width` stand for `class` and `stroke-width`, and None leaves one out.
+    """An element; `class_` and `stroke_width` represent `class` and `stroke-width`, and None leaves one out.
 
     Args:
         name: Such as `path`.

@@ -32,7 +32,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """The report of a calibration, lines joined by newlines.
 
     Args:
-        cell: What was calibrated: it says which transforms are asked for, and names frames for other programs.
+        cell: What was calibrated: it says which transforms are requested, and names frames for other programs.
         calibration: What came out.
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
@@ -64,7 +64,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 
 
 def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
-    """The verdict in one sentence: how well the transforms asked for are known, or why they are not and what to do."""
+    """The verdict in one sentence: how well the requested transforms are known, or why they are not and what to do."""
     asked = [name for name in cell.asked if name in calibration.transforms]
     known = []
     for name in asked:
@@ -93,7 +93,7 @@ def tolerance_sentence(check: Tolerance) -> str:
 
 
 def _cross_validation_error(validation: Validation | None) -> str:
-    """How far off held-out samples are predicted at the target, or else in the image; empty where it is not known."""
+    """How far off held-out samples are predicted at the target, or else in the image; empty if it is not known."""
     if validation is None:
         return ""
     if validation.target_m is None or validation.target_rad is None:
@@ -258,7 +258,7 @@ def noise_sentences(calibration: Calibration) -> Iterator[str]:
 
 
 def task_sentence(calibration: Calibration) -> str:
-    """The error at the task and the sources that matter most; empty where no task is named."""
+    """The error at the task and the sources that matter most; empty if no task is named."""
     if not calibration.budget:
         return ""
     total_mm = 1e3 * sum(entry.rms_m**2 for entry in calibration.budget) ** 0.5
@@ -281,7 +281,9 @@ def task_rows(calibration: Calibration) -> Iterator[str]:
 
 
 def local_rows(calibration: Calibration) -> Iterator[str]:
-    """Whether parts of the workspace are better calibrated by themselves, a line each; that of a box is told always."""
+    """Whether parts of the workspace are better calibrated separately, a line each; that of a box is reported
+    always.
+    """
     if calibration.local == () and calibration.settings.get("task_box") is not None:
         yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it by itself"
     for part in calibration.local or ():
@@ -289,7 +291,7 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
 
 
 def local_sentence(part: LocalFit) -> str:
-    """Whether a part of the workspace is better calibrated by itself."""
+    """Whether a part of the workspace is better calibrated separately."""
     x, y, z = part.centre_m
     where = f"about {x:.2f} {y:.2f} {z:.2f} m ({len(part.samples)} samples)"
     if part.global_m is None or part.local_m is None:

@@ -23,7 +23,7 @@ Pasted = Mapping[str, Mapping[str, str]]
 
 @dataclass(frozen=True)
 class Row:
-    """Three numbers along x, y, z in one unit, their sigmas and the sigmas' norm; None where given as fixed."""
+    """Three numbers along x, y, z in one unit, their sigmas and the sigmas' norm; None if given as fixed."""
 
     name: str
     unit: str

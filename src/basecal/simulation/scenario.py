@@ -57,9 +57,9 @@ class Scenario:
         intrinsics_prior: Sigmas of focal lengths [px], centre [px] and distortion coefficients of a lens's prior.
         lens: The cameras' model, where `camera` is None.
         camera: The true lens of every camera; drawn where None.
-        board: The target's shape; one of the kind asked for where None. With `pose` it bounds what is in view.
+        board: The target's shape; one of the kind requested where None. With `pose` it bounds what is in view.
         pixel_px: True sigma of a pixel coordinate [px].
-        correlated_px: True sigma of an error that all points of a view have in common, per coordinate [px].
+        correlated_px: True sigma of an error that all points of a view share, per coordinate [px].
         state_pixel_noise: Whether the cell states both.
         robot_noise: True sigmas of a recorded pose in flange axes, drawn once per robot and stop.
         state_robot_noise: Whether the cell states them.

@@ -22,7 +22,7 @@ from basecal.studies.study import Chunk, Piece, Study
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """What came of trials, (n,) each; NaN where there is no answer, or no covariance.
+    """What came of trials, (n,) each; NaN if there is no answer, or no covariance.
 
     Attributes:
         point: Which point of the study.
@@ -139,7 +139,7 @@ def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
 
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:
-    """What a chunk's file keeps; None where there is none, or it is damaged or of another study."""
+    """What a chunk's file keeps; None if there is none, or it is damaged or of another study."""
     try:
         _, arrays = read_arrays(str(chunk_path(folder, chunk)))
         about = json.loads(arrays.pop("about").astype(np.uint8).tobytes())

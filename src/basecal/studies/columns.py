@@ -18,7 +18,7 @@ from basecal.errors import InputError
 
 _NAME = "table"
 Columns = Mapping[str, Any]
-"""By name a list, None where nothing is known, or an array, NaN likewise; all of one length."""
+"""By name a list, None if nothing is known, or an array, NaN likewise; all of one length."""
 
 
 def write_columns(folder: Path, batches: Iterator[Columns]) -> Path:
@@ -86,7 +86,7 @@ def _write_csv(batches: Iterator[Columns], part: Path) -> None:
 
 
 def _plain(values: Any) -> list[Any]:
-    """A column's values, nothing where there is no number."""
+    """A column's values, nothing if there is no number."""
     if isinstance(values, list):
         return values
     return ["" if value != value else value for value in values.tolist()]

@@ -30,9 +30,9 @@ class Job:
 
     Attributes:
         number: Which it is.
-        size: Trials or cells in it, of which progress is told.
+        size: Trials or cells in it, of which progress is reported.
         call: What gives its bytes, anywhere.
-        killed: Its bytes where it kills whoever does it, from a text that says so; None where that ends everything.
+        killed: Its bytes where it kills whoever does it, from a text that says so; None if that ends everything.
     """
 
     number: int

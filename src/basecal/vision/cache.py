@@ -28,7 +28,7 @@ def key(target: Target, size_px: tuple[int, int] | None, image: bytes, backgroun
 
 
 def read(folder: Path, name: str) -> tuple[Detection | None] | None:
-    """What was detected, in a tuple since that may be nothing; None where it is not known."""
+    """What was detected, in a tuple since that may be nothing; None if it is not known."""
     try:
         data = json.loads((folder / _FOLDER / f"{name}.json").read_text(encoding="utf-8"))
         if data["pixels"] is None:

@@ -33,14 +33,14 @@ _PREFIX = re.compile(r"^(Corrupt JPEG data: |libpng \w+: |\[ *ERROR[^\]]*\] glob
 
 
 class Decoded(NamedTuple):
-    """An image as it is stored, (h, w) or (h, w, channels), or None; and what is amiss with it, or nothing."""
+    """An image as it is stored, (h, w) or (h, w, channels), or None; and what is wrong with it, or nothing."""
 
     pixels: NDArray[Any] | None
     amiss: str
 
 
 def decode(data: bytes) -> Decoded:
-    """The pixels of an image, as the sensor gave them whatever EXIF says of turning them, and what is amiss."""
+    """The pixels of an image, as the sensor gave them whatever EXIF says of turning them, and what is wrong."""
     said: list[str] = []
     with _capture_complaints(said, data):
         try:

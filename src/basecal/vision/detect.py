@@ -101,7 +101,7 @@ class _View:
 
 
 def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
-    """What one image of a sample shows; None where there is nothing to look for."""
+    """What one image of a sample shows; None if there is nothing to look for."""
     known = {each.target for each in sample.observations if each.camera == camera}
     open_targets = {name: target for name, target in look.targets.items() if name not in known}
     # Without a lens, pixels say nothing.

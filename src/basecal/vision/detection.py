@@ -34,7 +34,7 @@ class Detection:
 
 
 def make_detection(ids: IntArray, pixels: Array, sigma_px: Array) -> Detection | None:
-    """A detection with rising ids; None where there is no point."""
+    """A detection with rising ids; None if there is no point."""
     if not len(ids):
         return None
     order = np.argsort(ids)

@@ -17,7 +17,7 @@ LIGHT: Finder = "light"
 _LEAST_SIDE_PX = 16  # the smallest image that OpenCV's detectors search without an error of their own
 
 Detector = Callable[[Image, Target], Detection | None]
-"""Finds a target in an image, (h, w) of uint8 or uint16; None where it is not seen."""
+"""Finds a target in an image, (h, w) of uint8 or uint16; None if it is not seen."""
 
 DETECTORS: dict[Finder, Detector] = {
     "charuco": charuco.detect,
@@ -29,7 +29,7 @@ DETECTORS: dict[Finder, Detector] = {
 """One line a way of finding; a target without one is not found in images."""
 
 Survey = Callable[[list[Grey], Target], str | None]
-"""What is in images instead of a target, as the end of a sentence; None where nothing is known."""
+"""What is in images instead of a target, as the end of a sentence; None if nothing is known."""
 
 SURVEYS: dict[Finder, Survey] = {
     "tags": survey.other_tags,
@@ -57,7 +57,7 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
 
 
 def describe_other_targets(images: Iterable[Image], target: Target) -> str | None:
-    """What is in the images instead of a target, as the end of a sentence; None where nothing is known.
+    """What is in the images instead of a target, as the end of a sentence; None if nothing is known.
 
     Args:
         images: A few in which the target is not found, (h, w) each.

@@ -28,7 +28,7 @@ class EdgeWidth:
 def edge_width(image: Image, pixels: Array) -> EdgeWidth | None:
     """The widths of edges about some points: their contrast over their mean slope.
 
-    An ideal edge through a point spread of sigma s has 3.5 s; None where there are no edges.
+    An ideal edge through a point spread of sigma s has 3.5 s; None if there are no edges.
 
     Args:
         image: (h, w).

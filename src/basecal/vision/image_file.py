@@ -72,7 +72,7 @@ def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
 
     Args:
         data: What the file holds.
-        size_px: Width and height it has to have; None where any will do.
+        size_px: Width and height it has to have; None if any will do.
     """
     if (why := _refusal_reason(data, size_px)) is not None:
         return why

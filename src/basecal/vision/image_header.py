@@ -33,7 +33,7 @@ class Header(NamedTuple):
 
 
 def header(data: bytes) -> Header | None:
-    """The header of an image; None where no format that is read begins so, or its header is broken.
+    """The header of an image; None if no format that is read begins so, or its header is broken.
 
     Source: PNG 3rd edition; ITU-T T.81; TIFF 6.0; EXIF 2.32; RFC 9649; netpbm's pages.
     """

@@ -29,7 +29,7 @@ class Searched:
         found: Targets that it shows.
         missed: Targets that were looked for and are not found.
         turned: Whether EXIF asks to turn it.
-        unusable: Why it cannot be used; empty where it can.
+        unusable: Why it cannot be used; empty if it can.
     """
 
     sample: int
@@ -73,7 +73,7 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
 
 
 def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
-    """Why images show no target, as the end of a sentence; empty where one does, or nobody knows."""
+    """Why images show no target, as the end of a sentence; empty if one does, or nobody knows."""
     if not searches or any(image.found for image in searches):
         return ""
     return "; ".join([*_reasons(searches), *_hints(searches, targets, folder)])
@@ -122,7 +122,7 @@ def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) ->
 
 
 def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
-    """What is in some of the images in which a target is not found, of each target for which that can be told."""
+    """What is in some of the images in which a target is not found, of each target for which that can be determined."""
     hints = []
     for name, target in targets.items():
         missed = [image for image in empty if name in image.missed]

@@ -34,7 +34,7 @@ def reduce_picture(picture: Image) -> Levels:
 
 
 def picture_shift(first: Image, second: Image) -> float:
-    """The largest shift of any part of the picture beyond its noise [px]; 0 where nothing has structure.
+    """The largest shift of any part of the picture beyond its noise [px]; 0 if nothing has structure.
 
     Raises:
         InputError: if the pictures differ in size.

@@ -21,7 +21,7 @@ class RobotWorld:
 
 
 def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: BoolArray) -> SE3 | None:
-    """The pose of a target in one view by `solvePnP`; None where it finds none.
+    """The pose of a target in one view by `solvePnP`; None if it finds none.
 
     Args:
         camera: The lens, whose distortion is taken out beforehand by our own model.
@@ -42,7 +42,7 @@ def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: Bo
 
 
 def robot_world(outer: SE3, inner: SE3) -> RobotWorld | None:
-    """`calibrateRobotWorldHandEye` (the method of Shah) of (n,) poses; None where it finds nothing.
+    """`calibrateRobotWorldHandEye` (the method of Shah) of (n,) poses; None if it finds nothing.
 
     OpenCV has a camera on a gripper and a world that stands: `cam_from_world == cam_from_gripper @
     gripper_from_base @ base_from_world`. Any other chain of one moving transform between two unknowns is that one too.

@@ -24,7 +24,7 @@ class Stream:
     capture: Any
 
     def read(self) -> Image | None:
-        """The next picture, (h, w); None where there is none any more."""
+        """The next picture, (h, w); None if there is none any more."""
         came, picture = self.capture.read()
         if not came:
             return None

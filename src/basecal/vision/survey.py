@@ -47,7 +47,7 @@ def describe_blur(images: list[Grey]) -> str | None:
 
 
 def _edge_px(image: Grey) -> float | None:
-    """One sigma of the blur of the sharpest edges; None where there is hardly any contrast.
+    """One sigma of the blur of the sharpest edges; None if there is hardly any contrast.
 
     The steepest slope of a step that is blurred by a Gaussian is its height over sqrt(2 pi) sigma. What smooths noise
     away is taken off.
@@ -130,7 +130,7 @@ def other_chessboard(images: list[Grey], target: Target) -> str | None:
 
 
 def _sizes_of_board(image: Grey, stated_ids: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """The size of a board in an image: near the one stated, or else as large as it is seen; none where none is."""
+    """The size of a board in an image: near the one stated, or else as large as it is seen; none if none is."""
     small = Way(0.5).apply(image)
     for more in ((1, 0), (0, 1), (1, 1), (-1, 0), (0, -1), (-1, -1)):
         size = (stated_ids[0] + more[0], stated_ids[1] + more[1])

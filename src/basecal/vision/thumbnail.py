@@ -12,11 +12,11 @@ _BRIGHT_PERCENT = 99.5  # of the pixels of an image of 16 bits, which seldom fil
 
 
 def thumbnail(data: bytes, size_px: tuple[int, int] | None, width: int) -> bytes | None:
-    """A JPEG of at most this width of the image in the bytes of a file, grey; None where that cannot be used.
+    """A JPEG of at most this width of the image in the bytes of a file, grey; None if that cannot be used.
 
     Args:
         data: What the file holds.
-        size_px: Width and height it has to have; None where any will do.
+        size_px: Width and height it has to have; None if any will do.
         width: Of the small picture; a smaller image stays as it is.
     """
     image = grey_image(data, size_px)

@@ -1,6 +1,6 @@
 """Offsets of clocks from nothing: stepped to the optimum, and tried over seconds where that explains no views.
 
-Line times of rolling shutters are stepped with them, and pixels mended by each solution for the next.
+Line times of rolling shutters are stepped with them, and pixels corrected by each solution for the next.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Clocked:
         streams: As each device recorded.
         offsets_s: By device, and line times by `line_time_name` [s].
         synchronised: The samples.
-        near: A solution near them; None where nothing was solved.
+        near: A solution near them; None if nothing was solved.
     """
 
     streams: Streams
@@ -90,7 +90,7 @@ def _best_offset(streams: Streams, offsets: dict[str, float], name: str, setting
 
 
 def _misfit(streams: Streams, offsets: dict[str, float], settings: Settings) -> float:
-    """Minus twice the log likelihood for each residual, robots taken for exact; infinite where nothing is solved."""
+    """Minus twice the log likelihood for each residual, robots assumed exact; infinite if nothing is solved."""
     exact = {name: replace(robot, noise=None) for name, robot in streams.cell.robots.items()}
     known = replace(streams, cell=replace(streams.cell, robots=exact))
     try:
@@ -137,7 +137,7 @@ def _apply_step(offsets: dict[str, float], step: ClockStep) -> dict[str, float]:
 
 
 def _synchronise(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:
-    """The samples, with pixels of rolling shutters mended by a solution near them."""
+    """The samples, with pixels of rolling shutters corrected by a solution near them."""
     samples = synchronise(streams, offsets)
     if near is None:
         return samples

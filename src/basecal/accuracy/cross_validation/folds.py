@@ -48,7 +48,7 @@ def splits(problem: Problem, count: int = FOLDS) -> Iterator[Split]:
 
 
 def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> Iterator[list[Samples]]:
-    """Parts by each way, made as they are asked for: of many robots hardly any but the first is."""
+    """Parts by each way, made as they are requested: of many robots hardly any but the first is."""
     yield _joined(samples, places)
     for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
         yield _parted(samples, {n: places[robot].get(n, n) for n in samples})
@@ -56,7 +56,7 @@ def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) 
 
 
 def instant_split(problem: Problem, count: int) -> Split | None:
-    """The mildest way, which keeps together nothing but repeated instants; None where these are too few."""
+    """The mildest way, which keeps together nothing but repeated instants; None if these are too few."""
     samples = _samples(problem)
     return _split(_instants(samples, _places(problem)), len(samples), count)
 
@@ -89,7 +89,7 @@ def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]
     part = {number: number for number in samples}
 
     def root(number: int) -> int:
-        """The number that stands for a sample's part."""
+        """The number that represents a sample's part."""
         while part[number] != number:
             number = part[number]
         return number

@@ -24,7 +24,7 @@ class StationScores(NamedTuple):
             would have it, squared and over its variance, robots' noise included, by freedom. The logarithm keeps a few
             stations that are predicted badly from outweighing all others.
         mean_square: Of all residuals over sigmas, robots' noise marginalised.
-        off_m: (views,) how far the target is off by a Newton step of the view alone [m]; NaN where it holds no pose.
+        off_m: (views,) how far the target is off by a Newton step of the view alone [m]; NaN if it holds no pose.
     """
 
     scores: Array

@@ -1,8 +1,8 @@
 """How far new views are from where a calibration predicts them, and how far they may be.
 
-Each view tells of the tangent of its `camera_from_target` as much as its information H = S S': times S' that is a
+Each view reports the tangent of its `camera_from_target` as much as its information H = S S': times S' that is a
 number of unit variance for each column. Predictions are uncertain by the calibration's covariance, and by the errors
-of robots, which stops have in common, and which are alike at poses near one another where that was found.
+of robots, which stops share, and which are equal at poses near one another where that was found.
 Source: docs/mathematics.md (13.1).
 """
 
@@ -45,7 +45,7 @@ class Innovations:
         predicted: (6 n, 6 n) covariance of that by the predictions.
         sample: (n,) numbers of the samples.
         known_inverse: `covariance_inverse`, where it is known already.
-        freedoms_of_noise: By which the noise of the calibration is known; infinite where it was stated.
+        freedoms_of_noise: By which the noise of the calibration is known; infinite if it was stated.
     """
 
     situation: Situation
@@ -83,12 +83,12 @@ class Innovations:
         return np.concatenate([np.zeros((0, 6, 6)), *parts])
 
     def joint_jacobian(self, robot: str) -> Array:
-        """How views go with the joints of a robot, (n, 6, joints); none where they were not recorded."""
+        """How views go with the joints of a robot, (n, 6, joints); none if they were not recorded."""
         at = self.posture(robot)
         return np.zeros((len(self.sample), 6, 0)) if at is None else self.flange_jacobian(robot) @ at.true.by_joints
 
     def posture(self, robot: str) -> Posture | None:
-        """A robot as stated at its joints in all views, any in which it has no part; None where none were recorded."""
+        """A robot as stated at its joints in all views, any in which it has no part; None if none were recorded."""
         chain = self.situation.problem.chains.get(robot)
         groups = self.situation.problem.groups
         if chain is None or not recorded_by_joints(self.situation.problem, robot):
@@ -162,7 +162,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
 
 
 def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
-    """The views that a calibration predicts, at its transforms, robots taken for exact."""
+    """The views that a calibration predicts, at its transforms, robots assumed exact."""
     known = known_views(cell, recording, calibration)
     every = max(-(-sum(map(len, known.problem.groups)) // MOST_VIEWS), 1)
     few = [group.take(np.arange(0, len(group), every)) for group in known.problem.groups]

@@ -13,7 +13,7 @@ def guess_led_astray() -> Finding:
 
 
 def better_optimum(evidence: Evidence) -> list[Finding]:
-    """An info where the answer is not the optimum the start had led to; a warning where a closed form is better."""
+    """An info if the answer is not the optimum the start had led to; a warning if a closed form is better."""
     found = []
     if evidence.solution is not evidence.robust.solution:
         what = f"The start led to a local optimum of cost {evidence.robust.solution.cost:.6g}."

@@ -39,17 +39,17 @@ class Evidence:
     """An answer, and what was computed to judge it.
 
     Attributes:
-        cell: What exists, and what is asked for.
+        cell: What exists, and what is requested.
         settings: How it was solved.
         recorded: The problem as it was recorded, outliers among it.
         robust: The solution without outliers, and these.
         solution: The answer: that of `robust`, or a better one that the certificate led to.
-        cross_validation: How samples are predicted that were held out; None where the answer is none.
+        cross_validation: How samples are predicted that were held out; None if the answer is none.
         contradicted_sigmas: Stated sigmas that the residuals of the solution with them contradict.
         refuted: The solution with the sigmas as stated, if some of these are contradicted as too small.
-        systematic_error: What explains the residuals better than noise; None where nothing does.
+        systematic_error: What explains the residuals better than noise; None if nothing does.
         lens_structures: Cameras whose residuals go by their place in the image.
-        robot_model: What held-out samples say of the robots' kinematics; None where there was nothing to choose.
+        robot_model: What held-out samples say of the robots' kinematics; None if there was nothing to choose.
     """
 
     cell: Cell

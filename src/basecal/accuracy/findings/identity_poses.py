@@ -12,7 +12,7 @@ from basecal.estimation.observability.motions import mount_names
 def identity_poses(inputs: Input) -> list[Finding]:
     """About each robot whose recorded poses are all the identity, exactly; joints are never that.
 
-    An info where all that the robot carries is fixed: it may stand for something that never moves.
+    An info if all that the robot carries is fixed: it may represent something that never moves.
     """
     findings = []
     for robot in inputs.problem.robots:

@@ -13,7 +13,7 @@ _RELEVANT_SIGMAS = 1.0  # sigmas by which a transform asked for has to move
 
 
 def lens_model(evidence: Evidence) -> list[Finding]:
-    """A warning where what the lens model leaves moves the answer by more than its sigmas, else an info."""
+    """A warning if what the lens model leaves moves the answer by more than its sigmas, else an info."""
     findings = []
     for found in evidence.lens_structures:
         moves = [

@@ -1,4 +1,4 @@
-"""`noise-not-identifiable`: noise of robots that state none, which the data cannot tell."""
+"""`noise-not-identifiable`: noise of robots that state none, which the data do not determine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter from 15 boards (bench
 
 
 def robots_with_few_stops(problem: Problem) -> dict[str, int]:
-    """Stops of each robot that states no noise and moved, but too seldom to tell it."""
+    """Stops of each robot that states no noise and moved, but too seldom to determine it."""
     counts = {name: stops_made(problem, name) for name in sorted(problem.unstated)}
     return {name: count for name, count in counts.items() if 1 < count < FEWEST_STOPS}
 
@@ -22,7 +22,7 @@ def robots_with_one_stop(problem: Problem) -> list[str]:
 
 
 def noise_not_identifiable(evidence: Evidence) -> list[Finding]:
-    """Infos about robots whose noise the recording hardly tells."""
+    """Infos about robots whose noise the recording hardly determines."""
     if evidence.settings.robot_noise == "stated":
         return list(evidence.solution.findings)
     findings = []

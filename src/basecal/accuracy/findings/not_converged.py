@@ -7,7 +7,7 @@ from basecal.cell import Finding
 
 
 def not_converged(evidence: Evidence) -> list[Finding]:
-    """An error where the solver did not converge."""
+    """An error if the solver did not converge."""
     if evidence.solution.converged:
         return []
     do = ("Check units and directions of the poses, or give a guess.",)

@@ -9,7 +9,7 @@ _SHOWN_SAMPLES = 10  # samples, the rest as an ellipsis
 
 
 def not_validated(evidence: Evidence) -> list[Finding]:
-    """An info about samples that cannot be held out, as a transform asked for were unobservable, or where none can."""
+    """An info about samples that cannot be held out, as a requested transform were unobservable, or where none can."""
     found = evidence.cross_validation
     if found is None or not (found.skipped or not found.summary):
         return []

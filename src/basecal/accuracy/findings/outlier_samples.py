@@ -38,7 +38,7 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
 
 
 def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:
-    """What it means that all from one sample on, or all up to one, are outliers; nothing where they are others."""
+    """What it means that all from one sample on, or all up to one, are outliers; nothing if they are others."""
     kept = [int(number) for group in inliers.groups for number in group.sample]
     if len(numbers) < _FEWEST_MOVED or not kept:
         return ""
@@ -51,7 +51,7 @@ def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:
 
 
 def agreeing_samples(evidence: Evidence) -> list[Finding]:
-    """A warning where no answer rests on most samples: which of them agree with one another."""
+    """A warning if no answer rests on most samples: which of them agree with one another."""
     return agreement_findings(evidence.robust)
 
 

@@ -15,7 +15,7 @@ _ROUNDING = 1e-12  # cost of a view that fits to rounding: synthetic cells witho
 
 
 def overfit(evidence: Evidence) -> list[Finding]:
-    """A warning where the cross-validation error is more than four times the residual of the same samples."""
+    """A warning if the cross-validation error is more than four times the residual of the same samples."""
     if evidence.cross_validation is None or evidence.cross_validation.summary is None:
         return []
     used, predicted = evidence.cross_validation.fitted, evidence.cross_validation.predicted

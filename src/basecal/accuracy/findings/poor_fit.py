@@ -16,7 +16,7 @@ _REPEATABILITY_RAD = 1e-2  # [rad] likewise
 
 
 def poor_fit(evidence: Evidence) -> list[Finding]:
-    """A warning where residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
+    """A warning if residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
     solution, rms_px = evidence.solution, evidence.residuals.rms_px
     found = [_stated_finding(each) for each in evidence.contradicted_sigmas]
     if any(f.severity == "warning" for f in found):
@@ -36,7 +36,7 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
 
 
 def _stated_finding(sigma: ContradictedSigma) -> Finding:
-    """A warning where stated sigmas are too small; an info where they are too large, or off by little."""
+    """A warning if stated sigmas are too small; an info where they are too large, or off by little."""
     whose = f"poses of {sigma.about}" if sigma.of_robot else f"what {sigma.about} saw" if sigma.about else "everything"
     about = (sigma.about,) if sigma.about else ()
     if not sigma.is_too_small:

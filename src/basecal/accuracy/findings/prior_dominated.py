@@ -19,7 +19,7 @@ _DOMINATED_RATIO = 0.95  # posterior over prior sigma: the data tell a tenth of 
 
 
 def prior_dominated(evidence: Evidence) -> list[Finding]:
-    """Infos: directions of a prior that the data hardly add to, and transforms asked for that priors alone hold."""
+    """Infos: directions of a prior that the data hardly add to, and requested transforms that priors alone hold."""
     problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and unknowns[n].status == "prior"]
     priors = [name for name in priors if unknowns[name].sigma is not None]

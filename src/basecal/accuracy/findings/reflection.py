@@ -17,7 +17,7 @@ _MANY_SHARE = 0.1  # share of the pictures in which it can be either, above whic
 
 
 def reflection(evidence: Evidence) -> list[Finding]:
-    """Each light with other spots beside it: a warning where more than one picture in ten cannot be told apart."""
+    """Each light with other spots beside it: a warning if more than one picture in ten cannot be distinguished."""
     found = []
     for group in evidence.solution.problem.groups:
         if len(group.readings) < 2 or len(_points(group)) != 1:

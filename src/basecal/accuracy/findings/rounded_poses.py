@@ -40,7 +40,7 @@ class _Rounding:
 
     @property
     def severity(self) -> Severity:
-        """A warning where rounding makes a good part of the noise."""
+        """A warning if rounding makes a good part of the noise."""
         low, high = _NOISE_RANGE
         return "warning" if low * self.sigma < self.noise < high * self.sigma else "info"
 

@@ -10,7 +10,7 @@ from basecal.cell import Finding
 
 
 def too_few_samples(inputs: Input) -> list[Finding]:
-    """An error where no view can be checked: without the largest, equations are fewer than unknowns."""
+    """An error if no view can be checked: without the largest, equations are fewer than unknowns."""
     problem = inputs.problem
     count = len({int(number) for group in problem.groups for number in group.sample})
     if count < 2:

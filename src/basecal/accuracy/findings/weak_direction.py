@@ -1,4 +1,4 @@
-"""`weak-direction`: a transform asked for is observable, but poorly known."""
+"""`weak-direction`: a requested transform is observable, but poorly known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WEAK_SIGMA = 0.15  # [rad], or share of the viewing distance, of one sigma: hal
 
 
 def weak_directions(evidence: Evidence) -> list[Finding]:
-    """A warning where 1 sigma of a transform asked for is above 0.15 rad or 0.15 of the viewing distance on an axis."""
+    """A warning if 1 sigma of a requested transform is above 0.15 rad or 0.15 of the viewing distance on an axis."""
     found, solution = [], evidence.solution
     for name in evidence.cell.asked if solution.converged else ():
         if name in solution.observability.unobservable or name not in solution.problem.columns:

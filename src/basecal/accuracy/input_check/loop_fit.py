@@ -40,7 +40,7 @@ class LoopFit:
     Attributes:
         triple: eye_flange_from_camera, eye_base_from_hand_base and hand_flange_from_target.
         off: (n,) of each view [rad]: the angle, and the length over the distance to the target.
-        of_light: Whether only one point was fitted, whose place stands for the target's.
+        of_light: Whether only one point was fitted, whose place represents the target's.
     """
 
     triple: Triple
@@ -90,7 +90,7 @@ class ReadyViews:
 
 
 def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None]:
-    """The transforms that close each pair's loops best, with only what is fixed known; None where numbers end.
+    """The transforms that close each pair's loops best, with only what is fixed known; None if the solve fails.
 
     All pairs are searched side by side, whatever hypotheses of the input they come from.
     """
@@ -126,7 +126,7 @@ def _fits_of(pairs: Sequence[tuple[PairViews, Problem]], chosen: Sequence[IntArr
 
 
 def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]) -> State | None:
-    """The state that the only pair of a problem was fitted with; None where there are several, or a mere light."""
+    """The state that the only pair of a problem was fitted with; None if there are several, or a mere light."""
     if len(problem.groups) != 1:
         return None
     (group,) = problem.groups
@@ -199,7 +199,7 @@ def _triple(loop: Loop, rotations: Rotations | None) -> Triple | None:
 
 
 def _closed_form(loop: Loop) -> Rotations | None:
-    """Rotations by the closed form, which may not be clear; None where there is nothing to find, or numbers end."""
+    """Rotations by the closed form, which may not be clear; None if there is nothing to find, or the solve fails."""
     if not loop.unknown:
         return None
     try:
@@ -209,7 +209,7 @@ def _closed_form(loop: Loop) -> Rotations | None:
 
 
 def _light(sight: PairViews, problem: Problem) -> Refinement | None:
-    """The point that most views see, with the best cells of a grid over rotations; None where numbers end."""
+    """The point that most views see, with the best cells of a grid over rotations; None if the solve fails."""
     try:
         loop = _loop(sight, problem, np.zeros(len(sight.group), dtype=np.int64))
         one, light, starts = light_search(sight, loop, _LIGHT_STARTS[(loop.x is None) + (loop.y is None)])

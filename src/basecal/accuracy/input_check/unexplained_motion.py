@@ -42,7 +42,7 @@ def hopeless(problem: Problem, state: State) -> Finding:
 def unexplained_motion(problem: Problem, state: State) -> float:
     """Residuals with the robots as recorded, over those of targets that stand where most views have them; 0 to 1.
 
-    Each is the rms over the better half of the stops: of pixels, of 3-D points, or of angles and lengths over the
+    Each is the rms over the best 50 % of the stops: of pixels, of 3-D points, or of angles and lengths over the
     distance. Where hardly anything moves it is 0.
     """
     groups = [group.take(_one_a_stop(group)) for group in problem.groups if len(group)]
@@ -54,7 +54,7 @@ def unexplained_motion(problem: Problem, state: State) -> float:
 
 
 def _left_px(problem: Problem, state: State) -> float:
-    """Residuals in the images, rms over the better half of the views with robots as recorded [px]; 0 without any."""
+    """Residuals in the images, rms over the best 50 % of the views with robots as recorded [px]; 0 without any."""
     in_pixels = [group for group in problem.groups if len(group) and isinstance(group.measurement, PixelMeasurement)]
     seen = [group.take(_one_a_stop(group)) for group in in_pixels]
     if sum(map(len, seen)) < _FEWEST_STOPS:

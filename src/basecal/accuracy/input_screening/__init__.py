@@ -1,1 +1,1 @@
-"""What is told of a recording before anything is solved."""
+"""What is reported a recording before anything is solved."""

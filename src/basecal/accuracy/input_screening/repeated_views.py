@@ -15,7 +15,7 @@ _SHOWN_PAIRS = 5  # pairs of samples in a sentence
 
 
 def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
-    """A warning where a camera saw the very same twice, to the last bit, while what moves it stood elsewhere."""
+    """A warning if a camera saw the very same twice, to the last bit, while what moves it stood elsewhere."""
     first: dict[tuple[str, str, bytes], Sample] = {}
     pairs: list[tuple[int, int]] = []
     for sample in recording.samples:
@@ -38,7 +38,7 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
 
 
 def _numbers(observation: object) -> bytes | None:
-    """All that a view says, as bytes; None where it is too little to be told from another."""
+    """All that a view says, as bytes; None if it is too little to be distinguished from another."""
     if isinstance(observation, PixelObservation) and observation.pixels.size >= _FEWEST_NUMBERS:
         return observation.ids.tobytes() + observation.pixels.tobytes()
     if isinstance(observation, PointObservation) and observation.points_in_camera.size >= _FEWEST_NUMBERS:

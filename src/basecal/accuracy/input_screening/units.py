@@ -23,7 +23,7 @@ _DIVIDE_ADVICE = ("Divide lengths by 1000: they are in metres.",)
 def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
     """An error for each unit that is certainly another one: degrees for radians, millimetres for metres.
 
-    Only what its size alone decides is told; all else is left to the test of conventions, which fits.
+    Only what its size alone decides is reported; all else is left to the test of conventions, which fits.
     """
     return [
         *_degrees(cell, recording),

@@ -54,7 +54,7 @@ def has_little_rotation(motion: Motion) -> bool:
 
 
 def describe_poor_motions(problem: Problem) -> str:
-    """How the robots move that hardly rotate about a second axis; empty where all do."""
+    """How the robots move that hardly rotate about a second axis; empty if all do."""
     return " and ".join(describe_motion(m) for m in motions(problem).values() if has_little_rotation(m))
 
 

@@ -122,7 +122,7 @@ def _relations(solution: Solution) -> list[_Relation]:
 
 
 def _fit_pair(solution: Solution, group: ViewGroup, base: str, mounts: Sequence[str]) -> State | None:
-    """The state that fits one pair best, of a base and mounts, the base's prior left out; None where it is not seen."""
+    """The state that fits one pair best, of a base and mounts, the base's prior left out; None if it is not seen."""
     whole, state = some_views(solution.problem.with_groups([group]), solution.state, len(group))
     widths = {name: whole.columns[name].stop - whole.columns[name].start for name in mounts} | {base: 6}
     ends = np.cumsum([0, *widths.values()])

@@ -25,7 +25,7 @@ class WithoutSamples:
     """What comes out without some samples.
 
     Attributes:
-        transforms: Those that are asked for and seen in every direction, by name.
+        transforms: Those that are requested and seen in every direction, by name.
         residuals: Of the samples that are left.
         converged: Whether that is an optimum.
     """

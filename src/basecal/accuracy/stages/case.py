@@ -32,7 +32,7 @@ class Case:
         noisy: The same with unstated noise estimated; None if none is to be.
         robust: The solution without outliers.
         weighed: The answer, and what was computed to judge it.
-        certificate: Of the answer; None if none was asked for.
+        certificate: Of the answer; None if none was requested.
         answers: The answer as fitted, with the covariance of effects that noise is not, and of clocks.
         calibration: The result.
         is_ended: Whether no stage is left to do.

@@ -58,7 +58,7 @@ def check_input(case: Case) -> Case:
 
 
 def shift_axes(case: Case) -> Case:
-    """Calibrate by the paper's closed form, if it is asked for."""
+    """Calibrate by the paper's closed form, if it is requested."""
     if case.settings.method != "axis-shift":
         return case
     found = calibrate_axis_shift(case.cell, case.problem, case.settings, list(case.findings))

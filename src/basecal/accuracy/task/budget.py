@@ -39,7 +39,7 @@ def calibration_budget(
         point_m: (3,) in the reference's base [m].
 
     Returns:
-        The largest first; None where nothing of it is known.
+        The largest first; None if nothing of it is known.
     """
     known = [name for name in base_transforms(cell) if name in calibration.transforms]
     if not known:

@@ -1,8 +1,8 @@
 """The error to be expected where two robots meet, over the workspace that they share.
 
 Both are sent to one point: how far their flanges are then from where they should be to one another is the error of the
-base between them there, what was estimated of the arms' kinematics or is open of it, and each robot's own, of a stop by
-itself and smooth in its pose.
+base between them there, what was estimated of the arms' kinematics or is open of it, and each robot's own, of a stop
+alone and smooth in its pose.
 Source: docs/mathematics.md (14.3).
 """
 
@@ -37,10 +37,10 @@ def error_map(
         calibration: What came out, with the noise of its robots.
         solution: Where targets were seen.
         point_m: (3,) the task point in the reference's base [m].
-        widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
+        widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
 
     Returns:
-        None where nothing is known that is placed in the reference's base.
+        None if nothing is known that is placed in the reference's base.
     """
     known = [name for name in base_transforms(cell) if name in calibration.transforms]
     if not known:

@@ -37,7 +37,7 @@ class ExpectedError:
 
 
 def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[ExpectedError, ...]:
-    """The expected error of each transform asked for, where it is used most uncertainly.
+    """The expected error of each requested transform, where it is used most uncertainly.
 
     A base is used at the recorded flanges of its robot, the mount of a camera where its targets are, the mount of a
     target at its points; the robots' own errors come on top.

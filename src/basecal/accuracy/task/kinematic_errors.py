@@ -1,9 +1,9 @@
-"""Errors of an arm's joints and links that nobody estimates, as its stops and its poses elsewhere have them in common.
+"""Errors of an arm's joints and links that are not estimated, as its stops and its poses elsewhere share them.
 
-Each offset of a joint, and each shift and turn of a link, is an error by itself, of one sigma for turns and one for
+Each offset of a joint, and each shift and turn of a link, is an error alone, of one sigma for turns and one for
 shifts. What recorded poses show of them says how large they are, and with that what they may be in directions that no
-recorded pose shows: a mount takes up what shifts the flange by which it hangs, at all poses alike, and the answer fits
-as well; sent elsewhere, that flange is off.
+recorded pose shows: a mount takes up what shifts the flange by which it hangs, equally at all poses, and the answer
+fits as well; sent elsewhere, that flange is off.
 Source: docs/mathematics.md (14.6).
 """
 
@@ -33,7 +33,7 @@ MODELS = (*((name,) for name in _MAPPED_EFFECTS), _MAPPED_EFFECTS)
 def kinematic_errors(
     problem: Problem, state: State, robot: str, kinds: Sequence[str] = MODELS[-1]
 ) -> SharedErrors | None:
-    """What the stops of a robot have in common by its joints and links; None where it has none that are open.
+    """What the stops of a robot share by its joints and links; None if it has none that are open.
 
     Args:
         problem: What was recorded.

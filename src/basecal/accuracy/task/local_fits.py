@@ -42,11 +42,11 @@ _FIT_STEPS = 30
 def local_fits(
     solution: Solution, requested: Sequence[str], box_m: Sequence[float] | None = None
 ) -> tuple[LocalFit, ...]:
-    """Each part of the workspace, with held-out errors of both fits; none where there are too few samples for parts.
+    """Each part of the workspace, with held-out errors of both fits; none if there are too few samples for parts.
 
     Args:
         solution: The fit of all samples.
-        requested: Names of the transforms to tell of the local fits.
+        requested: Names of the transforms to report for the local fits.
         box_m: (6,) two opposite corners of the only part, in the reference's base [m]; all parts where None.
     """
     problem = solution.problem

@@ -38,7 +38,7 @@ class Task:
 
 
 def base_transforms(cell: Cell) -> list[str]:
-    """The transforms asked for that place something in the reference's base, as work between robots needs it.
+    """The requested transforms that place something in the reference's base, as work between robots needs it.
 
     Raises:
         InputError: if there is none.

@@ -127,7 +127,7 @@ def stale_images(camera: Camera, period_s: float, pause_s: float) -> int:
 
 
 def measure_stop(name: str, robot: Robot, distance_rad: float, speed_rad_s: float, order: str = "stop") -> Stop:
-    """Move the last joint, and measure how it stops when it is told to, or when the watchdog hears nothing more.
+    """Move the last joint, and measure how it stops when ordered to, or when the watchdog hears nothing more.
 
     Args:
         name: The robot's.

@@ -110,7 +110,7 @@ def _answer(name: str, ask: Callable[[], Given]) -> Given:
 
     Raises:
         LostLink: if the connection or the session is gone.
-        DriverError: if it does not allow it, or what is asked for is not there.
+        DriverError: if it does not allow it, or what is requested is not there.
     """
     from asyncua.ua.uaerrors import UaError
 

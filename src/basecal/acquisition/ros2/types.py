@@ -62,7 +62,7 @@ def dds_name(kind: str) -> str:
 
 
 def kind_of_dds(name: str) -> str | None:
-    """The type of a name on the wire; None where it is none of ROS 2's messages."""
+    """The type of a name on the wire; None if it is none of ROS 2's messages."""
     package, _, rest = name.partition("::msg::dds_::")
     return f"{package}/msg/{rest[:-1]}" if rest.endswith("_") else None
 

@@ -195,7 +195,7 @@ class Supervisor:
         self._end(now)
 
     def _report(self, now: float) -> None:
-        """Tell the capture why arms were stopped, once all confirmed it or their time is over."""
+        """Report to the capture why arms were stopped, once all confirmed it or their time is over."""
         if self._stopped_s is None or self._is_reported:
             return
         waiting = [arm for arm in self._arms if not (arm.has_stopped or arm.is_gone)]

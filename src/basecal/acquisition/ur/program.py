@@ -23,7 +23,7 @@ Given = TypeVar("Given")
 
 
 class Program:
-    """The program; it is sent once, when it is first asked for something, and never again after it ended."""
+    """The program; it is sent once, when it is first requested to do something, and never again after it ended."""
 
     def __init__(self, name: str, options: UrOptions) -> None:
         self._name, self._options = name, options

@@ -104,7 +104,7 @@ def write_output(path: Path, content: str | bytes) -> None:
 def stage_folder(folder: Path) -> Iterator[Path]:
     """A new folder beside `folder`, to write into; at the end all that is in it appears in `folder` at once.
 
-    Where `folder` holds something already, each entry appears by itself, in the order of their names backwards, so that
+    Where `folder` holds something already, each entry appears alone, in the order of their names backwards, so that
     `recording` does before `cell.yaml`. Where this ends with an error nothing appears; cut off, it leaves a folder
     whose name starts with a dot and ends with `.part`.
 

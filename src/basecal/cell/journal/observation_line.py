@@ -46,7 +46,7 @@ class UnknownPoint(InputError):
 def observation(
     value: Any, field: str, place: Where, cell: Cell, ids: Mapping[str, frozenset[int]]
 ) -> tuple[tuple[str, str], Observation | None]:
-    """Camera and target, and what the one saw of the other; None where that is nothing.
+    """Camera and target, and what the one saw of the other; None if that is nothing.
 
     Raises:
         DatasetError: if it cannot be read as written.
@@ -83,7 +83,7 @@ def observation(
 def _points(
     kind: str, data: dict[str, Any], field: str, place: Where, context: frozenset[int]
 ) -> PixelObservation | CandidateObservation | PointObservation | None:
-    """What was seen of points, in pixels or in the camera's frame; None where that is nothing."""
+    """What was seen of points, in pixels or in the camera's frame; None if that is nothing."""
     in_space = kind == "points_in_camera_m"
     points = numbers(place, f"{field}.{kind}", data[kind], 3 if in_space else 2)
     ids = None if kind == "candidates" else _ids(data, field, place, context, points)

@@ -136,7 +136,7 @@ def whole_numbers(place: Where, field: str, value: Any) -> IntArray:
 
 
 def sigmas(place: Where, field: str, value: Any, count: int) -> Array | None:
-    """`count` positive numbers, (count,), of one or as many; None where not stated.
+    """`count` positive numbers, (count,), of one or as many; None if not stated.
 
     Raises:
         DatasetError: if they are none.

@@ -84,7 +84,7 @@ def _refuse(constant: str) -> None:
 
 
 def latest_run(folder: str | Path) -> Path | None:
-    """Folder of the run of a cell whose `calibration.json` was written last; None where there is none.
+    """Folder of the run of a cell whose `calibration.json` was written last; None if there is none.
 
     Names of runs are by the clock, which may have been wrong; they tell runs apart that were written at once.
     """

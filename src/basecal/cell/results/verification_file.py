@@ -48,11 +48,11 @@ class PastVerification:
         when: UTC.
         run: Name of the run that was verified.
         samples: How many new samples there were.
-        moved: Whether something had moved; None where it could not be told.
+        moved: Whether something had moved; None if it could not be determined.
         chance: Of samples so far off, where nothing moved.
-        detectable_m: The shift that would have been seen [m]; None where none.
-        frame: What had moved; None where nothing had.
-        shifts: By transform asked for, whether it moved or not.
+        detectable_m: The shift that would have been seen [m]; None if none.
+        frame: What had moved; None if nothing had.
+        shifts: By requested transform, whether it moved or not.
     """
 
     __pydantic_config__: ClassVar = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -80,7 +80,7 @@ def append_verification(folder: str | Path, entry: PastVerification) -> None:
 
 
 def read_verifications(folder: str | Path) -> tuple[PastVerification, ...]:
-    """All verifications of a cell's folder, as they were made; none where there is no file.
+    """All verifications of a cell's folder, as they were made; none if there is no file.
 
     Raises:
         DatasetError: if a line cannot be read as written; a last line that was cut off is left out.

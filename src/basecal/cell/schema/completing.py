@@ -23,7 +23,7 @@ def completed_cell_text(
     """The text with all that is added, and the places that are new or other in it.
 
     Args:
-        text: The `cell.yaml` there is; None where there is none, then `added` is all of it but its schema.
+        text: The `cell.yaml` there is; None if there is none, then `added` is all of it but its schema.
         added: Plain data of a `cell.yaml`; what stands there already with the same value stays as it is written.
         path: What to call it in an error.
         replaced: Places whose value is given up for the added one.

@@ -32,13 +32,13 @@ class TargetEntry(Entry):
         return self
 
     def shape(self) -> Target | None:
-        """The target it describes; None where it is seen only as poses."""
+        """The target it describes; None if it is seen only as poses."""
         return None
 
 
 @dataclass(frozen=True)
 class PrintSizes:
-    """What to print, as `basecal target` is asked for it; lengths in metres."""
+    """What to print, as requested of `basecal target`; lengths in metres."""
 
     columns: int
     rows: int
@@ -66,10 +66,10 @@ class TargetKind:
         described: What the documents say of it.
         template: Its lines in a new `cell.yaml`, explained.
         usual: One as a simulation has it, from a random generator.
-        printed: Fields of one to print; None where there is nothing to choose.
+        printed: Fields of one to print; None if there is nothing to choose.
         entry_index: Index of the one of `entries` that reads an entry with these fields.
         figures: Small ones for the documents, by the name of the picture.
-        marks: What pictures tell one by from another of its kind, of its fields; empty where they cannot.
+        marks: Fields by which pictures distinguish one from another of its kind; empty if they cannot.
         another: Fields of the n-th of several in a cell, counted from 0, with marks of its own as far as there are any.
     """
 
@@ -91,7 +91,7 @@ def choose_dictionary(usual: Sequence[str], said: str, place: int) -> str:
 
 
 def is_indistinguishable(kind: TargetKind, one: Fields, other: Fields) -> bool:
-    """Whether no picture tells which of two of a kind it shows."""
+    """Whether no picture determines which of two of a kind it shows."""
     marks, others = kind.marks(one), kind.marks(other)
     return bool(marks & others) or not (marks or others)
 

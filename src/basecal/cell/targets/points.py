@@ -1,4 +1,4 @@
-"""Points of a rigid body that are measured, such as lights that other programs tell apart."""
+"""Points of a rigid body that are measured, such as lights that other programs distinguish."""
 
 from __future__ import annotations
 

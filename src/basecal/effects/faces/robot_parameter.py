@@ -18,11 +18,11 @@ class RobotParameters:
     """What was found of the parameters of one kind of one robot.
 
     Attributes:
-        joints: Names of its joints, from base to flange, n of them; none where the values are not joint by joint.
-        values: (n,), or of another shape; NaN where nothing is known.
+        joints: Names of its joints, from base to flange, n of them; none if the values are not joint by joint.
+        values: (n,), or of another shape; NaN if nothing is known.
         sigma: Likewise.
         seen: Likewise, whether the data say at least as much as the prior; the others' numbers are the prior's.
-        covariance: (n, n) of the values; None where it is not kept.
+        covariance: (n, n) of the values; None if it is not kept.
     """
 
     joints: tuple[str, ...]
@@ -33,7 +33,7 @@ class RobotParameters:
 
 
 class Columns(NamedTuple):
-    """What of a kind is estimated: values by column, (size, k), and the prior's sigmas, (k,); None where free."""
+    """What of a kind is estimated: values by column, (size, k), and the prior's sigmas, (k,); None if free."""
 
     basis: Array
     sigma: Array | None

@@ -106,7 +106,7 @@ def certify(solution: Solution) -> Certified:
 
 
 def proven_loops(solution: Solution) -> tuple[list[ProvenLoop | None], float]:
-    """The loop of each group of views, None without poses; and what all views cost at least by themselves."""
+    """The loop of each group of views, None without poses; and what all views cost at least separately."""
     problem, state = solution.problem, solution.state
     views = [view_costs(problem, state, group) for group in problem.groups]
     constant = float(sum(v.constant.sum() for v in views))
@@ -126,7 +126,7 @@ def _undecided_certificate(reason: str, gap: float | None = None) -> Certified:
 
 
 def _scope_reason(solution: Solution) -> str:
-    """Why nothing can be said of a solution; empty where something can."""
+    """Why nothing can be said of a solution; empty if something can."""
     problem = solution.problem
     free_lens = next((name for name in problem.columns if name in problem.lenses), None)
     if not any(len(group) for group in problem.groups):
@@ -170,7 +170,7 @@ def _share(loop: ProvenLoop, slack: float) -> float:
 
 
 def _from_proven(solution: Solution, loops: list[ProvenLoop]) -> State | None:
-    """A state better than the solution, downhill of the proven rotations; None where there is none."""
+    """A state better than the solution, downhill of the proven rotations; None if there is none."""
     if len(loops) != 1 or loops[0].form.merged or not loops[0].form.loop.unknown:
         return None
     loop, found = loops[0].form.loop, rotations_from_factors(loops[0].form.loop, loops[0].bound.factors)

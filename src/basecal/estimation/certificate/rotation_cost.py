@@ -31,7 +31,7 @@ class LoopForm(NamedTuple):
         loop: What is known; its weights are those of the views.
         form: (4^k, 4^k) of the k unknown factors, per unit of weight: between 0 and 1 on unit quaternions.
         weight: Sum of the views' weights.
-        merged: "x" where X stands for Y' X, "z" where Z stands for Y Z, since an arm is lacking between them.
+        merged: "x" where X represents Y' X, "z" where Z represents Y Z, since an arm is lacking between them.
     """
 
     loop: Loop
@@ -88,7 +88,7 @@ def rotation_factors(loop: Loop, x: Array, y: Array, z: Array) -> Factors:
 
 
 def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
-    """The rotations that factors stand for, with those that are known."""
+    """The rotations that factors represent, with those that are known."""
     found = dict(zip(loop.unknown, factors, strict=True))
 
     def rotation(name: str) -> Array:

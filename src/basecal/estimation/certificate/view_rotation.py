@@ -36,8 +36,8 @@ class ViewCosts(NamedTuple):
     Attributes:
         camera_from_target: (n,) the views' own poses.
         constant: (n,) the least cost of each.
-        weight: (n,) the cost rises above it by at least `weight * sin^2(angle / 2)`; 0 where nothing is known.
-        second: (n,) cost of the next best pose of the view, infinite where there is none.
+        weight: (n,) the cost rises above it by at least `weight * sin^2(angle / 2)`; 0 if nothing is known.
+        second: (n,) cost of the next best pose of the view, infinite if there is none.
     """
 
     camera_from_target: SE3

@@ -1,4 +1,4 @@
-"""Pairs of camera and target that are alike in all but where they are, as one batch: each ties its own few unknowns.
+"""Pairs of camera and target that are equal in all but where they are, as one batch: each ties its own few unknowns.
 
 A cell of a hundred robots has hundreds of pairs. As a batch they are linearised at the cost of their views.
 """

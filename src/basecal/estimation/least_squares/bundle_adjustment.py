@@ -120,7 +120,7 @@ def bundle_adjust_batch(
     weights: Sequence[Array] | None = None,
     sigmas: float = CONVERGED_SIGMAS,
 ) -> OptimumBatch:
-    """The optima downhill of a batch of states (b,), each by itself.
+    """The optima downhill of a batch of states (b,), each alone.
 
     Args:
         problem: The problem, whose views may be others for each entry of the batch; see `ViewGroup`.

@@ -20,7 +20,7 @@ _SCALE_SHARE = 0.6  # of the views set the scale: three tenths may be reflection
 def cauchy_irls(problem: Problem, states: State) -> State:
     """The states of Cauchy's likelihood over views, downhill of a batch of states, each of its own scale.
 
-    The scale is that of six tenths of the views. Where a state is beyond numbers all stay where they are by then.
+    The scale is that of six tenths of the views. Where a state is not finite all stay where they are by then.
     """
     weights: list[Array] | None = None
     for _ in range(_HEAVY_ROUNDS):

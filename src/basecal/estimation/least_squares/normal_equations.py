@@ -89,7 +89,7 @@ class NormalEquations:
 
 
 def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = None) -> NormalEquations:
-    """The problem to second order at `state`; its cost is infinite where a seen point lies behind its camera.
+    """The problem to second order at `state`; its cost is infinite if a seen point lies behind its camera.
 
     Args:
         problem: The problem.
@@ -153,7 +153,7 @@ def retract(problem: Problem, state: State, normal: NormalEquations, step: Array
 def retract_lens(camera: Camera, step: Array) -> Camera:
     """A lens after a step of its parameters, (..., 4 + k), the focal lengths at least a fifth of what they were.
 
-    Where a step is beyond numbers the lens stays: the rest of the state tells that the step is none.
+    Where a step is not finite the lens stays: the rest of the state shows that the step is not finite.
     """
     parameters = np.where(np.isfinite(step), camera.parameters + step, camera.parameters)
     parameters[..., :2] = np.maximum(parameters[..., :2], 0.2 * camera.focal)

@@ -41,7 +41,7 @@ class SchurComplement:
         promised: (...) by how much the errors alone lower the cost.
         log_det: (...) log determinant of the errors' information.
         precision: (..., k, 6, 6) diagonal blocks of the errors' information.
-        factor: That information, factorised; None where it has no other blocks, and of a batch.
+        factor: That information, factorised; None if it has no other blocks, and of a batch.
     """
 
     by_unknowns: Array

@@ -29,7 +29,7 @@ class Neighbourhood:
         robot: Its name.
         problem: Its views alone, its base held.
         state: The state of them.
-        cameras: Those whose noise is told here.
+        cameras: Those whose noise is reported here.
         targets: Those whose shape is.
     """
 
@@ -46,7 +46,7 @@ def goes_by_neighbourhoods(problem: Problem) -> bool:
 
 
 def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
-    """That of each robot; each camera and target is told of in that of whoever carries it, or first shares a view."""
+    """That of each robot; each camera and target belongs to that of its carrier, or first shares a view."""
     carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:
@@ -62,7 +62,7 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
 
 
 def together(found: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourhood]) -> NoiseEstimate:
-    """The sigmas of all, of each from where it is told.
+    """The sigmas of all, of each from where it is reported.
 
     A robot's is the root of the mean over all that it may be of its square: where few views tell it, the likeliest one
     would make the answer look too sure.

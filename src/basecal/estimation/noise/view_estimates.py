@@ -1,7 +1,7 @@
-"""What each view says by itself, by the sigma that it goes with, and how many freedoms that is.
+"""What each view says alone, by the sigma that it goes with, and how many freedoms that is.
 
 A view of many points holds its own estimate of its pose and, where that is free, of the lens. Only this counts: what
-is left of the points about it is noise of single points, of which hundreds say nothing about what they have in common
+is left of the points about it is noise of single points, of which hundreds say nothing about what they share
 (blur, print, lens). The estimate of a view counts as many freedoms as its information has.
 """
 
@@ -50,7 +50,7 @@ def view_estimates(
         problem: The problem.
         group: Its views.
         state: The state.
-        by_shape: How the target's points move by its shape, (p, 3, k) [m]; None where that is not estimated.
+        by_shape: How the target's points move by its shape, (p, 3, k) [m]; None if that is not estimated.
     """
     camera = state.cameras.get(group.camera)
     at = state.camera_from_target(group, problem.stops)

@@ -160,7 +160,7 @@ def base_names(problem: Problem, robot: str) -> list[str]:
 
 
 def gauge_partners(problem: Problem, motion: Motion) -> tuple[str, ...]:
-    """What moves along with a robot's base unnoticed, by its poses alone: none where something of it is known."""
+    """What moves along with a robot's base unnoticed, by its poses alone: none if something of it is known."""
     names = list(dict.fromkeys([*base_names(problem, motion.robot), *mount_names(problem, motion.robot)]))
     free = all(problem.unknowns[name].status == "free" for name in names)
     return tuple(names) if free and len(motion.twists_in_base) else ()

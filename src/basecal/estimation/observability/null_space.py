@@ -35,9 +35,9 @@ class NullDirection:
         names: The unknowns that move, that which moves most first.
         twists_in_parent: (k, 6) [m, rad] how the first one's frame moves in the axes of its parent and about the
             parent's origin; of a rotation one, or three where every rotation is open; (0, 6) of what is no transform.
-        robot: Whose kinematics move; empty where it is none.
-        parameters: What kind of them move; empty where none do.
-        joint: Which joint of it, from 0; None where it is none.
+        robot: Whose kinematics move; empty if it is none.
+        parameters: What kind of them move; empty if none do.
+        joint: Which joint of it, from 0; None if it is none.
         joint_name: The name of that joint.
     """
 

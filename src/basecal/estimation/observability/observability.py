@@ -33,7 +33,7 @@ class Observability:
 
     Attributes:
         inverse: (p, p) inverse of the information, zero along directions without any.
-        condition: Largest over smallest scaled sigma; infinite where a direction has no information.
+        condition: Largest over smallest scaled sigma; infinite if a direction has no information.
         null_space: The directions whose sigma is too large to count as seen, taken apart.
         unobservable: Names of the transforms and lenses that have such a direction.
         onto_held: (p, p) what takes out of a step its part along directions without any information.
@@ -78,7 +78,7 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
 
 
 def sparse_observability(problem: Problem, state: State, hessian: SparseHessian, factor: float) -> Observability | None:
-    """As `analyse_observability` where every direction is seen; None where it is not, or motions leave one open."""
+    """As `analyse_observability` where every direction is seen; None if it is not, or motions leave one open."""
     condition = condition_number(problem, state, hessian, factor)
     if condition is None:
         return None
@@ -115,7 +115,7 @@ def without_priors(problem: Problem) -> Problem:
 def _required_columns(problem: Problem, name: str) -> int:
     """How many leading columns of an unknown must be seen: all of a transform, focal lengths and centre of a lens.
 
-    Of a robot's kinematics none: each number is given or not by itself.
+    Of a robot's kinematics none: each number is given or not alone.
     """
     return 6 if name in problem.unknowns else 4 if name in problem.lenses else 0
 

@@ -30,7 +30,7 @@ class Scale:
 
     Attributes:
         variance: The scale of squared deviations.
-        freedoms: Of the estimate; infinite where it was stated.
+        freedoms: Of the estimate; infinite if it was stated.
         shape: As how many freedoms squares scatter, where these are more.
         chance: How often a clean deviation may be taken for a gross one.
     """

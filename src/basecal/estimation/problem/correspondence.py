@@ -1,6 +1,6 @@
 """Views that can be read in several ways: a chessboard from either end, a light among several bright spots.
 
-A detector sees one view at a time and cannot tell; all views together can. Each view takes the reading that the
+A detector sees one view at a time and cannot decide; all views together can. Each view takes the reading that the
 present state predicts best, and the state is found again, until no view changes its mind.
 """
 

@@ -1,4 +1,4 @@
-"""Which changes of a robot's parameters its recorded joints cannot tell from changes of what else is unknown.
+"""Which changes of a robot's parameters its recorded joints do not determine from changes of what else is unknown.
 
 A joint that never moved turns the arm as its base does, and so does the next one after it; the last joint turns what
 the flange carries as its mounts do; a turn about a joint's own axis is that joint's offset. Which of these a recording

@@ -55,7 +55,7 @@ def make_measurement(cell: Cell, camera: str, target: str, kind: str, observatio
 
 
 def _as_pixels(observation: PixelObservation | CandidateObservation, spot: int = 0) -> PixelObservation:
-    """An observation of pixels; of candidates the one asked for, or the first where there are fewer."""
+    """An observation of pixels; of candidates the requested one, or the first where there are fewer."""
     if isinstance(observation, PixelObservation):
         return observation
     o, k = observation, spot if spot < len(observation.pixels) else 0
@@ -66,7 +66,7 @@ def _as_pixels(observation: PixelObservation | CandidateObservation, spot: int =
 def alternative_readings(
     measurement: Measurement, shape: Target | None, observations: list[Observation]
 ) -> tuple[PixelMeasurement, ...]:
-    """All ways to read the views, the measurement's own first; none where there is no choice."""
+    """All ways to read the views, the measurement's own first; none if there is no choice."""
     if not isinstance(measurement, PixelMeasurement) or shape is None:
         return ()
     if half_turn(shape) is not None:

@@ -1,8 +1,8 @@
 """What is estimated of a robot's own kinematics, of whatever kinds of parameters.
 
 A robot given by joints stands where its chain, moved by its parameters, stands at the recorded joints, shifted by them.
-Ends of an arm cannot be told from what they hang on; where both sides of such a pair are free, the arm's side is held
-at zero, which defines the other.
+Ends of an arm cannot be distinguished from what they hang on; where both sides of such a pair are free, the arm's side
+is held at zero, which defines the other.
 Source: docs/mathematics.md (9.1).
 """
 
@@ -52,7 +52,7 @@ class RobotModel:
 
     @property
     def sigmas(self) -> dict[str, Array | None]:
-        """Sigmas of the prior of each kind's columns, by name; None where they are free."""
+        """Sigmas of the prior of each kind's columns, by name; None if they are free."""
         return {name: self.columns[kind].sigma for name, kind in self.names.items()}
 
     def select_joint(self, kind: str, joint: int) -> RobotModel:

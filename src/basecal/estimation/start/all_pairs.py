@@ -27,7 +27,7 @@ _WRONG_RATIO = 4.0  # over the median of pairs: noise does not make one fit so b
 def placed_by_pairs(
     problem: Problem, sights: Sequence[PairViews], transforms: Mapping[str, SE3], known_names: Collection[str]
 ) -> dict[str, SE3]:
-    """Free bases and mounts where all pairs have them; nothing where bases are few, or some of them are known.
+    """Free bases and mounts where all pairs have them; nothing if bases are few, or some of them are known.
 
     Args:
         problem: The problem.

@@ -1,4 +1,4 @@
-"""Bases placed where all that is told of pairs of them agrees best: a graph whose loops close."""
+"""Poses of bases that agree best with all relations of pairs: a graph whose loops close."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Relation:
 
 
 def placed_by_all(bases: Mapping[str, SE3], relations: Sequence[Relation]) -> dict[str, SE3]:
-    """Bases (`world_from_base`, by name) where relations, all alike in weight, agree with them best.
+    """Bases (`world_from_base`, by name) where relations, all equal in weight, agree with them best.
 
     Args:
         bases: Where they are about; one that no relation names stays.

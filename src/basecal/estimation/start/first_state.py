@@ -110,7 +110,7 @@ def first_states(problems: Sequence[Problem], cell: Cell, thorough: bool) -> lis
 
 
 def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
-    """Pair after pair; it asks for the starts of a pair to be refined and is told the best."""
+    """Pair after pair; it yields the starts of a pair to refine and receives the best."""
     cameras = lenses(problem, cell)
     most = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined, views' poses lead to a start from which a descent is no shorter.
@@ -145,7 +145,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
 
 
 def guessed_state(problem: Problem, cell: Cell) -> State | None:
-    """The state that the cell's guesses describe; None where an unknown has none."""
+    """The state that the cell's guesses describe; None if an unknown has none."""
     if any(u.mean is None for u in problem.unknowns.values()):
         return None
     transforms = {name: _fallback(u) for name, u in problem.unknowns.items()}
@@ -216,7 +216,7 @@ def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, i
 
 
 def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
-    """By closed form, each view's better pose chosen anew until the choice settles; None where it is not unique."""
+    """By closed form, each view's better pose chosen anew until the choice settles; None if it is not unique."""
     chosen = np.zeros(len(sight.group), dtype=np.int64)
     for _ in range(4):
         loop = _loop(sight, knowns, chosen)

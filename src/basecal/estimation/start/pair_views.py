@@ -34,7 +34,7 @@ class PairViews:
 
     Attributes:
         group: The views, measured by directions or poses.
-        candidates: (n, k) poses of the target in each view, best first; None where it is seen as a light.
+        candidates: (n, k) poses of the target in each view, best first; None if it is seen as a light.
         weight: (n,) how far the poses are to be trusted, at most 1.
         total: How many views there were before thinning.
     """
@@ -75,7 +75,7 @@ def pair_views(
 
     Args:
         group: The views.
-        camera: The lens that took them; None where poses or points in space were measured.
+        camera: The lens that took them; None if poses or points in space were measured.
         views: How many views.
         points: How many points.
         estimate_poses: What gives views their poses, such as `KnownPoses`.

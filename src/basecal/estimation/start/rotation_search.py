@@ -2,7 +2,7 @@
 
 Of two of the three rotations the third that fits best is the one nearest to a weighted mean over the samples:
 X to that of A'YCZB', Y of AXBZ'C', Z of C'Y'AXB. All three are sums over products of entries of A, C and B, so that the
-moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, stand for its samples. Loops with the same unknowns go side by
+moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, represent its samples. Loops with the same unknowns go side by
 side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
 """
 
@@ -49,7 +49,7 @@ class _Loops:
         a: (h, n, 3, 3), rotations of A.
         b: (h, n, 3, 3), likewise.
         c: (h, n, 3, 3), likewise.
-        weight: (h, n), 0 where a loop has fewer samples.
+        weight: (h, n), 0 if a loop has fewer samples.
         count: (h,) how many samples a loop has.
         known: (h, 1, 3, 3) by the letters that are known.
         unknown: The other letters.

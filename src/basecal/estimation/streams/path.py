@@ -25,7 +25,7 @@ class PathPoints:
 
     Attributes:
         base_from_flange: (n,) poses.
-        joints: (n, k) [rad]; None where poses were recorded.
+        joints: (n, k) [rad]; None if poses were recorded.
         velocity: (n, 6) of the flange in its own axes [m/s, rad/s].
     """
 
@@ -41,7 +41,7 @@ class Path:
     Attributes:
         times: (n,) [s], rising.
         base_from_flange: (n,) as recorded, or by the joints.
-        joints: (n, k) [rad]; None where poses were recorded.
+        joints: (n, k) [rad]; None if poses were recorded.
         chain: The robot's kinematics, where joints were.
     """
 

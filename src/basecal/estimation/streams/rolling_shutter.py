@@ -25,7 +25,7 @@ def line_time_name(camera: str) -> str:
 
 
 def mean_row(sample: Sample) -> float:
-    """The mean row of all pixels of a sample [px]; 0 where there are none."""
+    """The mean row of all pixels of a sample [px]; 0 if there are none."""
     rows = [o.pixels[:, 1] for o in sample.observations if isinstance(o, PixelObservation | CandidateObservation)]
     every = np.concatenate([*rows, np.zeros(0)])
     return float(every.mean()) if len(every) else 0.0
@@ -41,7 +41,7 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What pixels are mended by.
+    """What pixels are corrected by.
 
     Attributes:
         cell: What exists.
@@ -80,7 +80,7 @@ def correct_rolling_shutter(
 
     Args:
         recording: Samples at those instants.
-        known: What pixels are mended by.
+        known: What pixels are corrected by.
         line_s: Line times by camera [s].
         robots: By name, then by sample.
     """

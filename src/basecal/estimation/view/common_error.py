@@ -1,4 +1,4 @@
-"""Errors that all points of a view have in common, integrated out of what the view says.
+"""Errors that all points of a view share, integrated out of what the view says.
 
 Of a shift in the image the covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11', so that many points of
 one view are not as many witnesses of what its lens or its time of exposure got wrong. Source: Woodbury 1950;

@@ -1,4 +1,4 @@
-"""Poses of views that are asked for again and again, as recordings are paired in other ways: each is found once."""
+"""Poses of views that are requested again and again, as recordings are paired in other ways: each is found once."""
 
 from __future__ import annotations
 

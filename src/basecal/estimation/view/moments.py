@@ -41,7 +41,7 @@ class Monomials:
 
     @classmethod
     def of(cls, points: Array) -> Monomials:
-        """Those of points, (p, 3); of those asked for again and again they are known."""
+        """Those of points, (p, 3); of those requested again and again they are known."""
         return _monomials(points.tobytes())
 
     @classmethod

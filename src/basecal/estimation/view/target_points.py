@@ -1,4 +1,4 @@
-"""What all measurements of a target's points have in common: their model in the camera, and sums over them."""
+"""What all measurements of a target's points share: their model in the camera, and sums over them."""
 
 from __future__ import annotations
 

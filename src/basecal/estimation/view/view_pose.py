@@ -1,6 +1,6 @@
 """A target's pose in one view, from directions to its points: closed form, then maximum likelihood.
 
-A plane seen from afar has two poses that look alike; both are given. Source: Zhang 2000 (homography), Hartley &
+A plane seen from afar has two poses that look the same; both are given. Source: Zhang 2000 (homography), Hartley &
 Zisserman 2004 (7.2, direct linear transform), Schweighofer & Pinz 2006 (the second pose).
 """
 
@@ -30,7 +30,7 @@ class ViewPoses:
 
     Attributes:
         camera_from_target: (n, 2) the best and the next best pose of each view; alike where there is only one.
-        cost: (n, 2) sums of squared residuals; infinite where there is no pose.
+        cost: (n, 2) sums of squared residuals; infinite if there is no pose.
         information: (n, 6, 6) of the best.
     """
 

@@ -1,4 +1,4 @@
-"""What of a bag is taken: as it was asked for, as the cell says, or as frames and topics are usually called."""
+"""What of a bag is taken: as it was requested, as the cell says, or as frames and topics are usually called."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) 
     """What is taken.
 
     Raises:
-        FrameNotFound: if a topic or frame that is asked for is not there.
+        FrameNotFound: if a topic or frame that is requested is not there.
         InputError: if no robot is found, or it is not clear what carries a camera.
     """
     frames = _frames_of_robots(survey.tree, request, cell)
@@ -190,7 +190,7 @@ def _camera(
 
 
 def _carrier(tree: Tree, robots: Mapping[str, ByFrames | ByPoses | ByJoints], frame: str) -> str | None:
-    """The robot with whose flange a frame goes, or the world; None where tf does not have the frame."""
+    """The robot with whose flange a frame goes, or the world; None if tf does not have the frame."""
     frame = plain(frame)
     if frame not in tree.names:
         return next(iter(robots)) if len(robots) == 1 else None

@@ -24,7 +24,7 @@ def bag_entry(
     """New robots, cameras and targets, and the lenses of new cameras; what the cell says stays.
 
     Args:
-        cell: The cell there is; None where one is made.
+        cell: The cell there is; None if one is made.
         path: What to call the bag in an error.
         survey: What it holds.
         sources: What is taken of it.

@@ -14,7 +14,7 @@ _RECTIFIED = "image_rect"
 
 
 def bag_lens(info: Any, where: str, topic: str) -> StatedLens | None:
-    """The lens of a camera's pictures; None where it was never calibrated.
+    """The lens of a camera's pictures; None if it was never calibrated.
 
     Pictures that ROS has rectified have the lens of the matrix P, and no distortion.
 

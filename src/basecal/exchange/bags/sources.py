@@ -63,7 +63,7 @@ class ByJoints:
         chain: The robot's kinematics.
         base: Root of the chain in the URDF.
         flange: Its tip.
-        urdf: Topic of the URDF, which is to be written into the cell; None where the cell has it.
+        urdf: Topic of the URDF, which is to be written into the cell; None if the cell has it.
     """
 
     topic: str
@@ -83,7 +83,7 @@ class CameraSource:
 
     Attributes:
         topic: Of the pictures.
-        info: Topic of its camera_info; None where there is none.
+        info: Topic of its camera_info; None if there is none.
         on: What carries it.
     """
 

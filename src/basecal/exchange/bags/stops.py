@@ -106,7 +106,7 @@ def _standing(tracks: Tracks, looks: Sequence[Look]) -> Iterator[list[Look]]:
 
 
 def _standing_state(track: Track, time: float) -> Array | None:
-    """The mean of the states around an instant; None where they differ by more than read-back, or are not there."""
+    """The mean of the states around an instant; None if they differ by more than read-back, or are not there."""
     times = track.times
     if time - _AROUND_S < times[0] or time + _AROUND_S > times[-1]:
         return None

@@ -45,7 +45,7 @@ class SeenTags(NamedTuple):
 
 
 def tag_corners(message: Any, tags: Tags) -> SeenTags | None:
-    """The corners of a target's tags in a message; None where it has none of them, one twice, or no numbers."""
+    """The corners of a target's tags in a message; None if it has none of them, one twice, or no numbers."""
     rows = {int(number): row for number, row in zip(tags.numbers, tags.corner_ids, strict=True)}
     found = [each for each in message.detections if each.id in rows and tags.family.endswith(each.family)]
     if not found or len({each.id for each in found}) < len(found):

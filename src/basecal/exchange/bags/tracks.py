@@ -31,8 +31,8 @@ class Track:
 
     Attributes:
         times: (n,) [s], rising.
-        poses: (n,); None where something else was recorded.
-        joints: (n, k) [rad]; None where something else was.
+        poses: (n,); None if something else was recorded.
+        joints: (n, k) [rad]; None if something else was.
         tags: n times corners of tags; likewise.
     """
 
@@ -132,7 +132,7 @@ def _listening(
 
 
 def _moving(tree: Tree, source: ByFrames) -> list[str]:
-    """The frames of a way that move, or where none does one that /tf tells of again and again."""
+    """The frames of a way that move, or where none does one that /tf reports again and again."""
     children = [step.child for step in tree.way(source.parent, source.child)]
     moving = [child for child in children if not tree.hangs[child].is_fixed]
     timed = [child for child in children if tree.hangs[child].is_timed]

@@ -43,7 +43,7 @@ def export(
     Raises:
         FrameNotFound: if there is no such kind, transform, robot or camera.
         RefusedCalibration: if the calibration is refused.
-        InputError: if what is asked for cannot be exported, or the kind does not take it.
+        InputError: if what is requested cannot be exported, or the kind does not take it.
     """
     if kind not in EXPORTERS:
         raise FrameNotFound(kind, list(EXPORTERS))

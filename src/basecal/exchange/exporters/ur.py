@@ -1,4 +1,4 @@
-"""A pose as URScript says it, to paste where a pose is asked for: `p[x, y, z, rx, ry, rz]`."""
+"""A pose as URScript says it, to paste where a pose is requested: `p[x, y, z, rx, ry, rz]`."""
 
 from __future__ import annotations
 

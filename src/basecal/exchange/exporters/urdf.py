@@ -16,7 +16,7 @@ from basecal.kinematics.urdf import LARGEST_BYTES
 
 
 def export_text(request: Wanted) -> str:
-    """The URDF of the robot asked for: at the joints that it records, its flange is where the calibrated one is.
+    """The URDF of the robot requested: at the joints that it records, its flange is where the calibrated one is.
 
     Offsets that nothing is known of count as zero. A comment in it says what it was made from.
 

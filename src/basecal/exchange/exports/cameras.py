@@ -8,10 +8,10 @@ from basecal.geometry import Camera
 
 
 def choose_camera(request: Wanted) -> str:
-    """The camera asked for, or the only one whose lens is known.
+    """The camera requested, or the only one whose lens is known.
 
     Raises:
-        InputError: if none is asked for and there are several, or none.
+        InputError: if none is requested and there are several, or none.
     """
     if request.camera is not None:
         return request.camera

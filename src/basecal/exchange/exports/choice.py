@@ -17,7 +17,7 @@ def chosen_transforms(
 
     Args:
         calibration: Where they come from.
-        cell: What was calibrated: it says what is asked for, and names frames. Without it, what is asked for is each
+        cell: What was calibrated: it says what is requested, and names frames. Without it, what is requested is each
             base that was estimated, or else all that was.
         name: A name of the calibration, the inverse of one, or `a_from_b` of any two frames that do not move against
             each other.

@@ -19,7 +19,7 @@ def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, .
 
     Args:
         calibration: What came out.
-        run: Name of its run, which is the UTC time of it; None where it is in no run.
+        run: Name of its run, which is the UTC time of it; None if it is in no run.
     """
     of = "" if run is None else f", run {run}"
     hashes = [f"{name} {digest[: len('sha256:') + _HASH]}" for name, digest in calibration.inputs.items()]

@@ -39,15 +39,15 @@ class Wanted:
     """All that an exporter may write.
 
     Attributes:
-        transforms: Those asked for.
+        transforms: The requested ones.
         remarks: What they were made from and whether that is doubtful, a line each, for comments.
         calibration: Where they come from.
-        cell: What was calibrated; None where it is not known.
+        cell: What was calibrated; None if it is not known.
         folder: Where the cell's files are; None likewise.
-        robot: The robot asked for; None where none was.
+        robot: The robot requested; None if none was.
         camera: Likewise the camera.
         urdfs: URDFs to build on.
-        joint: The joint of one that is meant; None where it is clear.
+        joint: The joint of one that is meant; None if it is clear.
     """
 
     transforms: tuple[NamedTransform, ...]

@@ -18,13 +18,13 @@ class HandEyeRecord:
         path: The file.
         what: What it holds, in which frames and units.
         camera_on_robot: Whether the robot carries the camera, and not the target.
-        base_from_flange: (n,) poses of the robot; none where the file has only a result.
-        camera_from_target: (n,) poses of the target; None where there are pictures instead.
-        pictures: One for each pose; none where there are poses.
+        base_from_flange: (n,) poses of the robot; none if the file has only a result.
+        camera_from_target: (n,) poses of the target; None if there are pictures instead.
+        pictures: One for each pose; none if there are poses.
         frames: What the file calls the robot's `base` and `flange`.
-        camera_mount: Where the camera was found to be, in the flange or the base; None where the file does not say.
+        camera_mount: Where the camera was found to be, in the flange or the base; None if the file does not say.
         target_mount: Likewise the target.
-        lens: What `cell.yaml` says of the camera's lens; nothing where the file does not.
+        lens: What `cell.yaml` says of the camera's lens; nothing if the file does not.
         target: What it says of the target's kind and sizes; likewise.
     """
 

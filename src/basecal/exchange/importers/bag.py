@@ -46,7 +46,7 @@ def read_bag(
     is found by the usual names, and told; with --list nothing is written.
 
     Of a recording in which arms stop, each stop at which something was seen is a
-    sample: all robots stand for 0.3 s around a picture. With --streams all is
+    sample: all robots represent 0.3 s around a picture. With --streams all is
     taken as it moves, and `basecal calibrate` finds by how much clocks differ.
 
     For example:
@@ -60,7 +60,7 @@ def read_bag(
     Args:
         cell: Folder of the cell.
         bag: The bag: a folder of ROS 2, or a .bag, .mcap or .db3.
-        list: Tell what is in the bag, and what would be taken of it.
+        list: Report what is in the bag, and what would be taken of it.
         robot: NAME=BASE,FLANGE, frames of tf and links of the URDF; or NAME=/TOPIC of PoseStamped.
         camera: NAME=/TOPIC of Image or CompressedImage.
         view: CAMERA,TARGET=/TOPIC of PoseStamped, the target in the camera; or its FRAME,FRAME of tf for a topic.

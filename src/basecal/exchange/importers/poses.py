@@ -125,7 +125,7 @@ class _Table:
 
     Attributes:
         file: As the user named it.
-        format: Whose numbers they are; what the file says by itself where None.
+        format: Whose numbers they are; what the file says alone where None.
         unit: What lengths are in; the controller's own where None.
         deg: Whether angles are in degrees, where the controller writes radians.
         rad: The other way round.

@@ -35,7 +35,7 @@ class Brought:
     Attributes:
         cell: As it is now.
         recording: Likewise.
-        pairing: Which rows went where; None where there were none.
+        pairing: Which rows went where; None if there were none.
         made: How many samples are new.
         changed: Places of `cell.yaml` that are new or other; all of them where there was none.
         is_new_cell: Whether there was none.

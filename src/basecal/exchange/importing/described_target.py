@@ -84,7 +84,7 @@ def target_entry(
     on: Mapping[str, str | None],
     camera_on: Mapping[str, str | None],
 ) -> dict[str, Any]:
-    """What `cell.yaml` must have for a target that pictures show; nothing where none is described.
+    """What `cell.yaml` must have for a target that pictures show; nothing if none is described.
 
     Args:
         folder: The cell, or where one is to be made.
@@ -110,7 +110,7 @@ def target_entry(
 
 
 def are_indistinguishable(one: Target, other: Target) -> bool:
-    """Whether no picture tells which of two targets it shows."""
+    """Whether no picture determines which of two targets it shows."""
     return one.kind == other.kind and is_indistinguishable(TARGETS[one.kind], one.options, other.options)
 
 

@@ -61,7 +61,7 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
     """The names that were given, else those of the only ones in the cell, else those of a new cell.
 
     Args:
-        cell: The cell there is; None where one is made.
+        cell: The cell there is; None if one is made.
         robot: As given.
         camera: As given.
         target: As given.
@@ -81,7 +81,7 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
 
 
 def is_camera_on_robot(cell: Cell | None, camera: str | None) -> bool | None:
-    """Whether a robot of the cell carries the camera; None where the cell does not say."""
+    """Whether a robot of the cell carries the camera; None if the cell does not say."""
     if cell is None or (camera is None and len(cell.cameras) != 1):
         return None
     found = cell.cameras.get(camera or next(iter(cell.cameras)))
@@ -98,7 +98,7 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is
     """Rows of a recording, and what the cell must have for them; what it states already stays.
 
     Args:
-        cell: The cell there is; None where one is made.
+        cell: The cell there is; None if one is made.
         record: What was read.
         names: What the cell calls robot, camera and target.
         is_linked: Whether pictures are linked instead of copied.

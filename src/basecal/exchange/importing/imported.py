@@ -31,7 +31,7 @@ class Row:
         robots: Where robots were, by name.
         observations: What cameras saw.
         pictures: Files to be copied, by camera.
-        image: Name of the picture it belongs to; None where the file does not say.
+        image: Name of the picture it belongs to; None if the file does not say.
         sample: Number of the sample it belongs to; likewise.
         stamp_s: Its time [s]; likewise.
     """

@@ -60,13 +60,13 @@ def imported_lens(
     """The lens of a camera: its model, size and intrinsics stand in for what the cell says of them.
 
     Args:
-        cell: The cell there is; None where one is made.
+        cell: The cell there is; None if one is made.
         lens: What was read.
         source: The file, as the user named it.
         camera: Name of the camera; the only one of the cell where None.
         on: The robot that carries it, or `world`; what the cell says where None.
         status: `fixed`, or `free`: a start for intrinsics that are estimated.
-        mount: Where it is roughly, in what carries it; None where not known.
+        mount: Where it is roughly, in what carries it; None if not known.
 
     Raises:
         InputError: if it is not clear which camera it is or what carries it, or the cell says another size.
@@ -125,7 +125,7 @@ def _carrier_data(carrier: str) -> Mapping[str, Any]:
 
 
 def mount_by_chain(cell: Cell | None, lenses: Sequence[StatedLens], name: str) -> SE3 | None:
-    """Where a camera of a chain is, in what carries it; None where the cell does not know the one before it.
+    """Where a camera of a chain is, in what carries it; None if the cell does not know the one before it.
 
     Args:
         cell: The cell there is, whose cameras have the names of the chain's.

@@ -22,7 +22,7 @@ class Pairing:
 
     Attributes:
         by: What they were paired by.
-        numbers: Of the sample, for each row; None where it was not paired.
+        numbers: Of the sample, for each row; None if it was not paired.
         unpaired_rows: In words: file names, numbers or times.
         unpaired_samples: Numbers of the samples that no row belongs to.
     """
@@ -43,7 +43,7 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
 
     Raises:
         InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
-            if it is to be by name and nothing that is recorded has one; of a stream, if what it tells of is recorded
+            if it is to be by name and nothing that is recorded has one; of a stream, if what it reports is recorded
             already.
     """
     rows, by = imported.rows, imported.by
@@ -91,7 +91,7 @@ def _lines_of_their_own(imported: Imported, samples: Sequence[Sample]) -> Pairin
 
 
 def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
-    """What lines tell of, in words."""
+    """What lines report, in words."""
     robots = {f"robot {name!r}" for line in lines for name in line.robots}
     return robots | {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
 

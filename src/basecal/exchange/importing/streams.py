@@ -50,7 +50,7 @@ class Streams:
 
 @dataclass(frozen=True)
 class Places:
-    """The names that the cell gives: None where camera or target stands on the world."""
+    """The names that the cell gives: None if camera or target stands on the world."""
 
     camera: str
     target: str

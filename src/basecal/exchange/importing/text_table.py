@@ -33,7 +33,7 @@ class TextTable:
 
     Attributes:
         path: Where they were read.
-        header: Names of the columns; None where the file has none.
+        header: Names of the columns; None if the file has none.
         rows: In the order of the file.
     """
 
@@ -103,7 +103,7 @@ def is_picture(name: str) -> bool:
 
 
 def _brackets(line: str) -> str | None:
-    """What stands in a line from its first bracket on; None where there is none behind a number, as in `x [mm]`."""
+    """What stands in a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
     place = min((line.find(c) for c in "[({" if c in line), default=-1)
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
 
@@ -151,7 +151,7 @@ def _cells(
 
 
 def _leading_picture(line: str, bracketed: str) -> dict[str, str]:
-    """The picture whose name stands before a pose in brackets; nothing where none does."""
+    """The picture whose name stands before a pose in brackets; nothing if none does."""
     before = re.split(r"[,;\t ]", line[: len(line) - len(bracketed)].strip())[0].strip("\"'")
     return {"image": before} if is_picture(before) else {}
 

@@ -32,7 +32,7 @@ class _Model:
     Attributes:
         number: Its number in binary files.
         count: How many parameters it has.
-        lens: What it is here; None where nothing is.
+        lens: What it is here; None if nothing is.
         focals: How many focal lengths it begins with.
         terms: Distortion terms of the lens here, as places among the parameters behind the principal point; None for
             a zero.

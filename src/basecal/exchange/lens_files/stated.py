@@ -26,7 +26,7 @@ class StatedLens:
     Attributes:
         camera: The lens; the centre of the top-left pixel is (0, 0), whatever the file counts from.
         what: What was read, in words: which model, and where the file begins to count pixels.
-        name: What the file calls it; None where it does not.
+        name: What the file calls it; None if it does not.
         camera_from_previous: Where the camera that stands before it in the file is in it, where the file says so.
     """
 

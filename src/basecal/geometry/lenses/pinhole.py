@@ -68,7 +68,7 @@ def _polynomial(s: Array, coefficients: tuple[Number, ...]) -> Array:
 
 
 def normalise(points: Array) -> tuple[Array, Array, Array]:
-    """a, b and 1 / z; NaN where z <= 0."""
+    """a, b and 1 / z; NaN if z <= 0."""
     z = points[..., 2]
     ahead = z > 0
     inverse = 1.0 / (z if ahead.all() else np.where(ahead, z, np.nan))
@@ -114,7 +114,7 @@ def _own_derivative(slopes: Array, p: Number, coordinate: Array, stretch: Array)
 
 
 def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
-    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
+    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN if z <= 0."""
     a, b, _ = normalise(points)
     if not any_nonzero(distortion):
         return a, b
@@ -175,7 +175,7 @@ def _term_derivative(rays: _Rays, focal: tuple[Number, Number], count: int) -> A
 
 
 def fold(distortion: list[float]) -> float:
-    """The s = a^2 + b^2 up to which the radial image grows with the radius; infinite where it always does."""
+    """The s = a^2 + b^2 up to which the radial image grows with the radius; infinite if it always does."""
     k1, k2, _, _, k3, k4, k5, k6 = _pad_distortion(distortion)
     if not any((k4, k5, k6)):
         return first_root(np.array([1.0, 3 * k1, 5 * k2, 7 * k3]))

@@ -24,7 +24,7 @@ _RADIAL_TERMS = 8
 
 
 def project(points: Array, distortion: Sequence[Number]) -> tuple[Array, Array]:
-    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN where z <= 0."""
+    """Image on the plane at unit distance, (...,) each, of points (..., 3); NaN if z <= 0."""
     a, b, _ = pinhole.normalise(points)
     u, v = pinhole.project(points, distortion[:_RADIAL_TERMS])
     s1, s2, s3, s4 = distortion[_RADIAL_TERMS:]

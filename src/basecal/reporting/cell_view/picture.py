@@ -41,7 +41,7 @@ def picture(scene: Scene) -> str:
 
 
 def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
-    """Where a body is at a sample; None where its robot's pose was not recorded then."""
+    """Where a body is at a sample; None if its robot's pose was not recorded then."""
     if body.on is None:
         return body.mount
     arm = next(arm for arm in scene.arms if arm.name == body.on)

@@ -29,7 +29,7 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
 
 
 def worst_sample(calibration: Calibration) -> int | None:
-    """The sample with the view that fits worst, of those that were used; None where no view has a residual."""
+    """The sample with the view that fits worst, of those that were used; None if no view has a residual."""
     left_out = outlier_views(calibration)
     used = [view for view in calibration.residuals.per_sample if view not in left_out]
     measured = [view for view in used if view.rms_px is not None or view.loop_m is not None]

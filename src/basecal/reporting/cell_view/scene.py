@@ -32,9 +32,9 @@ class Arm:
         world_from_base: Where its base is.
         base_from_flange: (n,) where its flange is at each sample of the scene.
         known: (n,) whether that was recorded.
-        joints: (n, k, 3) [m] places of its joints in its base at each sample; None where poses are recorded.
-        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]; None where its
-            place was not asked for.
+        joints: (n, k, 3) [m] places of its joints in its base at each sample; None if poses are recorded.
+        ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]; None if its
+            place was not requested.
     """
 
     name: str

@@ -32,7 +32,7 @@ QUANTITIES = (
 def bar_figure(
     views: Sequence[SampleResidual], quantity: Quantity, most: int, left_out: Collection[SampleResidual] = ()
 ) -> Figure | None:
-    """A bar for each view by sample, of more than `most` the largest; None where no view has the quantity.
+    """A bar for each view by sample, of more than `most` the largest; None if no view has the quantity.
 
     Those left out are marked; they are in no mean, and their bars end with the figure.
     """

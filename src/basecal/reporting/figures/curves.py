@@ -14,12 +14,12 @@ _WIDTH, _HEIGHT = 640.0, 330.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 12.0, 42.0
 _LABEL = 36.0  # of the drawing, that a label of the axis takes: one nearer to the last is left out
 COLOURS = 6
-"""Lines that a figure can tell apart."""
+"""Lines that a figure can distinguish."""
 
 
 @dataclass(frozen=True)
 class Band:
-    """At a value of the axis: the median, and the ends of the band; all None where there is no answer."""
+    """At a value of the axis: the median, and the ends of the band; all None if there is no answer."""
 
     at: float | str
     low: float | None

@@ -27,7 +27,7 @@ def heat_map(
         title: What it is of.
         columns: Name and values of the axis across.
         rows: Likewise of the axis downwards.
-        values: By row, then by column; None where there is no answer.
+        values: By row, then by column; None if there is no answer.
         unit: Of the numbers.
     """
     logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]

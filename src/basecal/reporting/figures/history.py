@@ -20,7 +20,7 @@ _SIGMAS = 2.0
 
 
 def history_figure(history: Sequence[PastVerification]) -> Figure | None:
-    """A line for each transform, of the run that was verified last; None where there is none."""
+    """A line for each transform, of the run that was verified last; None if there is none."""
     mine = [each for each in history if each.run == history[-1].run][-_MOST:]
     names = list(dict.fromkeys(name for each in mine for name in each.shifts))[:COLOURS]
     if not names:

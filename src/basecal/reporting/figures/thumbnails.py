@@ -73,7 +73,7 @@ class _View:
 def thumbnails(
     cell: Cell, recording: Recording, calibration: Calibration, seen: Sequence[PointResiduals]
 ) -> Thumbnails | None:
-    """Pictures of the views that fit worst and of some that were left out; None where no images are recorded.
+    """Pictures of the views that fit worst and of some that were left out; None if no images are recorded.
 
     Args:
         cell: What was calibrated.

@@ -27,7 +27,7 @@ def sort_by_verdict(rows: Sequence[Row]) -> list[Row]:
 
 
 def row_texts(row: Row) -> list[str]:
-    """What a cell's row says under `COLUMN_TITLES`; nothing where it was not computed."""
+    """What a cell's row says under `COLUMN_TITLES`; nothing if it was not computed."""
     numbers = ["" if row[name] is None else f"{row[name]:.3g}" for name in _NUMBER_COLUMNS]
     return [row["cell"], row["verdict"], row["transform"] or "", *numbers, row["findings"], row["said"]]
 

@@ -27,7 +27,7 @@ class ArmsView:
     """Arms, cameras and targets of a cell; drawn where the cell says roughly where they are.
 
     Attributes:
-        sketch: What is known of the cell; None where that is too little.
+        sketch: What is known of the cell; None if that is too little.
     """
 
     def __init__(self, ui: Any, cell: Cell) -> None:

@@ -23,7 +23,7 @@ Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 class Guard:
-    """An application that others reach only with its token, asked for by its own name."""
+    """An application that others reach only with its token, requested by its own name."""
 
     def __init__(self, application: Application, token: str, hosts: Iterable[str]) -> None:
         self._inside, self._token, self._hosts = application, token, frozenset(hosts)

@@ -68,7 +68,9 @@ def _value_text(values: Mapping[str, Any]) -> str:
 
 
 def _curves(summary: Mapping[str, Any], axis: str) -> tuple[list[Figure], list[str]]:
-    """Errors over an axis, and the lines' names: a line for each combination of the others, as many as can be told."""
+    """Errors over an axis, and the lines' names: a line for each combination of the others, as many as can be
+    determined.
+    """
     others = _other_combinations(summary, [axis])[:COLOURS]
     figures = []
     for key, title, unit in _QUANTITIES:

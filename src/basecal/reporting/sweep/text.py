@@ -21,7 +21,7 @@ COLUMN_TITLES = (
 
 
 def row_texts(point: Mapping[str, Any]) -> list[str]:
-    """What a point's row says under `COLUMN_TITLES`; nothing where it was not computed."""
+    """What a point's row says under `COLUMN_TITLES`; nothing if it was not computed."""
     mm, deg, nees, coverage = point["error_mm"], point["error_deg"], point["nees"], point["coverage"]
     return [
         f"{point['solved']}/{point['trials']}",
@@ -36,7 +36,7 @@ def row_texts(point: Mapping[str, Any]) -> list[str]:
 
 
 def number(value: float | None) -> str:
-    """Three digits; nothing where there is no number."""
+    """Three digits; nothing if there is no number."""
     return "" if value is None else f"{value:.3g}"
 
 

@@ -47,7 +47,7 @@ class Faults:
     faults: tuple[Fault, ...] = ()
 
     def size(self, name: str) -> float:
-        """Size of a fault in SI, 0 where it is off."""
+        """Size of a fault in SI, 0 if it is off."""
         return sum(fault.size for fault in self.faults if fault.name == name)
 
     def delay_moves(self, name: str) -> int:

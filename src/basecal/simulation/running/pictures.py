@@ -32,8 +32,8 @@ class Seen:
     Attributes:
         shape: Of the target.
         camera_from_target: Where it is.
-        reflected: (m, 3) where its points are seen again [m]; none where nothing shines.
-        scene: Where arms and camera are in the world; None where only the target is drawn.
+        reflected: (m, 3) where its points are seen again [m]; none if nothing shines.
+        scene: Where arms and camera are in the world; None if only the target is drawn.
     """
 
     shape: Target

@@ -144,7 +144,7 @@ class Plant:
         return np.asarray(world_from_target @ self._shape(camera).points[0] - [0.0, 0.0, _TRAY_DEPTH_M])
 
     def _mirror_points(self, camera: str, world_from_camera: SE3, points: Array) -> Array:
-        """Where points, (n, 3), are seen again, in the world; none where nothing shines, or either is below it."""
+        """Where points, (n, 3), are seen again, in the world; none if nothing shines, or either is below it."""
         if camera not in self._trays:
             return np.zeros((0, 3))
         height = self._trays[camera][2]

@@ -39,7 +39,7 @@ def two_arms(target: TargetKindName = "charuco", seed: int = 0, faults: Faults |
     Args:
         target: What the second arm carries.
         seed: Another number makes another cell.
-        faults: What is wrong; nothing where None.
+        faults: What is wrong; nothing if None.
 
     Raises:
         InputError: if the arms do not reach.

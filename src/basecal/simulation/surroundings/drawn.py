@@ -1,6 +1,6 @@
 """What a camera sees of arms, table and clutter, and of a target's paper, drawn by MuJoCo through the camera's lens.
 
-MuJoCo puts nothing anywhere by itself: it is told where each piece is. Its pictures are those of a camera without
+MuJoCo puts nothing anywhere alone: it is reported where each piece is. Its pictures are those of a camera without
 distortion, whose pixels are then looked up where the lens has them. A target's print is not in them: MuJoCo's edges are
 off by a tenth of a pixel, those of `vision.draw` by a thousandth. It gives the light on the paper, and what hides it.
 """

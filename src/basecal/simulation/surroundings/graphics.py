@@ -15,7 +15,7 @@ _LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}  # those that need no screen, th
 
 
 def missing_graphics() -> str | None:
-    """Why MuJoCo draws nothing here, and what to do; None where it can.
+    """Why MuJoCo draws nothing here, and what to do; None if it can.
 
     What it is to draw with is chosen, where nobody has: of Linux what needs no screen.
     """
@@ -30,7 +30,7 @@ def missing_graphics() -> str | None:
 
 
 def _try_rendering() -> str | None:
-    """Why a first tiny picture fails; None where it is drawn."""
+    """Why a first tiny picture fails; None if it is drawn."""
     try:
         import mujoco
 

@@ -1,7 +1,7 @@
 """A cell as MuJoCo draws it: every rigid piece a body that is put where it is, nothing that MuJoCo would move.
 
-All is grey but the paper of targets, which has no blue: what shows it is told by its colour, in the same picture as its
-brightness.
+All is grey but the paper of targets, which has no blue: what shows it is reported by its colour, in the same picture as
+its brightness.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Stage:
         bases: Where each stands in the world, (3,) [m].
         target: What is looked at.
         seed: Of the clutter.
-        tray: The middle of what shows a light again, (3,) [m]; None where nothing does.
+        tray: The middle of what shows a light again, (3,) [m]; None if nothing does.
     """
 
     chains: Mapping[str, SerialChain]

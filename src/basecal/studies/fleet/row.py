@@ -26,7 +26,7 @@ _WORST_FIRST = {"error": 0, "warning": 1, "info": 2}
 
 @dataclass(frozen=True)
 class Row:
-    """A cell of a fleet; None where there is no number.
+    """A cell of a fleet; None if there is no number.
 
     Attributes:
         cell: Its path in the fleet's folder.
@@ -34,7 +34,7 @@ class Row:
         findings: Codes of its errors and warnings, the worst first.
         said: The worst of them in words, or why there is no calibration.
         samples: How many its recording has.
-        transform: Which transform of those asked for the following is: the first that was found.
+        transform: Which transform of those requested the following is: the first that was found.
         x_m: Where it stands [m]; y_m, z_m likewise.
         y_m: See x_m.
         z_m: See x_m.

@@ -52,7 +52,7 @@ class Fleet:
         return fingerprint(self.folder / cell, version("basecal"))
 
     def row(self, cell: str, fingerprint: str | None = None) -> Mapping[str, Any] | None:
-        """The row that is kept of a cell; None where there is none, or of another fingerprint than `fingerprint`."""
+        """The row that is kept of a cell; None if there is none, or of another fingerprint than `fingerprint`."""
         try:
             kept = json.loads(read_bounded(self.kept(cell, ROW), _LARGEST_BYTES))
         except (DatasetError, ValueError, RecursionError):

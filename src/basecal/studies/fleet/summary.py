@@ -62,7 +62,7 @@ def summarise_fleet(fleet: Fleet, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _spread(values: Iterable[float | None]) -> dict[str, float] | None:
-    """Quantiles and the largest of what is known; nothing where nothing is."""
+    """Quantiles and the largest of what is known; nothing if nothing is."""
     known = [value for value in values if value is not None]
     if not known:
         return None

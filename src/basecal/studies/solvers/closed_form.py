@@ -11,7 +11,7 @@ from basecal.studies.solvers.solver import Answers, Solver
 
 
 def unfit(settings: Settings) -> str | None:
-    """Why it cannot solve what these settings make; None where it can."""
+    """Why it cannot solve what these settings make; None if it can."""
     if settings["layout"] not in OF_SHIFTS:
         return f"closed_form needs layout {' or '.join(OF_SHIFTS)}: a light shifted before a still camera"
     return None

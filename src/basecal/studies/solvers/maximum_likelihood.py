@@ -62,7 +62,7 @@ def _placeholder(draws: Draws) -> _Together:
 
 
 def _complete_answers(draws: Draws, found: _Together, again: BoolArray) -> Answers:
-    """What was found, those of `again` solved by themselves."""
+    """What was found, those of `again` solved alone."""
     rotation, translation = found.transform.rotation.copy(), found.transform.translation.copy()
     covariance, solved = found.covariance.copy(), found.converged.copy()
     where = draws.problem.columns[draws.transform]
@@ -80,7 +80,7 @@ def _complete_answers(draws: Draws, found: _Together, again: BoolArray) -> Answe
 
 
 def _solve_trial(draws: Draws, trial: int) -> Solution:
-    """A trial solved by itself, from nothing."""
+    """A trial solved alone, from nothing."""
     groups = [
         replace(group, measurement=replace(group_pixels(group), pixels=group_pixels(group).pixels[trial]))
         for group in draws.problem.groups

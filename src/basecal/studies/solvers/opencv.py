@@ -12,7 +12,7 @@ from basecal.vision.robot_world import RobotWorld, camera_from_target, robot_wor
 
 
 def unfit(settings: Settings) -> str | None:
-    """Why it cannot solve what these settings make; None where it can."""
+    """Why it cannot solve what these settings make; None if it can."""
     alone = settings["layout"] in ("eye_in_hand", "eye_to_hand")
     if not alone and not (settings["layout"] == "dual" and settings["camera_mount"] == "fixed"):
         return "opencv has two unknowns: layout eye_in_hand or eye_to_hand, or dual with camera_mount fixed"
@@ -22,7 +22,7 @@ def unfit(settings: Settings) -> str | None:
 
 
 def solve(draws: Draws) -> Answers:
-    """Each trial by itself."""
+    """Each trial alone."""
     found = [_solve_trial(draws, pixels) for pixels in draws.measurement().pixels]
     solved = np.array([each is not None for each in found])
     transforms = SE3.stack([SE3.identity() if each is None else each for each in found])

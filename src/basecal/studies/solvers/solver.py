@@ -18,7 +18,7 @@ class Answers:
 
     Attributes:
         transform: (b,) the transform that is judged.
-        covariance: (b, 6, 6) or (b, 3, 3) of a single point's mount [m, rad]; None where the solver gives none.
+        covariance: (b, 6, 6) or (b, 3, 3) of a single point's mount [m, rad]; None if the solver gives none.
         solved: (b,) whether there is an answer.
         reason: Why there is none, where there is none.
     """

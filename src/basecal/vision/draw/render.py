@@ -186,7 +186,7 @@ def blur_image(image: Levels, sigma_px: float) -> Levels:
 
 
 def _window(edges: Array, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
-    """Rows and columns of the finer image that edges reach; None where they miss it."""
+    """Rows and columns of the finer image that edges reach; None if they miss it."""
     if not len(edges):
         return None
     low = np.maximum(np.floor(edges.min(axis=(0, 1))), 0).astype(int)

@@ -100,7 +100,7 @@ def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, windo
 
 
 def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
-    """Point spread and sharpening as most of some corners show them; one alone hardly tells them apart."""
+    """Point spread and sharpening as most of some corners show them; one alone hardly determines them apart."""
     some = slice(None, None, max(1, len(start) // _SPREAD_CORNERS))
     start, axes = start[some], axes[some]
     rough = _fit_corners(

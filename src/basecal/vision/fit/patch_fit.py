@@ -1,6 +1,6 @@
 """Least squares of a shape to many small pieces of an image at once.
 
-A piece is `gain * shape(q, xy) + offset (+ slope . xy)`: the shape's own parameters q are what is sought, gain,
+A piece is `gain * shape(q, xy) + offset (+ slope. xy)`: the shape's own parameters q are what is sought, gain,
 offset and slope are the light's and solved for along the way. Each piece is a problem of its own.
 Source: Golub & Pereyra 1973 (variable projection), in Kaufman's form.
 """
@@ -56,7 +56,7 @@ class Fit:
 
     Attributes:
         shape: Parameters of the shapes, (n, k).
-        light: Gain and offset, and slopes if asked for, (n, 2) or (n, 4).
+        light: Gain and offset, and slopes if requested, (n, 2) or (n, 4).
         covariance: Of what is free in `shape`, if 1 / weight is the variance of a pixel, (n, k, k).
         residuals: Levels beyond the fit, (n, p).
         converged: (n,).
@@ -156,7 +156,7 @@ def _solve_systems(matrix: Array, right: Array) -> Array:
 
 
 def _add_ridge(matrix: Array) -> Array:
-    """Matrices with their diagonals raised by a trace of themselves."""
+    """Matrices with their diagonals raised by a trace alone."""
     diagonal = np.diagonal(matrix, axis1=1, axis2=2)
     raised = _RIDGE * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
     return np.asarray(matrix + raised[..., None] * np.eye(matrix.shape[1]))

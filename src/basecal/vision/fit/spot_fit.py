@@ -45,7 +45,7 @@ class _At(NamedTuple):
 
 
 def fit_spot(levels: Array, mask: BoolArray, start: tuple[float, float, float]) -> Spot | None:
-    """The spot in a piece of an image; None where none can be fitted.
+    """The spot in a piece of an image; None if none can be fitted.
 
     Args:
         levels: (h, w).

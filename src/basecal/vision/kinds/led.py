@@ -30,7 +30,7 @@ _FIRST_WIDTH_PX = 0.6  # a pixel's square seen as a Gaussian has half of it
 
 
 def detect(image: Image, target: Target, background: Image | None = None) -> Detection | None:
-    """The light, or where several spots are bright, candidates without ids, brightest first; None where all is dark.
+    """The light, or where several spots are bright, candidates without ids, brightest first; None if all is dark.
 
     Args:
         image: (h, w), uint8 or uint16.
@@ -89,7 +89,7 @@ def _bright_spots(levels: Image) -> list[_Place]:
 
 
 def _fit_place(image: Image, background: Image | None, full: float, place: _Place) -> Spot | None:
-    """The spot at a place; None where it is none."""
+    """The spot at a place; None if it is none."""
     reach = int(np.ceil(_REACH_EXTENTS * place.extent)) + _REACH_MORE_PX
     column, row = round(place.x), round(place.y)
     left, top = max(column - reach, 0), max(row - reach, 0)

@@ -142,7 +142,7 @@ def _first_cells(quad: Array, cells: int) -> Array:
 def _grow_grid(look: _Look, target: Target, read: _Seen) -> _Seen:
     """The tags of a flat grid that are sure, and those beside them that are found by that, again and again.
 
-    One that was read with a corner amiss is looked for like one that was not read; what is sure of it stays.
+    One that was read with a corner wrong is looked for like one that was not read; what is sure of it stays.
     """
     corners = target.points[target.rows(look.tags.corner_ids.ravel()), :2].reshape(-1, _TAG_CORNERS, 2)
     centres = corners.mean(axis=1)
