@@ -43,7 +43,8 @@ def test_it_says_what_does_not(capsys: pytest.CaptureFixture[str]) -> None:
 def test_it_says_that_nothing_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """Of too few views."""
     is_wrong, out, _ = said(Recording(MADE.recording.samples[:3]), capsys)
-    assert (is_wrong, out) == (False, "conventions are not told by 3 views: 5 with the robots' poses are needed\n")
+    expected = "conventions are not determined by 3 views: 5 with the robots' poses are needed\n"
+    assert (is_wrong, out) == (False, expected)
 
 
 def test_pictures_are_searched_and_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_why_an_offset_is_not_seen():
         "flange do; the sigmas of eye_base and of the mounts contain what they leave open"
     )
     middle = of.explain_unobserved(Unobserved("joint 2 (b)", (1,), 4, "eye_base", False))
-    assert "fixed at zero as a gauge: joint 2 (b): the samples hardly move the others by themselves;" in middle
+    assert "fixed at zero as a gauge: joint 2 (b): the samples hardly move the others alone;" in middle
     chained = of.explain_unobserved(
         Unobserved(
             "joints 1 (a), 2 (b) and 4 (d)",

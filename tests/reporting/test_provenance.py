@@ -34,6 +34,6 @@ def test_noise_is_stated_estimated_or_none():
     estimated = Calibration("good", noise={"robots": {"eye": {}}})
     known = provenance(cell, estimated)["What was known"]
     assert known["noise of eye"] == "estimated"
-    assert known["noise of hand"] == "none, taken for exact"
+    assert known["noise of hand"] == "none, assumed exact"
     refused = provenance(cell, Calibration("refused", settings={"robot_noise": "estimated"}))
     assert refused["What was known"]["noise of eye"] == "not estimated"

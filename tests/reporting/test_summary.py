@@ -75,7 +75,7 @@ def test_what_only_informs_is_named_where_there_is_no_room() -> None:
     """Twenty of a kind are one word and their number."""
     many = tuple(replace(INFO, what=f"{INFO.what}, {number}") for number in range(20))
     lines = summary(a_cell("eye", "hand"), replace(good(), findings=many)).splitlines()
-    assert lines[-1] == "also found, told by --verbose: same-stop (20)"
+    assert lines[-1] == "also found, see --verbose: same-stop (20)"
 
 
 def test_a_point_has_no_angles() -> None:

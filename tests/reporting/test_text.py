@@ -64,7 +64,7 @@ def test_numbers_are_those_of_the_calibration() -> None:
         "rpy 0.0000 0.0000 90.0000 deg sigma 0.1719 0.0000 0.2292 deg norm 0.2865 deg",
         "fx 900.00000 sigma 2.00000 px",
         "reprojection error 0.200 px rms per coordinate, median 0.100 px",
-        "loop-closure error 0.400 mm and 0.050 deg rms over 1 views",
+        "pose consistency error 0.400 mm and 0.050 deg rms over 1 views",
         "worst view: sample 3 by wrist, 0.400 px rms",
         "measurement noise, 1 sigma per axis: 0.21 px",
         "pose noise of robot eye, 1 sigma per axis: 0.3 0.1 0.3 mm, 0.5 mrad",

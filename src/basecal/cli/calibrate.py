@@ -111,18 +111,16 @@ def _refuse_unused_options(method: str, start: str, task_point: object, task_box
     """
     if method != "axis-shift" and station_choice != "nearest":
         raise UsageError(
-            f"--station-choice says nothing to --method {method}: give --method axis-shift, or leave it out"
+            f"--station-choice has no effect on --method {method}: give --method axis-shift, or leave it out"
         )
     if method == "axis-shift" and task_box is not None:
         raise UsageError(
-            "--task-box says nothing to --method axis-shift, whose stations are its parts: give --task-point x y z"
+            "--task-box has no effect on --method axis-shift, whose stations are its parts: give --task-point x y z"
         )
     if method == "axis-shift" and task_point is None and station_choice != "nearest":
         raise UsageError("--station-choice needs a point to choose stations for: give --task-point x y z")
     if method == "axis-shift" and start != "closed":
-        raise UsageError(
-            f"--start {start} says nothing to --method axis-shift, which starts from nothing: leave it out"
-        )
+        raise UsageError(f"--start {start} is ignored: --method axis-shift needs no initial guess: leave it out")
 
 
 def calibrate_folder(

@@ -45,5 +45,5 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
         others = "no other direction, unit, order or pairing does better"
         say(f"conventions hold: each of {look.views} views is predicted by the others to {look.error}, and {others}")
     elif not look.findings:
-        say(f"conventions are not told by {look.views} views: {look.untold}")
+        say(f"conventions are not determined by {look.views} views: {look.untold}")
     return any(finding.severity == "error" for finding in look.findings)

@@ -104,7 +104,7 @@ def finish_import(folder: Path, imported: Imported) -> int:
     missing = next_step(brought.cell, brought.recording, folder)
     then = missing or f"next: basecal calibrate {quote_path(folder)}"
     if missing is None and say_conventions(folder, brought.cell, brought.recording):
-        then = "mend what is said above first, in cell.yaml or by importing anew into another folder"
+        then = "fix the problems above in cell.yaml, or import again into a new folder"
     say(f"{_written_files(folder, brought)}: {then}")
     return 0
 

@@ -17,7 +17,7 @@ from basecal.geometry.rotation import cross_matrix
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each robot, by a rotation of reach x down [rad/m].
 
-    Most of it is a tilt of the base, so that little is left to determine the direction of gravity: along the axis of the
+    Most of it is a tilt of the base, so that little is left to determine gravity's direction: along the axis of the
     base, as of arms that stand or hang, or anywhere.
     """
     for robot in views.robots:

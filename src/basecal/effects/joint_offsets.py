@@ -78,7 +78,7 @@ def explain_unobserved(case: Unobserved) -> str:
     ends[case.joint_count - 1] = "the last one as the mounts on its flange do"
     reasons = [ends[row] for row in case.rows if row in ends]
     if any(row >= still and row not in ends for row in case.rows):
-        reasons.append("the samples hardly move the others by themselves")
+        reasons.append("the samples hardly move the others alone")
     why = f"{case.joints}: {', '.join(reasons)}"
     if case.by_prior:
         rest = f"the sigmas of {case.base} and of the mounts contain what they leave open"

@@ -79,7 +79,7 @@ def describe_effect(effect: FoundEffect) -> Words:
         return first
     what = ", or ".join([first.what.rstrip("."), *(_as_clause(words.what.rstrip(".")) for words in others)])
     do = tuple(dict.fromkeys(sentence for words in each for sentence in words.do))
-    return Words(first.code, f"{what}.", do, "The data do not tell these apart.")
+    return Words(first.code, f"{what}.", do, "The data do not distinguish these.")
 
 
 def _words(effect: FoundEffect) -> Words:

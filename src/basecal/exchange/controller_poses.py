@@ -176,9 +176,7 @@ def guessed_format(path: str) -> str:
         return "matrix"
     if {"qx", "qy", "qz", "qw"} <= names or {f"q_{axis}" for axis in "xyzw"} <= names:
         return "ros"
-    raise DatasetError(
-        path, f"does not say by itself what its numbers are: give --format {list_names(list(CONTROLLERS))}"
-    )
+    raise DatasetError(path, f"does not state what its numbers are: give --format {list_names(list(CONTROLLERS))}")
 
 
 def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[str]:

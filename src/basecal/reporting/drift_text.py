@@ -53,11 +53,11 @@ def verification_text(found: Verification) -> str:
         ]
         if found.alike:
             others = ", ".join(_thing_name(other) for other in found.alike)
-            lines.append(f"as likely, or nearly: {others}; samples with other turns of both arms tell them apart")
+            lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("look what was bumped or loosened there, and calibrate again")
     if found.detectable_m is not None:
         lines.append(f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
-    lines += [f"sample {number} is off by itself and was left out" for number in found.outliers[:_SHOWN_SAMPLES]]
+    lines += [f"sample {number} is off alone and was left out" for number in found.outliers[:_SHOWN_SAMPLES]]
     return "\n".join(lines)
 
 

@@ -39,4 +39,4 @@ def _noise(robot: str, cell: Cell, calibration: Calibration) -> str:
         return "stated"
     if robot in (calibration.noise.get("robots") or {}):
         return "estimated"
-    return "not estimated" if calibration.settings.get("robot_noise") == "estimated" else "none, taken for exact"
+    return "not estimated" if calibration.settings.get("robot_noise") == "estimated" else "none, assumed exact"

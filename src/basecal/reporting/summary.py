@@ -57,7 +57,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     else:
         count = Counter(finding.code for finding in others)
         codes = ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count.items())
-        lines += wrap_text(f"also found, told by --verbose: {codes}")
+        lines += wrap_text(f"also found, see --verbose: {codes}")
     return "\n".join(lines)
 
 

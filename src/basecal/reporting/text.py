@@ -75,7 +75,7 @@ def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
     reason = _first_reason(calibration.findings)
     if calibration.verdict == "refused":
         return f"REFUSED: {reason or 'the transforms asked for are unobservable.'}"
-    answer = f"{'; '.join(known)} (1 sigma)" if known else "no transform is asked for, all are fixed"
+    answer = f"{'; '.join(known)} (1 sigma)" if known else "no transform is requested, all are fixed"
     error = _cross_validation_error(calibration.validation)
     answer = f"{answer}; cross-validation error {error} rms" if error else answer
     return f"DOUBTFUL: {answer}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {answer}."
@@ -194,11 +194,11 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     if residuals.loop_rms_m is not None:
         angle = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
         error = f"{residuals.loop_rms_m * 1e3:.3f} mm{angle}"
-        yield f"loop-closure error {error} rms over {len(used)} views"
+        yield f"pose consistency error {error} rms over {len(used)} views"
     if len(residuals.loops) > 1:
         for loop in residuals.loops:
             error = f"{loop.rms_m * 1e3:.3f} mm and {np.degrees(loop.rms_rad):.3f} deg over {loop.views} views"
-            yield f"loop-closure error of {' - '.join(loop.path)}: {error}"
+            yield f"pose consistency error of {' - '.join(loop.path)}: {error}"
     in_pixels = [view for view in used if view.rms_px is not None]
     if in_pixels:
         worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
@@ -285,7 +285,7 @@ def local_rows(calibration: Calibration) -> Iterator[str]:
     always.
     """
     if calibration.local == () and calibration.settings.get("task_box") is not None:
-        yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it by itself"
+        yield f"in the box: fewer than {FEWEST_SAMPLES} samples or none held out, too few to calibrate it separately"
     for part in calibration.local or ():
         yield local_sentence(part)
 

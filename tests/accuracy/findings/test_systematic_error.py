@@ -140,7 +140,7 @@ def test_effects_that_the_data_do_not_tell_apart_are_all_named(evidence):
     (finding,) = systematic_error(evidence(systematic_error=drift))
     assert (finding.code, finding.about) == ("drift", ("hand_base", "eye_base"))
     assert "from the first sample to the last, or eye_base moved by 2.00" in finding.message
-    assert "The data do not tell these apart." in finding.message
+    assert "The data do not distinguish these." in finding.message
     for do in ("Let robots and camera warm up.", "Check what was bumped", "Calibrate again when it is fixed."):
         assert finding.message.count(do) == 1
 

@@ -97,7 +97,7 @@ def test_streams_by_an_unknown_lens():
     made = streamed()
     cameras = {n: replace(c, intrinsics=Intrinsics("free")) for n, c in made.cell.cameras.items()}
     look = quick_look(replace(made.cell, cameras=cameras), made.recording)
-    assert "basecal calibrate tells" in look.untold
+    assert "basecal calibrate determines" in look.untold
     assert look.views == 0
 
 

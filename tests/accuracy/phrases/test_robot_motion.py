@@ -121,8 +121,8 @@ def test_causes_are_the_poor_motions_of_what_is_not_seen(made, problem):
     do = f"Rotate each about two axes that are not parallel, or state {CAMERA} and {BOARD} as a prior or fixed."
     assert both == ((do,), "eye only translates, and hand only translates.")
     assert cause([BOARD, BASE], eye, poor) == one
-    assert cause([CAMERA], good, poor)[1].startswith("The views are too few or too much alike")
-    assert cause([BASE], good, moved(0.9, 0.9))[1].startswith("The views are too few or too much alike")
+    assert cause([CAMERA], good, poor)[1].startswith("The views are too few or too similar")
+    assert cause([BASE], good, moved(0.9, 0.9))[1].startswith("The views are too few or too similar")
 
 
 def test_poor_motions_of_a_recording():

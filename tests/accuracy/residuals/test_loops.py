@@ -49,7 +49,7 @@ def test_one_loop_per_pair_and_one_around_the_ring():
     sigma = np.sqrt(sum(np.trace(e.covariance[:3, :3]) for n, e in calibration.transforms.items() if "base" in n))
     # Two bases are known to sigma together; the third relation is as good as either.
     assert ring.rms_m < 10 * sigma
-    assert f"loop-closure error of {' - '.join(AROUND)}" in text_report(s.cell, calibration)
+    assert f"pose consistency error of {' - '.join(AROUND)}" in text_report(s.cell, calibration)
 
 
 def test_a_pairs_loop_is_the_rms_over_its_views():

@@ -29,7 +29,7 @@ def test_a_size_that_both_tests_find_is_told_once(found):
     assert [f.code for f in told] == ["board-size", "poor-fit"]
     assert "board is 1.136 +/- 0.013 times as large as stated" in told[0].message
     assert f"square_m would be {1.13636 * CELL.targets['board'].target.options['square_m']:.5g}" in told[0].message
-    assert ("which the data do not tell" in told[0].message) == bool(found.alternatives)
+    assert ("which the data do not determine" in told[0].message) == bool(found.alternatives)
 
 
 def test_of_two_robots_the_one_whose_lengths_are_off_is_told():

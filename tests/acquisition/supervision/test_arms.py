@@ -46,7 +46,7 @@ def test_a_proxy_has_the_faces_of_its_driver(frail):
         with pytest.raises(DriverError, match="AttributeError"):
             left.move("nowhere", 1.0)
         rig.stop()
-        with pytest.raises(DriverError, match="an arm was told to stop"):
+        with pytest.raises(DriverError, match="an arm was ordered to stop"):
             left.move(RobotState(joints_rad=np.zeros(6)), 1.0)
 
 
@@ -65,6 +65,6 @@ def test_a_reason_names_who_was_told():
     """The cause comes first, then who was told to stop and who was not, then what to do."""
     words = stop_report("right: its link is lost", ["left", "right"], ["right"])
     assert words == (
-        "right: its link is lost. left was told to stop. right was not told to stop: look at the arm. "
+        "right: its link is lost. left was told to stop. right was not ordered to stop: look at the arm. "
         "Find the cause, then start again; what was recorded is kept."
     )

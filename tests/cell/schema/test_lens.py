@@ -44,7 +44,7 @@ def test_lenses_that_suit(written, model, terms):
         (entry("free", exact=True), "pinhole", "exact is for status fixed, not free"),
         (entry("free", fx=1.0), "pinhole", "a guess needs all of fx, fy, cx, cy; missing fy, cx, cy"),
         (entry("free", distortion=[0.1] * 5), "pinhole", "distortion needs fx, fy, cx, cy beside it"),
-        (entry("fixed", **KNOWN, distortion_terms=0), "pinhole", "distortion_terms is for status free; with fixed"),
+        (entry("fixed", **KNOWN, distortion_terms=0), "pinhole", "distortion_terms is for status free; if fixed"),
         (entry("fixed", **KNOWN, distortion=[0.1] * 3), "pinhole", "has 0 or 4 or 5 or 8 or 12 terms .*, got 3"),
         (entry("fixed", **KNOWN), "fisheye", "a fisheye camera has 4 terms .*, got 0"),
         (entry("free", **KNOWN, distortion=[0.1] * 4, distortion_terms=5), "pinhole", "got 4"),

@@ -40,7 +40,7 @@ def test_a_new_cell(tmp_path: Path, said: str, camera: str, capsys: pytest.Captu
     (state,) = samples[1].robots.values()
     assert state.base_from_flange is not None
     np.testing.assert_allclose(state.base_from_flange.matrix, POSES[0, 1].matrix, atol=1e-12)
-    assert "conventions are not told by 3 views" in capsys.readouterr().out
+    assert "conventions are not determined by 3 views" in capsys.readouterr().out
 
 
 def test_a_cell_that_is_there_tells(tmp_path: Path) -> None:

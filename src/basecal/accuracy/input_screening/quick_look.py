@@ -78,7 +78,7 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
         if streams is not None and any(lens.status == "free" for lens in lenses):
             return QuickLook(
-                0, untold="clocks and a lens that is not known are found together: basecal calibrate tells"
+                0, untold="clocks and a lens that is not known are found together: basecal calibrate determines"
             )
         samples = recording if streams is None else search_offsets(streams, DEFAULT).recording
         return _preview(cell, samples, is_whole)

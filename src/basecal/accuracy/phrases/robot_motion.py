@@ -45,7 +45,7 @@ def describe_cause(
             causes, (m.robot for m in carrying)
         )
     do = "Add samples in which every arm is rotated about two axes that are not parallel, or state what is known."
-    return (do,), "The views are too few or too much alike."
+    return (do,), "The views are too few or too similar."
 
 
 def has_little_rotation(motion: Motion) -> bool:

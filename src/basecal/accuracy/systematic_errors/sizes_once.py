@@ -34,7 +34,7 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | Non
     what = f"{target} is {format_with_sigma(factor, sigma)} times as large as stated"
     robots = [each.about for each in either if not each.is_target]
     if robots:
-        what += f" if the lengths of the poses of {' and '.join(robots)} are right, which the data do not tell"
+        what += f" if the lengths of the poses of {' and '.join(robots)} are right, which the data do not determine"
     do = (f"Measure {target} and state its true size{as_written(cell, target, factor)}.",)
     why = "The answer excludes it, and its covariance is wider."
     finding = Finding("board-size", "warning", (target,), f"{what}.", do, why)

@@ -23,7 +23,7 @@ from basecal.numerics.spectral import spectrum
 _LOG_STEP = 1e-2  # of a sigma to both sides: the bend makes 1e-4 of a share, rounding less
 _LEAST_SHARE = 1e-4  # of the variance: what is left over below it is rounding
 NOISE_SOURCE = "how well the noise is known"
-SHARED_SOURCE = "errors that the arms' poses have in common, and how well the noise is known"
+SHARED_SOURCE = "shared errors of the arms' poses, and how well the noise is known"
 
 
 def calibration_budget(

@@ -215,7 +215,7 @@ def stop_report(reason: str, names: list[str], unconfirmed: list[str]) -> str:
     told = [name for name in names if name not in unconfirmed]
     words = [f"{reason.rstrip('.')}."]
     words += [f"{_join_names(told)} told to stop."] if told else []
-    words += [f"{_join_names(unconfirmed)} not told to stop: look at the arm."] if unconfirmed else []
+    words += [f"{_join_names(unconfirmed)} not ordered to stop: look at the arm."] if unconfirmed else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
 
@@ -263,7 +263,7 @@ class _Moved(RemoteRobot):
 
     def stop(self) -> None:
         """Stop this arm, and with it all others."""
-        self._arms.stop("an arm was told to stop")
+        self._arms.stop("an arm was ordered to stop")
 
 
 class _Led(RemoteRobot):

@@ -50,7 +50,7 @@ class Program:
                     self._line = self._start()
                 elif not (self._line.isConnected() and self._line.isProgramRunning()):
                     raise DriverError(
-                        f"{self._name}: the program on the controller was stopped. It is not sent again by itself: "
+                        f"{self._name}: the program on the controller was stopped. It is not sent again automatically: "
                         f"find out who stopped it, then start again."
                     )
                 return question(self._line)

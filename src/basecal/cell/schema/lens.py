@@ -51,11 +51,11 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
     if len(missing) == 4 and entry.distortion is not None:
         raise ValueError("distortion needs fx, fy, cx, cy beside it")
     if entry.distortion_terms is not None and entry.status != "free":
-        raise ValueError(f"distortion_terms is for status free; with {entry.status} the length of distortion tells it")
+        raise ValueError(f"distortion_terms is for status free; if {entry.status}, distortion itself has that length")
     terms, known = distortion_terms(entry, model), term_counts(model)
     if terms not in known or entry.distortion_terms not in (None, terms):
         allowed = " or ".join(map(str, known))
-        raise ValueError(f"distortion of a {model} camera has {allowed} terms (distortion_terms alike), got {terms}")
+        raise ValueError(f"distortion of a {model} camera has {allowed} terms (distortion_terms too), got {terms}")
     if entry.exact and entry.status != "fixed":
         raise ValueError(f"exact is for status fixed, not {entry.status}")
     given = {name for name in IntrinsicsEntry.model_fields if "sigma" in name and getattr(entry, name) is not None}

@@ -21,7 +21,7 @@ def sample_labels(samples: Sequence[int], calibration: Calibration) -> list[str]
             errors.append(f"reprojection error {view.rms_px:.3g} px")
         if view.loop_m is not None:
             angle = "" if view.loop_rad is None else f" and {math.degrees(view.loop_rad):.3g} deg"
-            errors.append(f"loop-closure error {1e3 * view.loop_m:.3g} mm{angle}")
+            errors.append(f"pose consistency error {1e3 * view.loop_m:.3g} mm{angle}")
         unused = " (left out)" if view in left_out else ""
         fit = f": {', '.join(errors)}" if errors else ""
         said[view.sample].append(f"{view.target} seen by {view.camera}{unused}{fit}")

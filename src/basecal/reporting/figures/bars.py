@@ -24,8 +24,8 @@ class Quantity:
 
 QUANTITIES = (
     Quantity("reprojection error, rms", "rms_px", 1.0, "px"),
-    Quantity("loop-closure error, length", "loop_m", 1e3, "mm"),
-    Quantity("loop-closure error, angle", "loop_rad", float(np.degrees(1)), "deg"),
+    Quantity("pose consistency error, length", "loop_m", 1e3, "mm"),
+    Quantity("pose consistency error, angle", "loop_rad", float(np.degrees(1)), "deg"),
 )
 
 

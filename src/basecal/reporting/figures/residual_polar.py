@@ -40,6 +40,6 @@ def residual_polar(camera: str, seen: Sequence[PointResiduals]) -> Figure:
     few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
     caption = (
         f"{few}{_HALF} % are shorter than {half:.3g} px, {_MOST_OF} % than {most:.3g} px.{outside}{also} A cloud "
-        "that is not round and centred is an error that points have in common."
+        "that is not round and centred is an error shared by points."
     )
     return Figure(f"{camera}, residuals by direction", svg, caption)

@@ -46,7 +46,7 @@ class Guard:
     def _refusal_reason(self, scope: Scope) -> str:
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         if headers.get("host") not in self._hosts:
-            return "the page is asked for by another name than its own"
+            return "the page is requested by another name than its own"
         origin = headers.get("origin")
         if origin is not None and origin.partition("://")[2] not in self._hosts:
             return "another page asks"

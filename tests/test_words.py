@@ -1,0 +1,62 @@
+"""Names and sentences get no worse: see `tests/words.py`, whose command lists them."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.words import Name, complaints, docstrings, fault, messages, names, sentences, word_count
+
+NAME_FAULTS, SENTENCE_FAULTS = 749, 289
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("function", "told"),
+        ("function", "_moved"),
+        ("function", "at_task"),
+        ("function", "left_out"),
+        ("function", "are_alike"),
+        ("parameter", "what"),
+        ("parameter", "found"),
+        ("constant", "_ROUNDS"),
+        ("module", "at_the_door"),
+    ],
+)
+def test_names_that_say_nothing_are_found(kind: str, name: str) -> None:
+    """A participle, a preposition, a replaced word and a constant that counts nothing are each found."""
+    assert fault(Name(kind, "", 1, name))
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("function", "estimate_noise"),
+        ("function", "is_moved"),
+        ("function", "with_noise"),
+        ("function", "eye_base_from_hand_base"),
+        ("function", "speed"),
+        ("parameter", "problem"),
+        ("constant", "_FIT_ROUNDS"),
+        ("module", "residuals"),
+    ],
+)
+def test_names_that_say_something_pass(kind: str, name: str) -> None:
+    """A verb with its object, a noun, a question and a transform are no faults."""
+    assert fault(Name(kind, "", 1, name)) == ""
+
+
+def test_sentences_are_counted_by_their_words() -> None:
+    """A value that is filled in is one word, and code is one."""
+    assert [word_count(each) for each in sentences("One `two three` four. Five: six")] == [3, 1, 1]
+
+
+def test_names_get_no_worse() -> None:
+    """No more names are at fault than when this was written."""
+    found = {(name.kind, name.path, name.name) for name in names() if fault(name)}
+    assert len(found) <= NAME_FAULTS
+
+
+def test_sentences_get_no_worse() -> None:
+    """No more sentences of docstrings and messages are too long or hold a replaced word than when this was written."""
+    assert len(list(complaints(iter([*docstrings(), *messages()])))) <= SENTENCE_FAULTS
