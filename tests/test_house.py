@@ -19,7 +19,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 FILES = sorted(SOURCE.rglob("*.py"))
 LAYERS = [
     {"errors", "methods"},
-    {"bounded_file"},
+    {"bounded_file", "box"},
     {"geometry"},
     {"numerics"},
     {"kinematics"},

@@ -9,6 +9,7 @@ from pathlib import Path
 from basecal.errors import DatasetError
 
 _MB = 2**20
+_NO_FILE = "is not a file but a pipe, a device or the like; copy what it gives into a file"
 
 
 def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
@@ -26,9 +27,8 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     """
     name = str(path)
     try:
-        number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        number, about = _opened(path)
         with os.fdopen(number, "rb") as file:
-            about = os.fstat(number)
             is_file, size = stat.S_ISREG(about.st_mode), about.st_size
             data = file.read(largest + 1) if is_file and size <= largest else b""
     except FileNotFoundError:
@@ -36,7 +36,27 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     except (OSError, ValueError) as error:
         raise DatasetError(name, f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not is_file:
-        raise DatasetError(name, "is not a file but a pipe, a device or the like; copy what it gives into a file")
+        raise DatasetError(name, _NO_FILE)
     if max(size, len(data)) > largest:  # some files say that they are empty and are not
         raise DatasetError(name, f"has more than {largest / _MB:.3g} MB, no such file has; is it the right one?")
     return data
+
+
+def check_regular(path: str | Path) -> None:
+    """Check that others may read a file by its name without end: it is no pipe and no device.
+
+    Raises:
+        DatasetError: if it is one, is not there, or cannot be read.
+    """
+    try:
+        number, about = _opened(path)
+        os.close(number)
+    except (OSError, ValueError) as error:
+        raise DatasetError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode):
+        raise DatasetError(str(path), _NO_FILE)
+
+
+def _opened(path: str | Path) -> tuple[int, os.stat_result]:
+    number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    return number, os.fstat(number)

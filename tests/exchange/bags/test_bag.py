@@ -62,6 +62,6 @@ def test_a_folder_without_metadata_names_the_file_in_it(tmp_path: Path) -> None:
 
 
 def test_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(MissingExtra, match=r"basecal\[bags\]"), open_bag(tmp_path):
         pass

@@ -6,13 +6,16 @@ definitions in the bag, of whatever else was recorded, are not needed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from basecal.errors import BasecalError, DatasetError, MissingExtra
+from basecal.bounded_file import check_regular, read_bounded
+from basecal.box import Frame, frames
+from basecal.errors import DatasetError, MissingExtra
 from basecal.exchange.bags.tag_poses import POSE_DEFINITIONS
 from basecal.exchange.bags.tags import DEFINITIONS
 
@@ -27,6 +30,7 @@ _EQUAL_TYPES = {"tf/msg/tfMessage": TF}  # of ROS 1 before 2013
 _TF_OF_ROS1 = "geometry_msgs/TransformStamped[] transforms"
 _NANO = 1e-9  # [s]
 _BAG1, _BAG2 = ".bag", (".mcap", ".db3")
+_METADATA, _LARGEST_METADATA = "metadata.yaml", 2**24
 _EXPECTED = "expected a .bag of ROS 1, or a folder, .mcap or .db3 of ROS 2"
 
 
@@ -48,17 +52,19 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bag:
-    """A bag that is open.
+    """A bag.
 
     Attributes:
         path: As the user named it.
         topics: By name.
         read: The messages of topics, as they were recorded.
+        damage: Why it was read up to some place only, if it was.
     """
 
     path: str
-    topics: Mapping[str, Topic]
+    topics: dict[str, Topic]
     read: Callable[[Iterable[str]], Iterator[Message]]
+    damage: list[str] = field(default_factory=list)
 
     def topics_of_type(self, *kinds: str) -> list[Topic]:
         """Topics of these types that hold messages, by name."""
@@ -67,61 +73,86 @@ class Bag:
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Bag]:
-    """A bag, for as long as it is read.
+    """A bag, for as long as it is read: in a process of its own, again for each set of topics.
 
     Raises:
         MissingExtra: if the library of bags is not installed.
-        DatasetError: if it is none, or is damaged.
+        DatasetError: if it is none, or is damaged from its start on.
+    """
+    decode = _decoder(_is_first(path))
+    _check_files(path)
+    bag = Bag(str(path), {}, lambda names: _messages(bag, path, decode, set(names)))
+    for (name, kind, count), _ in _frames(bag, path, ()):
+        before = bag.topics.get(name, Topic(name, _EQUAL_TYPES.get(kind, kind), 0))  # of several types the first counts
+        bag.topics[name] = before._replace(messages=before.messages + int(count))
+    yield bag
+
+
+def _is_first(path: Path) -> bool:
+    return path.suffix == _BAG1 and not path.is_dir()
+
+
+def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
+    """What makes a message of bytes and the name of its type.
+
+    Raises:
+        MissingExtra: if the library of bags is not installed.
     """
     try:
-        from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise MissingExtra("bags", "a bag of ROS") from None
+    store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
+    if is_first:  # the store has no tf2_msgs of ROS 1
+        store.register(get_types_from_msg(_TF_OF_ROS1, TF))
+    for kind, text in (DEFINITIONS | POSE_DEFINITIONS).items():
+        store.register(get_types_from_msg(text, kind))
+    return store.deserialize_ros1 if is_first else store.deserialize_cdr
+
+
+def _check_files(path: Path) -> None:
+    """Whether a bag is one by its names, and its files are files.
+
+    Raises:
+        DatasetError: if not.
+    """
     if not path.exists():
         raise DatasetError(str(path), f"there is no such bag; {_EXPECTED}")
     if not path.is_dir() and path.suffix not in (_BAG1, *_BAG2):
         raise DatasetError(str(path), f"is no bag by its name; {_EXPECTED}")
-    if path.is_dir() and not (path / "metadata.yaml").exists():
+    if path.is_dir() and not (path / _METADATA).exists():
         bags = sorted(each.name for each in path.iterdir() if each.suffix in (_BAG1, *_BAG2))
         held = f"is a folder without a metadata.yaml; give the file in it: {', '.join(bags)}" if bags else "is no bag"
         raise DatasetError(str(path), f"{held}; {_EXPECTED}")
-    is_first = path.suffix == _BAG1 and not path.is_dir()
-    with _name_errors(path):
-        reader: Any = Reader1(path) if is_first else Reader2(path)
-        reader.open()
-    try:
-        store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
-        if is_first:  # the store has no tf2_msgs of ROS 1
-            store.register(get_types_from_msg(_TF_OF_ROS1, TF))
-        for kind, text in (DEFINITIONS | POSE_DEFINITIONS).items():
-            store.register(get_types_from_msg(text, kind))
-        decode = store.deserialize_ros1 if is_first else store.deserialize_cdr
-        yield Bag(str(path), _topics(reader), lambda names: _messages(path, reader, decode, set(names)))
-    finally:
-        reader.close()
+    for each in _files(path):
+        check_regular(each)
+    if path.is_dir():
+        read_bounded(path / _METADATA, _LARGEST_METADATA)
 
 
-def _topics(reader: Any) -> dict[str, Topic]:
-    """Topics by name; of one whose connections differ in type, the first of them counts."""
-    found: dict[str, Topic] = {}
-    for each in reader.connections:
-        before = found.get(each.topic, Topic(each.topic, _EQUAL_TYPES.get(each.msgtype, each.msgtype), 0))
-        found[each.topic] = before._replace(messages=before.messages + each.msgcount)
-    return found
+def _files(path: Path) -> list[Path]:
+    return sorted(path.iterdir()) if path.is_dir() else [path]
 
 
-def _messages(path: Path, reader: Any, decode: Callable[[bytes, str], Any], names: set[str]) -> Iterator[Message]:
+def _messages(bag: Bag, path: Path, decode: Callable[[bytes, str], Any], names: set[str]) -> Iterator[Message]:
     """Messages of topics, one at a time."""
-    topics = _topics(reader)
-    connections = [each for each in reader.connections if each.topic in names]
-    if not connections:
-        return
+    names &= bag.topics.keys()
+    for (name, recorded_ns), raw in _frames(bag, path, names) if names else ():
+        topic = bag.topics[name]
+        with _name_errors(path):
+            data = decode(raw, topic.kind)
+        yield Message(topic, recorded_ns * _NANO, data)
+
+
+def _frames(bag: Bag, path: Path, names: Collection[str]) -> Iterator[Frame]:
+    """What the process that reads a bag gives; where it is damaged is noted."""
+    size = sum(each.stat().st_size for each in _files(path))
     with _name_errors(path):
-        for connection, recorded_ns, raw in reader.messages(connections=connections):
-            topic = topics[connection.topic]
-            yield Message(topic, recorded_ns * _NANO, decode(raw, topic.kind))
+        for data, content in frames("basecal.exchange.bags.boxed", [os.path.abspath(path), *names], size):
+            if isinstance(data, dict):
+                bag.damage[:] = [data["damage"]]
+            else:
+                yield data, content
 
 
 @contextmanager
@@ -129,14 +160,18 @@ def _name_errors(path: Path) -> Iterator[None]:
     """What a damaged bag makes the library raise, of a dozen kinds down to sizes beyond any memory, names the bag."""
     try:
         yield
-    except BasecalError:
+    except DatasetError:
         raise
     except OSError as error:
         raise DatasetError(str(path), f"cannot be read: {error.strerror or error}") from None
     except Exception as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        mend = "`rosbag reindex`" if path.suffix == _BAG1 else "`ros2 bag reindex`, or `mcap recover`,"
-        raise DatasetError(str(path), f"is damaged or was cut off ({why}); {mend} may save it") from None
+        raise DatasetError(str(path), f"is damaged or was cut off ({why}); {fix_of(path)} may save it") from None
+
+
+def fix_of(path: Path) -> str:
+    """The command of ROS that may save a damaged bag."""
+    return "`rosbag reindex`" if path.suffix == _BAG1 else "`ros2 bag reindex`, or `mcap recover`,"
 
 
 def message_time(header: Any, recorded_s: float) -> float:

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from basecal.cell import Cell
 from basecal.errors import UsageError
-from basecal.exchange.bags.bag import Bag, Message, open_bag
+from basecal.exchange.bags.bag import Bag, Message, fix_of, open_bag
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.entry import bag_entry, urdf_name
 from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_pictures
@@ -83,7 +83,9 @@ def read_bag(
         if list:
             topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(there.topics.values()))
             would = (f"would take {line}" for line in taken.words)
-            return Imported(str(bag), "what is in it", notes=(*topics, *would), is_preview=True)
+            return Imported(
+                str(bag), "what is in it", notes=(*topics, *would), warnings=_damage(there), is_preview=True
+            )
         beside = next(above for above in Path(cell).absolute().parents if above.exists())
         scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
         try:
@@ -91,7 +93,13 @@ def read_bag(
         except BaseException:
             scratch.cleanup()
             raise
-        return replace(imported, scratch=scratch, notes=tuple(f"taking {line}" for line in taken.words))
+        notes = tuple(f"taking {line}" for line in taken.words)
+        return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
+
+
+def _damage(bag: Bag) -> tuple[str, ...]:
+    fix = fix_of(Path(bag.path))
+    return tuple(f"{bag.path} is read up to where it is damaged ({why}); {fix} may save the rest" for why in bag.damage)
 
 
 def _import_bag(

@@ -1,0 +1,137 @@
+"""One box for untrusted files: who reads them runs in a process of its own, within memory, time and bytes.
+
+The process is `python -m basecal.box MODULE SECONDS BYTES WORDS...`: the module's `boxed(words)` gives frames, which
+are some plain data and some bytes, and are written to standard output. It ends with whoever started it, also by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from typing import IO, Any
+
+from basecal.errors import BasecalError, InputError
+
+_MEMORY_BYTES = 3 * 2**28  # 768 MiB beyond what libraries have mapped
+_LEAST_S, _BYTES_PER_S = 20, 4e6  # of the processor: for any file, and how slowly a large one may be read
+_LEAST_BYTES, _TIMES = 2**30, 50  # that may come of a file: 1 GiB, or so many times its own
+_LENGTHS = struct.Struct("<II")
+
+Frame = tuple[Any, bytes]
+"""Plain data, as JSON has it, and bytes."""
+
+
+def frames(module: str, words: Sequence[str], size: int) -> Iterator[Frame]:
+    """What a module's `boxed` gives, one frame after another.
+
+    Args:
+        module: Its full name.
+        words: What it is told.
+        size: Of the files that it reads [bytes]: time and bytes that it may take grow with it.
+
+    Raises:
+        InputError: if it cannot read them, or takes more than it may; without the name of the file.
+    """
+    seconds, most = int(_LEAST_S + size / _BYTES_PER_S), _LEAST_BYTES + _TIMES * size
+    command = [sys.executable, "-m", "basecal.box", module, str(seconds), str(most), *words]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
+    none = subprocess.DEVNULL
+    with subprocess.Popen(
+        command, stdin=none, stdout=subprocess.PIPE, stderr=none, env=environment, start_new_session=True
+    ) as process:
+        assert process.stdout is not None
+        try:
+            while (frame := _read(process.stdout)) is not None:
+                yield frame
+            code = process.wait()
+        finally:
+            process.kill()
+    if code == -getattr(signal, "SIGXCPU", 0):
+        raise InputError(f"takes more than {seconds} s to read, no such file does")
+    if code:
+        raise InputError(f"ends the process that reads it ({code})")
+
+
+def _read(stream: IO[bytes]) -> Frame | None:
+    """The next frame; None at the end.
+
+    Raises:
+        InputError: with the reason, if it could not be read.
+    """
+    lengths = stream.read(_LENGTHS.size)
+    if len(lengths) < _LENGTHS.size:
+        return None
+    first, second = _LENGTHS.unpack(lengths)
+    data, content = json.loads(stream.read(first)), stream.read(second)
+    if isinstance(data, dict) and "refused" in data:
+        raise InputError(data["refused"])
+    return data, content
+
+
+def _write(frame: Frame, stream: IO[bytes]) -> int:
+    data = json.dumps(frame[0]).encode()
+    stream.write(_LENGTHS.pack(len(data), len(frame[1])))
+    stream.write(data)
+    stream.write(frame[1])
+    stream.flush()
+    return len(data) + len(frame[1])
+
+
+def limit(seconds: int, most_bytes: int) -> None:
+    """Bound this process: address space, time of the processor, and the size of files it writes."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    for kind, most in (
+        (resource.RLIMIT_AS, _address_space_bytes() + _MEMORY_BYTES),
+        (resource.RLIMIT_CPU, seconds),
+        (resource.RLIMIT_FSIZE, most_bytes),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        hard = resource.getrlimit(kind)[1]
+        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _address_space_bytes() -> int:
+    """What this process has mapped; as much as libraries ever map if the system does not tell."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError):
+        return 2**33
+
+
+def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], out: IO[bytes]) -> None:
+    task = import_module(module)
+    limit(seconds, most_bytes)
+    given = 0
+    for frame in task.boxed(words):
+        given += _write(frame, out)
+        if given > most_bytes:
+            raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
+
+
+def main() -> None:
+    """Run the task that the words of this process name; what libraries print goes nowhere."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    module, seconds, most_bytes, *words = sys.argv[1:]
+    try:
+        _run(module, int(seconds), int(most_bytes), words, out)
+    except MemoryError:
+        _write(({"refused": "needs more memory than such a file does"}, b""), out)
+    except BasecalError as error:
+        _write(({"refused": str(error)}, b""), out)
+    except Exception as error:
+        _write(({"refused": " ".join(f"{type(error).__name__} {error}".split())}, b""), out)
+
+
+if __name__ == "__main__":
+    main()

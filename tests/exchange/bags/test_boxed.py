@@ -1,0 +1,151 @@
+"""Bags that lie: each is refused within bounds, or read up to where it is damaged."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import struct
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.bag_of_cell import BEGIN_S, new_bag
+
+from basecal.errors import DatasetError
+from basecal.exchange.bags.bag import Bag, open_bag
+
+COUNT = 200
+
+
+def opened(path: Path) -> Bag:
+    """A bag, open."""
+    with open_bag(path) as bag:
+        return bag
+
+
+def written(folder: Path, kind: str, count: int = COUNT) -> Path:
+    """A bag of joints."""
+    folder.mkdir(exist_ok=True)
+    writer = new_bag(folder, kind)
+    for k in range(count):
+        writer.joints("/joint_states", BEGIN_S + k, ["a"], np.full(1000, float(k)))
+    return writer.close()
+
+
+def storage(bag: Path) -> Path:
+    """The file of a bag that holds its messages."""
+    return bag if bag.is_file() else next(path for path in bag.iterdir() if path.suffix in (".db3", ".mcap"))
+
+
+@pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
+@pytest.mark.parametrize("name", ["a#b", "a?b", "a%41b", "a b'\"", "a\u00e9"])
+def test_a_sound_bag_is_read_wherever_it_is(tmp_path: Path, kind: str, name: str) -> None:
+    """Whatever the names of folders above it hold."""
+    path = written(tmp_path / "plain", kind)
+    (tmp_path / name).mkdir()
+    bag = opened(path.rename(tmp_path / name / path.name))
+    assert len(list(bag.read(["/joint_states"]))) == COUNT
+    assert not bag.damage
+
+
+@pytest.mark.parametrize(("kind", "count"), [("sqlite3", 200), ("mcap", 600)])
+def test_a_cut_bag_is_read_up_to_its_damage(tmp_path: Path, kind: str, count: int) -> None:
+    """What was written whole before is there, in order, and the bag says why there is no more."""
+    path = storage(written(tmp_path, kind, count))
+    os.truncate(path, path.stat().st_size * 6 // 10)
+    bag = opened(path)
+    found = [message.data.position[0] for message in bag.read(["/joint_states"])]
+    assert 0 < len(found) < count
+    assert found == list(range(len(found)))
+    assert bag.damage
+
+
+def small_database(path: Path, messages: str) -> Path:
+    """A bag of sqlite3 whose table of messages is made so."""
+    with sqlite3.connect(path) as database:
+        database.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format, offered_qos_profiles)"
+        )
+        database.execute("INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr', '')")
+        database.executescript(messages)
+    return path
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)"
+
+
+@pytest.mark.parametrize(
+    "messages",
+    [
+        f"CREATE VIEW messages AS {ENDLESS} SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM n",
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data AS (zeroblob(1000000000)));"
+        "INSERT INTO messages(topic_id, timestamp) VALUES (1, 1), (1, 2)",
+        "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)",
+    ],
+)
+def test_tables_that_calculate_are_refused(tmp_path: Path, messages: str) -> None:
+    """An endless view, columns that are calculated, tables of modules."""
+    with pytest.raises(DatasetError, match="messages are not a plain table"):
+        opened(small_database(tmp_path / "a.db3", messages))
+
+
+def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int) -> Path:
+    """A file of MCAP without an index that holds one chunk."""
+
+    def record(kind: int, data: bytes) -> bytes:
+        return bytes([kind]) + struct.pack("<Q", len(data)) + data
+
+    def text(data: bytes) -> bytes:
+        return struct.pack("<I", len(data)) + data
+
+    chunk = struct.pack("<QQQI", 0, 1, size, 0) + text(compression) + struct.pack("<Q", len(content)) + content
+    path.write_bytes(b"\x89MCAP0\r\n" + record(1, text(b"ros2") + text(b"")) + record(6, chunk))
+    return path
+
+
+def test_a_chunk_that_unpacks_to_more_than_memory(tmp_path: Path) -> None:
+    """Four gigabytes in some kilobytes end in a sentence, and take none of this process."""
+    from lz4.frame import LZ4FrameCompressor
+
+    compressor, zeros = LZ4FrameCompressor(), b"\0" * 2**24
+    content = compressor.begin() + b"".join(compressor.compress(zeros) for _ in range(64)) + compressor.flush()
+    content = content[: len(content) - 4]
+    path = mcap_of_one_chunk(tmp_path / "a.mcap", content, b"lz4", 2**30)
+    with pytest.raises(DatasetError, match=r"a\.mcap: is damaged"):
+        opened(path)
+
+
+def test_a_folder_that_unpacks_without_end(tmp_path: Path) -> None:
+    """A compressed file fills no disk: what is unpacked ends at the bound, in a folder that is removed."""
+    bag = written(tmp_path, "mcap")
+    path = storage(bag)
+    zstd = pytest.importorskip("backports.zstd")
+    compressor = zstd.ZstdCompressor()
+    packed = compressor.compress(path.read_bytes())
+    packed += b"".join(compressor.compress(b"\0" * 2**24) for _ in range(80)) + compressor.flush()
+    (bag / f"{path.name}.zstd").write_bytes(packed)
+    path.unlink()
+    metadata = bag / "metadata.yaml"
+    text = metadata.read_text().replace(path.name, f"{path.name}.zstd")
+    text = text.replace("compression_format: ''", "compression_format: zstd")
+    metadata.write_text(text.replace("compression_mode: ''", "compression_mode: FILE"))
+    assert "FILE" in metadata.read_text()
+    with pytest.raises(DatasetError, match=r"is damaged|File too large"):
+        opened(bag)
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bag"])
+def test_pipes_and_devices_are_not_read(tmp_path: Path, name: str) -> None:
+    """At once, alone or in a folder."""
+    began_s = time.monotonic()
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(DatasetError, match="is not a file but a pipe"):
+        opened(tmp_path / name)
+    (tmp_path / f"b{name}").symlink_to("/dev/zero")
+    with pytest.raises(DatasetError, match="is not a file but a pipe"):
+        opened(tmp_path / f"b{name}")
+    (tmp_path / "metadata.yaml").write_text("")
+    with pytest.raises(DatasetError, match="is not a file but a pipe"):
+        opened(tmp_path)
+    assert time.monotonic() - began_s < 5

@@ -1,0 +1,107 @@
+"""The box: what takes too much of anything is ended, and this process goes on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from basecal import box
+from basecal.errors import InputError
+
+TASKS = """
+import sys
+from basecal.errors import InputError
+def boxed(words):
+    kind = words[0]
+    yield [kind, 1.5], b"first"
+    if kind == "memory":
+        bytearray(4 * 2**30)
+    if kind == "time":
+        while True: pass
+    if kind == "bytes":
+        while True: yield 0, bytes(2**20)
+    if kind == "file":
+        with open(words[1], "wb") as file:
+            while True: file.write(bytes(2**24))
+    if kind == "refuse":
+        raise InputError("is no such file")
+    if kind == "fault":
+        raise ZeroDivisionError("by what it holds")
+    if kind == "crash":
+        import os; os.abort()
+    print("noise")
+"""
+
+
+@pytest.fixture(autouse=True)
+def tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A module that misbehaves as its words say, and small limits."""
+    (tmp_path / "boxed_tasks.py").write_text(TASKS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(box, "_LEAST_S", 1)
+    monkeypatch.setattr(box, "_LEAST_BYTES", 2**26)
+
+
+def test_frames_come_as_they_are_given() -> None:
+    """Plain data and bytes; what is printed does not disturb them."""
+    assert list(box.frames("boxed_tasks", ["good"], 0)) == [(["good", 1.5], b"first")]
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("memory", "needs more memory"),
+        ("time", "takes more than 1 s"),
+        ("bytes", "gives more than 64 MB"),
+        ("file", "File too large"),
+        ("refuse", "^is no such file$"),
+        ("fault", "ZeroDivisionError by what it holds"),
+        ("crash", "ends the process that reads it"),
+    ],
+)
+def test_what_takes_too_much_is_ended(tmp_path: Path, kind: str, message: str) -> None:
+    """Memory, time, bytes given and bytes written are bounded, and a crash is told."""
+    found = box.frames("boxed_tasks", [kind, str(tmp_path / "out")], 0)
+    assert next(found) == ([kind, 1.5], b"first")
+    with pytest.raises(InputError, match=message):
+        list(found)
+
+
+def processes(word: Path) -> bytes:
+    """Numbers of processes that were told a word."""
+    return subprocess.run(["pgrep", "-f", str(word)], capture_output=True, check=False).stdout
+
+
+def test_who_stops_reading_ends_it(tmp_path: Path) -> None:
+    """A generator that is closed leaves no process."""
+    found = box.frames("boxed_tasks", ["time", str(tmp_path)], 0)
+    next(found)
+    found.close()
+    assert not processes(tmp_path)
+
+
+def test_ctrl_c_ends_it(tmp_path: Path) -> None:
+    """Within two seconds, and the process in the box ends too."""
+    words = """
+        from basecal import box
+        found = box.frames("boxed_tasks", ["time", "{tmp_path}"], 10**9)
+        print(next(found), flush=True)
+        next(found)
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])}
+    command = [sys.executable, "-c", textwrap.dedent(words)]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        began_s = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        process.wait(10)
+        assert time.monotonic() - began_s < 2
+    assert not processes(tmp_path)
