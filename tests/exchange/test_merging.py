@@ -30,7 +30,7 @@ def cell(folder: Path, text: str, numbers: range = range(3), stamps: float | Non
 def with_pictures(folder: Path, content: bytes) -> Path:
     images = folder / "recording" / "images" / "cam"
     images.mkdir(parents=True)
-    (images / "0.png").write_bytes(content)
+    (images / "0.png").write_bytes(b"\x89PNG" + content)
     append_samples(folder, [Sample(90, None, {}, (), {"cam": "recording/images/cam/0.png"})])
     return folder
 
@@ -67,7 +67,7 @@ def test_pictures_of_one_name_both_come_along(tmp_path: Path) -> None:
     merge_cells(parts, tmp_path / "c")
     last = read_recording(tmp_path / "c").samples[-1]
     paths = [s.images["cam"] for s in read_recording(tmp_path / "c").samples if s.images]
-    assert [(tmp_path / "c" / path).read_bytes() for path in paths] == [b"a", b"b"]
+    assert [(tmp_path / "c" / path).read_bytes() for path in paths] == [b"\x89PNGa", b"\x89PNGb"]
     assert Path(paths[1]).name == f"{last.sample:06d}_0.png"
 
 

@@ -18,6 +18,17 @@ from basecal.geometry import SE3
 _END = re.compile(r"(\n(---|\.\.\.)[ \t]*)+\s*\Z")  # ROS ends every message that it prints with one
 
 
+def written_number(text: str) -> float:
+    """The number that a text is to other programs: not 1_0, which is 10 to Python alone.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
+
+
 @dataclass(frozen=True)
 class Field:
     """A place in a file, and what is written there.

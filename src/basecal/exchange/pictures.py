@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from basecal.bounded_file import check_regular
 from basecal.errors import DatasetError, list_names
 from basecal.vision.image_header import header
 
@@ -18,6 +19,21 @@ _OTHER_PICTURES = frozenset(
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
 _HEADER_BYTES = 2**24  # of a picture in which its size stands: metadata before it fill less
 _MOST_PICTURES = 200_000  # as many as a recording may have samples
+_STARTS = (
+    b"\x89PNG",
+    b"\xff\xd8\xff",
+    b"II*\0",
+    b"MM\0*",
+    b"II+\0",
+    b"MM\0+",
+    b"BM",
+    b"RIFF",
+    b"P5",
+    b"P6",
+    b"P2",
+    b"P3",
+)
+_START = 8  # bytes
 _PARTS = re.compile(r"(\d+)")
 _STAMP = re.compile(r"\d+(?:[._]\d+)?")
 # Digits before the point of a time since 1970 in each unit, and the unit [s].
@@ -48,6 +64,23 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
     if len(found) > _MOST_PICTURES:
         raise DatasetError(str(folder), f"{len(found)} pictures, expected at most {_MOST_PICTURES}")
     return tuple(sorted(found, key=_natural))
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a file is a picture by its name."""
+    return path.suffix.lower() in ENDINGS
+
+
+def check_picture(path: Path) -> None:
+    """Check that a file begins as pictures do: others are never copied under the name of one.
+
+    Raises:
+        DatasetError: if not, or it cannot be read.
+    """
+    check_regular(path)
+    with path.open("rb") as file:
+        if not file.read(_START).startswith(_STARTS):
+            raise DatasetError(str(path), f"is no picture, whatever its name; expected {', '.join(ENDINGS)}")
 
 
 def unreadable_pictures(folder: Path) -> tuple[str, ...]:

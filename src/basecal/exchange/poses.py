@@ -13,6 +13,7 @@ import numpy as np
 
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.columns import MOST_POSES, read_columns, read_table_text
+from basecal.exchange.fields import written_number
 from basecal.exchange.npz import read_arrays
 from basecal.fields.problems import shorten
 from basecal.fields.values import LARGEST_VALUE
@@ -109,7 +110,7 @@ def _from_text(path: str) -> tuple[Array, Sequence[int]]:
                 path, f"{len(words)} numbers, expected rows of 4: 4x4 matrices one below the other", number
             )
         try:
-            values.extend([float(word) for word in words])
+            values.extend([written_number(word) for word in words])
         except ValueError:
             raise DatasetError(path, f"not a row of numbers: {shorten(' '.join(words))}", number) from None
         lines.append(number)

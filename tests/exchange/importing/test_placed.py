@@ -14,7 +14,7 @@ from basecal.exchange.importing.placed import place_files
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
     path = tmp_path / "a.png"
-    path.write_bytes(b"picture")
+    path.write_bytes(b"\x89PNG")
     return path
 
 
@@ -25,7 +25,7 @@ def test_files_are_copied_or_linked(tmp_path: Path, source: Path, link: bool) ->
         with place_files({"recording/images/cam/a.png": source}, tmp_path / "cell", link):
             pass
     there = tmp_path / "cell" / "recording" / "images" / "cam" / "a.png"
-    assert there.read_bytes() == b"picture"
+    assert there.read_bytes() == b"\x89PNG"
     assert os.path.samefile(there, source) == link
 
 

@@ -31,7 +31,7 @@ def answered(kind="http", query="", **headers):
     return sent, bool(reached)
 
 
-@pytest.mark.parametrize("given", [{"query": "token=secret"}, {"cookie": "x=1; basecal=secret"}])
+@pytest.mark.parametrize("given", [{"query": "token=secret"}, {"cookie": "x=1; basecal_5000=secret"}])
 def test_the_token_opens(given):
     """In the address or the cookie that comes with the first answer; the page may then ask its own host alone."""
     sent, reached = answered(**given)
@@ -48,7 +48,8 @@ def test_the_token_opens(given):
         {},
         {"query": "token=secre"},
         {"query": "token="},
-        {"cookie": "basecal=other"},
+        {"cookie": "basecal_5000=other"},
+        {"cookie": "basecal_5001=secret"},
         {"cookie": "=;=;"},
         {"query": "token=secret", "host": "evil.example"},
         {"query": "token=secret", "origin": "http://evil.example"},

@@ -14,8 +14,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from basecal.cell.format.paths import inside
 from basecal.cell.targets.fiducials import DICTIONARIES
-from basecal.errors import list_names
+from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.lens_files.stated import StatedLens, camera_entry, made_camera
@@ -43,7 +44,7 @@ def read_data_set(
     listing = root if isinstance(root.data, list) else root.at("data")
     folder = Path(path).parent
     entries = listing.items("`image: FILE` and `pose: FILE`")
-    poses = SE3.stack([read_fields(folder / entry.at("pose").text()).pose() for entry in entries])
+    poses = SE3.stack([read_fields(_file(entry.at("pose"), folder)).pose() for entry in entries])
     pictures = tuple(_picture(entry.at("image"), folder) for entry in entries)
     static = root.first("static_camera")
     if static is not None and camera_on_robot is not None and static.yes() == camera_on_robot:
@@ -72,10 +73,20 @@ def read_data_set(
 
 
 def _picture(entry: Field, folder: Path) -> Path:
-    path = folder / entry.text()
+    path = _file(entry, folder)
     if not os.path.isfile(path):  # a name longer than any file's is none, too
         raise entry.error(f"there is no picture {path}: put the pictures beside the file, or correct the path")
     return path
+
+
+def _file(entry: Field, folder: Path) -> Path:
+    """A file that is named beside this one, and stays in its folder."""
+    try:
+        return folder / inside(str(folder))(entry.text())
+    except DatasetError:
+        raise
+    except InputError as error:
+        raise entry.error(str(error)) from None
 
 
 def _guess(root: Field, name: str) -> SE3 | None:

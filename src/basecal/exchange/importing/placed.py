@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import filecmp
 import os
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from basecal.bounded_file import read_bounded
 from basecal.cell.format.paths import inside
-from basecal.cell.format.writing import make_folder, temporary_path
+from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
+from basecal.exchange.pictures import check_picture, is_picture
+
+_LARGEST_BYTES = 2**28  # 256 MiB, as much as a picture that is read may have
 
 
 @contextmanager
@@ -26,6 +29,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         link: Whether they become hard links, so that nothing is stored twice, instead of copies.
 
     Raises:
+        DatasetError: if one is no file, is larger than any picture, or has a picture's name and is none.
         InputError: if another file is there, a path leaves the cell, or it cannot be written.
     """
     made: list[Path] = []
@@ -34,6 +38,8 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         path_in_cell = inside(str(folder))
         for name, source in files.items():
             target = folder / path_in_cell(name)
+            if is_picture(target):
+                check_picture(source)
             if not os.path.lexists(target):
                 make_folder(target.parent, folder)
                 made.append(target)
@@ -57,12 +63,7 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
             why = f"{source} cannot be linked into {target.parent} ({error.strerror})"
             raise InputError(f"{why}: hard links need one disk; leave --link away to copy") from None
         return
-    part = temporary_path(target)
-    try:
-        shutil.copyfile(source, part)
-        os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)
+    write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 
 
 def _remove_files(made: list[Path], folder: Path, existed: bool) -> None:

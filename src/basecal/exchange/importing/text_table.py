@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from io import StringIO
 
 from basecal.errors import DatasetError
+from basecal.exchange.fields import written_number
 from basecal.fields.problems import shorten
 
 _SEPARATORS = (";", "\t", ",", None)  # None: white space
@@ -89,7 +90,7 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
     """
     text = cell.strip().strip("\"'").rstrip(",")
     try:
-        value = float(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
+        value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
         raise DatasetError(path, f"{shorten(text)} is not a number", line, name) from None
     if not abs(value) <= _LARGEST:

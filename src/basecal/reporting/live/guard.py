@@ -8,7 +8,6 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
-_COOKIE_NAME = "basecal"
 _CONTENT_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data:; font-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; "
@@ -27,6 +26,8 @@ class Guard:
 
     def __init__(self, application: Application, token: str, hosts: Iterable[str]) -> None:
         self._inside, self._token, self._hosts = application, token, frozenset(hosts)
+        port = min(self._hosts).rpartition(":")[2]
+        self._cookie = f"basecal_{port}"  # browsers send cookies of one port to all ports of a host
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer, or refuse."""
@@ -50,13 +51,16 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin.partition("://")[2] not in self._hosts:
             return "another page asks"
-        given = [*parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", []), *_cookies(headers)]
+        given = [
+            *parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", []),
+            *_cookies(headers, self._cookie),
+        ]
         if not any(hmac.compare_digest(each.encode(), self._token.encode()) for each in given):
             return "the token is missing or wrong: open the address that was printed"
         return ""
 
     def _add_headers(self, send: Send) -> Send:
-        cookie = f"{_COOKIE_NAME}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+        cookie = f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
         more = [
             (b"set-cookie", cookie.encode()),
             (b"content-security-policy", _CONTENT_POLICY.encode()),
@@ -73,9 +77,9 @@ class Guard:
         return send_message
 
 
-def _cookies(headers: MutableMapping[str, str]) -> list[str]:
+def _cookies(headers: MutableMapping[str, str], name: str) -> list[str]:
     try:
-        found = SimpleCookie(headers.get("cookie", "")).get(_COOKIE_NAME)
+        found = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return []
     return [] if found is None else [found.value]
