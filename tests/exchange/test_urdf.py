@@ -30,7 +30,7 @@ def corrected(request: pytest.FixtureRequest) -> tuple[str, tuple[str, str], Ser
     chain = parse_chain(text, *ends)
     offsets, links = errors(chain)
     joints = np.random.default_rng(1).uniform(-2, 2, (20, chain.n))
-    wanted = chain.moved(links).forward(joints + offsets)
+    wanted = chain.perturb_links(links).forward(joints + offsets)
     return corrected_urdf(text, *ends, offsets, links), ends, chain, joints, wanted
 
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.exchange.exporters.fanuc import export_text
+from basecal.exchange.exporters.fanuc import EXPORTER
 from export_example import all_poses, wanted
 
 
 @pytest.mark.parametrize("name", all_poses())
 def test_scipy_gives_the_rotation_back(name):
     """W, P, R about the fixed axes x, y, z in degrees, X, Y, Z in mm."""
-    found = re.findall(r"([XYZWPR]) = (\S+) (?:mm|deg)", export_text(wanted(name)))
+    found = re.findall(r"([XYZWPR]) = (\S+) (?:mm|deg)", EXPORTER.text(wanted(name)))
     assert [key for key, _ in found] == list("XYZWPR")
     numbers, (one,) = np.array([float(number) for _, number in found]), wanted(name).transforms
     mean = one.estimate.mean

@@ -53,7 +53,7 @@ def test_links_are_in_it(tmp_path):
     tangents = 1e-3 * np.random.default_rng(0).standard_normal((7, 6))
     links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
     found = flange_of(urdf_of(CELL, DATA, calibrated(link_parameters=links), "hand"), tmp_path)
-    np.testing.assert_allclose(found.matrix, CHAIN.moved(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
+    np.testing.assert_allclose(found.matrix, CHAIN.perturb_links(tangents).forward(np.full(6, 0.3)).matrix, atol=1e-9)
 
 
 def test_what_cannot_be_exported_is_said():

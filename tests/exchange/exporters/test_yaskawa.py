@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.exchange.exporters.yaskawa import export_text
+from basecal.exchange.exporters.yaskawa import EXPORTER
 from export_example import all_poses, wanted
 
 
 @pytest.mark.parametrize("name", all_poses())
 def test_scipy_gives_the_rotation_back(name):
     """Rx, Ry, Rz about the fixed axes, in degrees; mm stand first."""
-    (found,) = re.findall(r"^////BUSER (.+)$", export_text(wanted(name)), re.MULTILINE)
+    (found,) = re.findall(r"^////BUSER (.+)$", EXPORTER.text(wanted(name)), re.MULTILINE)
     numbers, (one,) = np.array([float(number) for number in found.split(",")]), wanted(name).transforms
     mean = one.estimate.mean
     np.testing.assert_allclose(numbers[:3] * 1e-3, mean.translation, atol=1e-6)
@@ -25,4 +25,4 @@ def test_scipy_gives_the_rotation_back(name):
 
 def test_numbers_are_named_too():
     """For who types them."""
-    assert re.search(r"^X \S+, Y \S+, Z \S+, Rx \S+, Ry \S+, Rz \S+$", export_text(wanted()), re.MULTILINE)
+    assert re.search(r"^X \S+, Y \S+, Z \S+, Rx \S+, Ry \S+, Rz \S+$", EXPORTER.text(wanted()), re.MULTILINE)

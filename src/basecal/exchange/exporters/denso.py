@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.denso import CONVENTION
-from basecal.exchange.exports.digits import written_numbers
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.pasted_numbers import pasted_numbers
 
-
-def export_text(request: Wanted) -> str:
-    """Positions of PacScript, each below its comment; the figure is not said, since it is none of a frame's."""
-    lines = comments(request.remarks, "'")
-    for one in request.transforms:
-        lines += comments([describe_transform(one, "mm and deg")], "'")
-        lines.append(f"P({', '.join(written_numbers(CONVENTION, one.estimate))})")
-    return "\n".join(lines) + "\n"
-
-
-EXPORTER = Exporter("P(X, Y, Z, RX, RY, RZ) of PacScript in mm and deg", export_text, is_pasted=True)
+EXPORTER = pasted_numbers(
+    "P(X, Y, Z, RX, RY, RZ) of PacScript in mm and deg",
+    CONVENTION,
+    "'",
+    "mm and deg",
+    lambda numbers: [f"P({', '.join(numbers)})"],
+)

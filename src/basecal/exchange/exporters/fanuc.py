@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from basecal.exchange.controllers.fanuc import CONVENTION
-from basecal.exchange.exports.digits import written_numbers
-from basecal.exchange.exports.exporter import Exporter
-from basecal.exchange.exports.remarks import comments, describe_transform
-from basecal.exchange.exports.wanted import Wanted
+from basecal.exchange.exports.pasted_numbers import pasted_numbers
 
 
-def export_text(request: Wanted) -> str:
+def _lines(numbers: Sequence[str]) -> list[str]:
     """Two lines a pose, as in the positions of a listing."""
-    lines = comments(request.remarks, "!")
-    for one in request.transforms:
-        lines += comments([describe_transform(one, "mm and deg")], "!")
-        pairs = zip(CONVENTION.names, written_numbers(CONVENTION, one.estimate), strict=True)
-        x, y, z, w, p, r = (f"{name} = {number}" for name, number in pairs)
-        lines += [f"{x} mm, {y} mm, {z} mm,", f"{w} deg, {p} deg, {r} deg"]
-    return "\n".join(lines) + "\n"
+    x, y, z, w, p, r = (f"{name} = {number}" for name, number in zip(CONVENTION.names, numbers, strict=True))
+    return [f"{x} mm, {y} mm, {z} mm,", f"{w} deg, {p} deg, {r} deg"]
 
 
-EXPORTER = Exporter("X, Y, Z, W, P, R in mm and deg", export_text, is_pasted=True)
+EXPORTER = pasted_numbers("X, Y, Z, W, P, R in mm and deg", CONVENTION, "!", "mm and deg", _lines)
