@@ -28,7 +28,9 @@ def pasted_numbers(
         """Remarks, then each transform below its comment."""
         lines = comments(wanted.remarks, mark)
         for one in wanted.transforms:
-            lines += comments([describe_transform(one, units)], mark) + lines_of(written_numbers(convention, one.estimate))
+            lines += comments([describe_transform(one, units)], mark) + lines_of(
+                written_numbers(convention, one.estimate)
+            )
         return "\n".join(lines) + "\n"
 
     return Exporter(words, text, is_pasted=True)
