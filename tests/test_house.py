@@ -446,7 +446,6 @@ NOTHING_TO_TEST = {
     "exchange/exports/exporter.py": "values without behaviour",
     "planning/pattern.py": "values without behaviour",
     "accuracy/findings/evidence.py": "values without behaviour",
-    "accuracy/significance.py": "one number",
     "acquisition/supervision/limits.py": "times, which the trials of tests/safety hold",
 }
 

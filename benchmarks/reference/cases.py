@@ -42,20 +42,21 @@ def _read(path: Path) -> tuple[Cell, Recording]:
 def _simulated(seed: int) -> Case:
     def draw() -> tuple[Cell, Recording]:
         """The cell of a scenario that the seed draws."""
-        made = simulate(Scenario(**_drawn(np.random.default_rng([seed, 29]))), seed)
+        made = simulate(Scenario(**scenario(seed)), seed)
         return made.cell, made.recording
 
     return draw
 
 
-def _drawn(rng: np.random.Generator) -> dict[str, Any]:
+def scenario(seed: int) -> dict[str, Any]:
     """A scenario: layouts, targets and statuses that go together, eight to thirty samples."""
+    rng = np.random.default_rng([seed, 29])
 
     def one(*choices: Any, p: tuple[float, ...] | None = None) -> Any:
         """One of these."""
         return choices[int(rng.choice(len(choices), p=p))]
 
-    scenario: dict[str, Any] = {
+    drawn: dict[str, Any] = {
         "samples": int(rng.integers(8, 31)),
         "layout": one("dual", "eye_in_hand", "eye_to_hand", "two_cameras", "two_world_cameras", "chain",
                       p=(0.5, 0.15, 0.15, 0.08, 0.07, 0.05)),
@@ -70,18 +71,18 @@ def _drawn(rng: np.random.Generator) -> dict[str, Any]:
         "spread_rad": one(0.3, 0.6, 0.9),
         "partial": bool(rng.random() < 0.2),
     }  # fmt: skip
-    if scenario["target"] in ("led", "pose", "points3d"):
-        scenario["intrinsics"] = "fixed"
-    if scenario["layout"] == "dual":
-        scenario["arms"] = one("both", "eye_still", "hand_still", "halves", p=(0.7, 0.1, 0.1, 0.1))
-        scenario["camera_mount"], scenario["target_mount"] = one(
+    if drawn["target"] in ("led", "pose", "points3d"):
+        drawn["intrinsics"] = "fixed"
+    if drawn["layout"] == "dual":
+        drawn["arms"] = one("both", "eye_still", "hand_still", "halves", p=(0.7, 0.1, 0.1, 0.1))
+        drawn["camera_mount"], drawn["target_mount"] = one(
             ("free", "free"), ("prior", "prior"), ("fixed", "free"), ("free", "fixed"), ("fixed", "fixed")
         )
         if rng.random() < 0.3:
             status = one("fixed", "prior", "free")
             off = status != "fixed" or bool(rng.random() < 0.5)
-            scenario |= {"joints": True, "joint_offset_rad": 2e-3 * off, "joint_offsets": status}
-    return scenario
+            drawn |= {"joints": True, "joint_offset_rad": 2e-3 * off, "joint_offsets": status}
+    return drawn
 
 
 def _faulty() -> Iterator[tuple[str, Case]]:

@@ -28,8 +28,8 @@ from basecal.accuracy.lens_structure import (
     _side_by_side,
     lens_structures,
 )
+from basecal.accuracy.model_comparison.nested import ALONE
 from basecal.accuracy.residuals.fit import single_view_pose
-from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.accuracy.widening import widen
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -185,10 +185,10 @@ def test_two_families_share_the_chance_of_an_alarm():
         return _estimated(size * other[..., 0] + noise[..., 0], own, other[..., [0]])[1]
 
     for share in (0.8, 1.2):
-        size = brentq(lambda x, p=share: np.log(chance_of(x) / (p * SIGNIFICANCE / 2)), 0.05, 1.0)
+        size = brentq(lambda x, p=share: np.log(chance_of(x) / (p * ALONE / 2)), 0.05, 1.0)
         found, chance = _bend(size * other[..., 0] + noise[..., 0], own, other)
         assert np.any(found) == (share < 1)
-        assert chance == pytest.approx(share * SIGNIFICANCE / 2 if share < 1 else 1.0, rel=1e-6)
+        assert chance == pytest.approx(share * ALONE / 2 if share < 1 else 1.0, rel=1e-6)
 
 
 def test_the_chance_told_is_the_least_of_those_of_the_families():

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from tests.journeys.raw import cell
+from tests.shared.rewriting import inverted, with_robots
 
-from basecal.accuracy.input_check.rewriting import inverted, with_robots
 from basecal.cell import Cell, Recording
 from basecal.cli.convention_check import say_conventions
 from basecal.simulation import Scenario, simulate

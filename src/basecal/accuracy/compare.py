@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
 
+from basecal.accuracy.model_comparison.nested import MOVED, compare_nested
 from basecal.cell import Calibration
 from basecal.numerics.spectral import spectrum
-
-SIGNIFICANCE_LEVEL = 5e-3
-"""The chance by which two calibrations of the same cell are said to disagree."""
 
 _ROUNDING = 1e-12  # [m, rad] between transforms that have no sigma and are equal
 
@@ -65,7 +62,7 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
     found = {name: _difference(first, second, name) for name in common}
     chances = [each.chance for each in found.values() if each.chance is not None]
     moved = any(each.chance is None and max(each.shift_m, each.shift_rad) > _ROUNDING for each in found.values())
-    alike = all(len(chances) * chance >= SIGNIFICANCE_LEVEL for chance in chances)
+    alike = all(len(chances) * chance >= MOVED for chance in chances)
     only = {name: 0 for name in first.transforms if name not in common}
     only |= {name: 1 for name in second.transforms if name not in common}
     files = sorted(first.inputs.keys() | second.inputs.keys())
@@ -88,4 +85,4 @@ def _difference(first: Calibration, second: Calibration, name: str) -> Differenc
         return Difference(length, angle, None, None)
     of = spectrum(covariance)
     squared, freedoms = float(apart[:width] @ of.inverse @ apart[:width]), int(of.rank)
-    return Difference(length, angle, float(np.sqrt(squared / freedoms)), float(chdtrc(freedoms, squared)))
+    return Difference(length, angle, float(np.sqrt(squared / freedoms)), compare_nested(name, squared, freedoms).chance)

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc
 
+from basecal.accuracy.model_comparison.nested import ALONE, compare_nested
 from basecal.accuracy.residuals.fit import single_view_pose
-from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.accuracy.widening import solution_step
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
@@ -78,7 +77,7 @@ def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
         known = np.concatenate([own, other[..., used]], axis=-1)
         tried = [_estimated(residual, known, other[..., list(family)]) for family in open_families]
         best = min(range(len(tried)), key=lambda k: tried[k][1])
-        if tried[best][1] > SIGNIFICANCE / len(_TERM_FAMILIES):
+        if tried[best][1] > ALONE / len(_TERM_FAMILIES):
             break
         chance = min(chance, tried[best][1])
         used = np.append(used, open_families.pop(best))
@@ -112,7 +111,7 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     apart = float(of_views.mahalanobis_squared(scores).sum()) - in_common
     if freedoms <= 0 or apart <= 0:
         return 1.0
-    return float(fdtrc(len(size), freedoms, (in_common / len(size)) / (apart / freedoms)))
+    return compare_nested("lens terms", in_common / (apart / freedoms), len(size), noise_freedoms=freedoms).chance
 
 
 def _side_by_side(arrays: tuple[Array, ...]) -> Array:

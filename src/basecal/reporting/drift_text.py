@@ -11,7 +11,8 @@ import numpy as np
 from basecal.accuracy.compare import Comparison
 from basecal.accuracy.drift.history import Drift
 from basecal.accuracy.drift.shifts import Shift
-from basecal.accuracy.drift.verify import POWER, SIGNIFICANCE_LEVEL, Verification
+from basecal.accuracy.drift.verify import POWER, Verification
+from basecal.accuracy.model_comparison.nested import MOVED
 from basecal.cell import PastVerification
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"
@@ -120,7 +121,7 @@ def history_text(history: Sequence[PastVerification], found: Sequence[Drift]) ->
 def drift_sentence(drift: Drift) -> str:
     """Whether a transform drifts, and how fast."""
     speed, sigma = 1e3 * float(np.linalg.norm(drift.m_per_day)), 1e3 * float(np.linalg.norm(drift.sigma))
-    verb = "drifts" if drift.chance < SIGNIFICANCE_LEVEL else "does not drift:"
+    verb = "drifts" if drift.chance < MOVED else "does not drift:"
     rate = f"{speed:.2g} +/- {sigma:.2g} mm a day"
     return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 

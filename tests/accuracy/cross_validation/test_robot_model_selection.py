@@ -8,20 +8,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
-from scipy.stats import t as student
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.cross_validation import robot_model_selection as module
 from basecal.accuracy.cross_validation.robot_model_selection import (
     Candidate,
-    _standard_errors,
     _Trials,
     _worth_a_look,
     choose_robot_model,
 )
 from basecal.accuracy.cross_validation.station_scores import StationScores
 from basecal.accuracy.findings.robot_model import robot_model_findings
+from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.effects import joint_offsets
 from basecal.estimation.problem.robot_parameters import Kinematics
@@ -122,17 +120,6 @@ def test_a_suggested_sigma_does_not_contradict_what_was_found(offsets_deg: list[
     assert joint_offsets.suggested_sigma(DEGREE * np.array(offsets_deg)) == sigma_rad
 
 
-def test_a_difference_in_standard_errors():
-    """As rare under the normal distribution as Student's t is with one freedom less than there are numbers."""
-    difference = np.array([1.0, 2.0, 4.0, 1.0, -0.5])
-    t = difference.mean() / (difference.std(ddof=1) / np.sqrt(5))
-    assert _standard_errors(difference) == pytest.approx(norm.isf(student.sf(t, 4)), rel=1e-9)
-    assert _standard_errors(-difference) == pytest.approx(-_standard_errors(difference), rel=1e-9)
-    assert _standard_errors(difference[:2]) == pytest.approx(norm.isf(student.sf(3.0, 1)), rel=1e-9)
-    assert _standard_errors(np.array([3.0])) == 0.0
-    assert _standard_errors(np.full(4, 2.0)) == 0.0
-
-
 @pytest.mark.parametrize(("gain", "told"), [(2 * (8 + 23.9), False), (2 * (8 + 24.1), True)])
 def test_a_model_is_worth_a_look_beyond_six_sigmas_of_chance(gain, told):
     """Eight columns lower a cost by eight times what a freedom leaves, with a sigma of four; here that is two."""
@@ -186,26 +173,27 @@ def test_simpler_models_are_tried_where_richer_ones_help(better):
     assert [kind for kind, _, _ in one] == ["none", "joint", "joint", "offsets", "links"]
 
 
-@pytest.mark.parametrize(("errors_better", "kept"), [(1.9, 3), (2.1, 5)])
-def test_simpler_models_are_tried_from_two_standard_errors_on(monkeypatch, errors_better, kept):
-    monkeypatch.setattr(module, "_standard_errors", lambda difference: errors_better)
+@pytest.mark.parametrize(("decision", "kept"), [(Decision.KEEP, 3), (Decision.UNDECIDED, 5), (Decision.TAKE, 5)])
+def test_simpler_models_are_tried_if_a_richer_one_may_help(monkeypatch, decision, kept):
+    monkeypatch.setattr(module, "compare_held_out", lambda rival, gains: Comparison(rival, 0.0, 0.0, decision))
     assert len(tried({}, ("eye",))) == kept
 
 
 @pytest.mark.parametrize(("behind", "chosen", "better"), [
-    ((3.1, 2.9, 0.0), 1, True), ((2.9, 2.9, 0.0), 0, True), ((2.1, 0.5, 0.0), 0, True), ((1.9, 0.5, 0.0), 0, False),
-    ((5.0, 4.0, 0.0), 2, False), ((4.0, 1.0, 0.0), 1, False),
+    ("tuk", 1, True), ("uuk", 0, True), ("ukk", 0, True), ("kkk", 0, False), ("ttk", 2, False), ("tkk", 1, False),
 ])  # fmt: skip
 def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution, behind, chosen, better):
-    """By three standard errors than the best, which is told beside it from two on."""
+    """The best is named beside it if it may be better."""
+    decisions = {"t": Decision.TAKE, "u": Decision.UNDECIDED, "k": Decision.KEEP}
     found = [
-        Candidate(kind, ("hand",) if kind != "none" else (), None, np.array([errors]), None, 1.0)
-        for kind, errors in zip(("none", "offsets", "links"), behind, strict=True)
+        Candidate(kind, ("hand",) if kind != "none" else (), None, np.array([float(score)]), None, 1.0)
+        for kind, score in zip(("none", "offsets", "links"), (2, 1, 0), strict=True)
     ]
     monkeypatch.setattr(module, "_worth_a_look", lambda *given: True)
     monkeypatch.setattr(module, "solve_from", lambda problem, state, settings: solution)
     monkeypatch.setattr(module._Trials, "candidates", lambda trials: found)
-    monkeypatch.setattr(module, "_standard_errors", lambda difference: float(difference[0]))
+    compared = {2.0 - k: Comparison("", 0.0, 0.0, decisions[each]) for k, each in enumerate(behind)}
+    monkeypatch.setattr(module, "compare_held_out", lambda rival, gains: compared[float(gains[0])])
     choice = choose_robot_model(solution)
     assert choice.chosen is found[chosen]
     assert choice.better is (found[2] if better else None)

@@ -96,7 +96,8 @@ def test_many_robots_are_validated_as_few(monkeypatch):
     sparse = checked_ring()
     assert sparse.spread is not None
     assert dense.spread is not None
-    np.testing.assert_allclose(astuple(sparse.spread), astuple(dense.spread), rtol=1e-5)
+    both = [(of.spread.mean_square, of.spread.freedoms, of.spread.beyond_covariance.chance) for of in (sparse, dense)]
+    np.testing.assert_allclose(*both, rtol=1e-5)
     np.testing.assert_allclose(astuple(sparse.predicted), astuple(dense.predicted), rtol=1e-5)
 
 
@@ -290,9 +291,9 @@ def test_the_spread_of_folds_is_a_chi_square_of_fewer_freedoms(monkeypatch, fact
     freedoms = 8**2 / (2 * np.sum((together / np.outer(sigma, sigma)) ** 2))
     assert found.freedoms == pytest.approx(freedoms)
     if factor == 1.0 and not estimated:
-        assert found.chance == pytest.approx(chi2.sf(freedoms * mean, freedoms))
+        assert found.beyond_covariance.chance == pytest.approx(chi2.sf(freedoms * mean, freedoms))
     else:
-        assert found.chance == pytest.approx(fisher.sf(mean, freedoms, total - 3))
+        assert found.beyond_covariance.chance == pytest.approx(fisher.sf(mean, freedoms, total - 3))
 
 
 def test_few_freedoms_tell_no_spread(monkeypatch):
@@ -387,7 +388,7 @@ def test_folds_of_one_sample_each_leave_one_out(monkeypatch, held, kind):
     monkeypatch.setattr(validation, "refit_folds", lambda problem, state, folds, iterations: folds)
     monkeypatch.setattr(validation, "_fold", lambda of, free, chosen, fit: _Fold(fit, np.zeros(0)))
     monkeypatch.setattr(validation, "_errors", lambda *of: (HeldOutErrors(), HeldOutErrors()))
-    monkeypatch.setattr(validation, "_spread", lambda *of: FoldSpread(1.5, 8.0, 0.1))
+    monkeypatch.setattr(validation, "_spread", lambda *of: FoldSpread(1.5, 8.0, None))
     monkeypatch.setattr(validation, "closed_form_rival", lambda *of: None)
     solution = SimpleNamespace(
         converged=True,

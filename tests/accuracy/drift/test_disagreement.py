@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.drift.disagreement import SUSPECT_CHANCE, disagreement
+from basecal.accuracy.drift.disagreement import disagreement
 from basecal.accuracy.drift.shifts import SIZE_KIND
+from basecal.accuracy.model_comparison.nested import DISAGREES
 from basecal.cell import Recording
 from drift_cells import BASE, later
 
@@ -18,7 +19,7 @@ def test_samples_of_a_cell_that_is_unchanged_agree():
     """Their chance is large, and no cause is looked for."""
     made = later(0)
     found = disagreement(made.cell, made.calibration, made.recording)
-    assert found.chance > SUSPECT_CHANCE
+    assert found.chance > DISAGREES
     assert found.causes == ()
 
 

@@ -9,7 +9,8 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift import verify as verify_module
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts
-from basecal.accuracy.drift.verify import POWER, SIGNIFICANCE_LEVEL, verify
+from basecal.accuracy.drift.verify import POWER, verify
+from basecal.accuracy.model_comparison.nested import MOVED
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3
@@ -26,7 +27,7 @@ def verified(made: Later, recording: Recording | None = None):
 def test_nothing_moved(seed: int) -> None:
     found = verified(later(seed))
     assert found.moved is False
-    assert found.chance > SIGNIFICANCE_LEVEL
+    assert found.chance > MOVED
     assert found.detectable_m is not None
     assert len(found.samples) == 6
 
@@ -182,7 +183,7 @@ def test_what_would_be_seen_is_the_worst_of_what_was_asked_for(nothing_asked: bo
     found = verified(made)
     frames = list(frame_shifts(innovations(made.cell, made.calibration, made.recording)))
     asked = frames if nothing_asked else [each for each in frames if each.transform == BASE]
-    lengths = [detectable_m(each, SIGNIFICANCE_LEVEL / len(frames), POWER) for each in asked]
+    lengths = [detectable_m(each, MOVED / len(frames), POWER) for each in asked]
     assert found.detectable_m == pytest.approx(max(lengths))
     assert [each.transform for each in found.asked] == [each.transform for each in asked]
     best = min(frames, key=lambda each: each.log_chance)

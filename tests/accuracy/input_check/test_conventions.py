@@ -7,18 +7,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.shared.declared import declared
 from tests.shared.mutate import lines_of, mutations, recording_of
 from tests.shared.real_recordings import example, nao_cell
+from tests.shared.rewriting import exchanged, inverted, resized, with_robots, with_targets
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check import conventions
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, resized
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_choice import TriedHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.input_check.loop_fit import LoopFit
-from basecal.accuracy.input_check.rewriting import LINKS, exchanged, inverted, with_robots, with_targets
 from basecal.errors import BasecalError, DatasetError
 from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3, Camera
@@ -191,7 +194,7 @@ def test_two_of_three_folds_leave_more_equations_than_unknowns(samples, can):
 
 def hypothesis(words, code="length-unit", about=("eye",), nested=False):
     """One that changes nothing."""
-    return ConventionHypothesis(code, about, words, "", "", lambda cell, recording: (cell, recording), nested)
+    return ConventionHypothesis(code, about, words, "", "", lambda reading: reading, nested)
 
 
 def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
@@ -207,7 +210,7 @@ def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
 
     monkeypatch.setattr(conventions, "_screened", screened)
     among = among or [hypothesis(str(k)) for k in range(1, len(offs))]
-    (found,) = conventions._in_step([conventions._surviving(made.cell, made.recording, {}, among)])
+    (found,) = conventions._in_step([conventions._surviving(declared(made.cell, made.recording), {}, among)])
     return [each.words for each, _ in found], len(inputs_seen)
 
 
@@ -247,12 +250,12 @@ def test_a_hypothesis_is_out_of_the_race_at_twice_the_declared_error(monkeypatch
     """So much it is told that its error may be; nothing is fitted where a fact stands against it."""
     limits = []
     monkeypatch.setattr(conventions, "fit_hypothesis", lambda *given: limits.append(given[-1]))
-    whole = HypothesisFit(None, np.full(10, 0.03), True)
-    declared = TriedHypothesis(hypothesis("declared"), whole, ())
-    assert conventions._try(BOARD.cell, BOARD.recording, hypothesis("other"), STATED, None, declared) == []
+    whole = HypothesisFit(None, np.full(10, 0.03), np.arange(10), True)
+    given, as_is = declared(BOARD.cell, BOARD.recording), TriedHypothesis(hypothesis("declared"), whole, ())
+    assert conventions._try(given, hypothesis("other"), STATED, None, as_is) == []
     assert limits == [pytest.approx(0.06)]
-    monkeypatch.setattr(conventions, "impossible_input", lambda *given: ("a fact",))
-    assert conventions._try(BOARD.cell, BOARD.recording, hypothesis("other"), STATED, None, declared) == []
+    monkeypatch.setattr(conventions, "impossible_reading", lambda *given: ("a fact",))
+    assert conventions._try(given, hypothesis("other"), STATED, None, as_is) == []
     assert len(limits) == 1
 
 
@@ -262,16 +265,6 @@ def test_two_thirds_of_the_samples_need_a_quarter_more_equations_than_unknowns(e
     measurement = SimpleNamespace(equations=lambda: np.array([equations - 3, 3]))
     problem = SimpleNamespace(groups=(SimpleNamespace(measurement=measurement),), width=18)
     assert conventions._can_hold_out(problem) == enough
-
-
-def test_robots_that_move_are_told_by_poses_or_joints():
-    """Those that stand elsewhere in any sample."""
-    assert conventions._moving(BOARD.recording) == ["eye", "hand"]
-    assert conventions._moving(simulate(Scenario(samples=4, arms="eye_still"), 0).recording) == ["hand"]
-    assert sorted(conventions._moving(simulate(Scenario(samples=3, joints=True), 0).recording)) == ["eye", "hand"]
-    for count, moving in ((1, []), (2, ["eye", "hand"])):
-        few = replace(BOARD.recording, samples=BOARD.recording.samples[:count])
-        assert conventions._moving(few) == moving
 
 
 def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
@@ -284,7 +277,7 @@ def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
         return fits
 
     monkeypatch.setattr(conventions, "_screened", screened)
-    assert ended(conventions._surviving(BOARD.cell, BOARD.recording, {}, [hypothesis("other")])) == []
+    assert ended(conventions._surviving(declared(BOARD.cell, BOARD.recording), {}, [hypothesis("other")])) == []
 
 
 def ended(check):
@@ -313,26 +306,26 @@ def test_checks_in_step_get_their_own_answers(monkeypatch):
 
 def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
     """Eight at a time go side by side, in their order, and what they find is brought together."""
-    pairs = [SimpleNamespace(cell=f"cell {k}", recording=f"recording {k}", state=k) for k in range(17)]
+    pairs = [SimpleNamespace(reading=f"reading {k}", state=k) for k in range(17)]
     told, parts, steps = [], [], []
     in_step = conventions._in_step
 
-    def checked(cell, recording, problem, state, settings, explained):
+    def checked(reading, state, settings, explained):
         """Finds the number of the pair."""
-        told.append((cell, recording, problem, explained))
+        told.append((reading, explained))
         yield from ()
         return (state,)
 
     monkeypatch.setattr(conventions, "has_many_robots", lambda problem: True)
     monkeypatch.setattr(conventions, "solve_single_pairs", lambda *given: pairs)
     monkeypatch.setattr(conventions, "merge_findings", lambda pairs, found: found)
-    monkeypatch.setattr(conventions, "build_problem", lambda cell, recording: (f"problem of {cell}", ()))
+    monkeypatch.setattr(conventions, "as_recorded", lambda *given: "whole")
     monkeypatch.setattr(conventions, "_checked", checked)
     monkeypatch.setattr(conventions, "_in_step", lambda checks: steps.append(len(checks)) or in_step(checks))
     settings = SimpleNamespace(part=lambda at, count: parts.append((at, count)))
     given = (BOARD.cell, BOARD.recording, None, SimpleNamespace(state=None), settings)
     assert conventions.check_conventions(*given) == [(k,) for k in range(17)]
-    assert told == [(f"cell {k}", f"recording {k}", f"problem of cell {k}", False) for k in range(17)]
+    assert told == [(f"reading {k}", False) for k in range(17)]
     assert (steps, parts) == ([8, 8, 1], [(0, 17), (8, 17), (16, 17)])
 
 
@@ -347,7 +340,7 @@ def judged_by_name(monkeypatch):
     """Fits of `fit_of` are judged by what they say of themselves."""
     monkeypatch.setattr(conventions, "plausible", lambda fit: fit.good)
     monkeypatch.setattr(conventions, "has_tail", lambda fit: fit.tail)
-    monkeypatch.setattr(conventions, "better", lambda fit, other, times: fit.best)
+    monkeypatch.setattr(TriedHypothesis, "beside", lambda tried, other: SimpleNamespace(is_taken=tried.fit.best))
     return monkeypatch
 
 
@@ -356,7 +349,7 @@ PAIRING = ["slip", "turned"]
 
 
 @pytest.mark.parametrize(
-    ("declared", "facts", "found", "tried"),
+    ("fitted", "facts", "found", "tried"),
     [
         (fit_of(), (), {}, COMMON),
         (fit_of(explained=False), (), {}, COMMON + WIDER),
@@ -372,22 +365,22 @@ PAIRING = ["slip", "turned"]
         (fit_of(good=False), (), {"turned": fit_of(good=False)}, COMMON + PAIRING + ["rare"]),
     ],
 )
-def test_what_is_tried_goes_by_what_explains_so_far(judged_by_name, declared, facts, found, tried):
+def test_what_is_tried_goes_by_what_explains_so_far(judged_by_name, fitted, facts, found, tried):
     """Rarer mix-ups one after the other, until something that can be explains the views."""
-    assert stages(judged_by_name, declared, facts, found) == tried
+    assert stages(judged_by_name, fitted, facts, found) == tried
 
 
-def stages(monkeypatch, declared, facts=(), found=None, facts_found=(), odd=0.081, survive=True, status="free"):
+def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081, survive=True, status="free"):
     """Words of the hypotheses that are fitted in earnest, each from where it is to start."""
     common, wider = hypothesis("common"), hypothesis("wider", nested=True)
     tried, starts = [], {"common": ({}, {}), "slip": ({"slip": 1}, {}), "rare": ({}, {}), "turned": None}
 
-    def surviving(cell, recording, lenses, among):
+    def surviving(reading, lenses, among):
         """All that are no wider model."""
         yield from ()
         return [(each, {}) for each in among if not each.nested] if survive else []
 
-    def try_one(cell, recording, each, settings, start, about):
+    def try_one(reading, each, settings, start, about):
         """What is known of it."""
         tried.append(each.words)
         assert start == starts.get(each.words, "known")
@@ -405,8 +398,9 @@ def stages(monkeypatch, declared, facts=(), found=None, facts_found=(), odd=0.08
     monkeypatch.setattr(conventions, "_surviving", surviving)
     monkeypatch.setattr(conventions, "_try", try_one)
     problem = SimpleNamespace(unknowns={"a": SimpleNamespace(status="free"), "b": SimpleNamespace(status=status)})
-    about = TriedHypothesis(hypothesis("declared"), declared, facts)
-    ended(conventions._tried(BOARD.cell, BOARD.recording, problem, about, STATED))
+    tracks = {"eye": SimpleNamespace(moves=True)}
+    reading = SimpleNamespace(problem=problem, tracks=tracks, thinned=lambda most: None)
+    ended(conventions._tried(reading, TriedHypothesis(hypothesis("declared"), fitted, facts), STATED))
     return tried
 
 
@@ -427,9 +421,9 @@ def test_rare_mix_ups_are_tried_where_much_motion_is_unexplained(judged_by_name)
 )
 def test_loops_that_only_priors_close_rank_nothing(judged_by_name, status, good, tried):
     """Where a quick look leaves no hypothesis, all are fitted if there are priors and the declared one cannot be."""
-    declared = fit_of(good=good)
-    assert stages(judged_by_name, declared, odd=0.0, survive=False, status=status)[: len(tried)] == tried
-    assert ("common" in stages(judged_by_name, declared, odd=0.0, survive=False, status=status)) == bool(tried)
+    fitted = fit_of(good=good)
+    assert stages(judged_by_name, fitted, odd=0.0, survive=False, status=status)[: len(tried)] == tried
+    assert ("common" in stages(judged_by_name, fitted, odd=0.0, survive=False, status=status)) == bool(tried)
 
 
 @pytest.mark.parametrize(
@@ -449,14 +443,16 @@ def test_a_guess_that_misled_is_no_mix_up(judged_by_name, first, anew, start, ex
     """Where the declared fit from it cannot be, the better one of it and of one without a guess counts."""
     asked = []
 
-    def fit(cell, recording, settings, known=None):
+    def fit(cell, problem, settings, known=None):
         """The first with what is known, then without."""
-        asked.append((len(recording.samples), settings.start, known))
+        asked.append((len(problem.groups[0]), settings.start, known))
         return first if known is not None else anew
 
     judged_by_name.setattr(conventions, "fit_hypothesis", fit)
     judged_by_name.setattr(conventions, "_SOLVED", 7)
-    found = conventions._as_declared(BOARD.cell, BOARD.recording, Settings(start=start, robot_noise="stated"), "known")
+    found = conventions._as_declared(
+        declared(BOARD.cell, BOARD.recording), Settings(start=start, robot_noise="stated"), "known"
+    )
     assert (None if found is None else found.core) == expected
     assert asked[0] == (7, start, "known")
     assert asked[1:] in ([], [(7, "closed", None)])
@@ -478,20 +474,20 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
     """Where samples can be held out, and what fits as declared is not merely left open by the data."""
     told = {}
 
-    def tried(cell, recording, problem, declared, settings):
+    def tried(reading, as_is, settings):
         """Nothing."""
         yield from ()
-        told.update(declared=declared, start=settings.start)
+        told.update(declared=as_is, start=settings.start)
         return ["tried"]
 
-    def decide(cell, declared, found, explained, still):
+    def decide(cell, as_is, found, explained, still):
         """What was told."""
         told.update(found=found, explained=explained, still=still)
         return ("finding",)
 
     known = {
         "_can_hold_out": can, "_as_declared": whole, "is_observable": observable,
-        "impossible_input": (), "impossible_answer": facts,
+        "impossible_reading": (), "impossible_answer": facts,
     }  # fmt: skip
     for name, value in known.items():
         judged_by_name.setattr(conventions, name, lambda *given, value=value: value)
@@ -499,9 +495,7 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
     judged_by_name.setattr(conventions, "_tried", tried)
     judged_by_name.setattr(conventions, "decide_hypotheses", decide)
     few = replace(BOARD.recording, samples=BOARD.recording.samples[:samples])
-    check = conventions._checked(
-        BOARD.cell, few, SimpleNamespace(models={}), None, Settings(start="guess", robot_noise="stated"), True
-    )
+    check = conventions._checked(declared(BOARD.cell, few), None, Settings(start="guess", robot_noise="stated"), True)
     assert ended(check) == (("finding",) if decided else ())
     if decided:
         known = {"start": "closed", "found": ["tried"], "explained": True, "still": frozenset({"eye"})}
@@ -509,16 +503,25 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
         assert (told["declared"].fit, told["declared"].impossible) == (whole, facts)
 
 
-def test_links_take_no_part(monkeypatch):
-    """Where any robot's links are estimated the problem is that without them."""
+@pytest.mark.parametrize("links", ["free", "fixed"])
+def test_links_take_no_part(monkeypatch, links):
+    """Where any robot's links are estimated the problem is that without them; joint offsets are estimated still."""
+    made = simulate(Scenario(samples=6, joints=True, joint_offsets="free", link_parameters=links), 0)
+    reading = declared(made.cell, made.recording)
+    values = {"joint_offsets": np.full(6, 0.1), "link_parameters": np.ones((7, 6))}
+    robots = {name: Kinematics(robot.chain, values) for name, robot in made.cell.robots.items()}
     asked = []
-    monkeypatch.setattr(conventions, "without_links", lambda cell, known: ("cell without", "known without"))
-    monkeypatch.setattr(conventions, "build_problem", lambda cell, recording: [f"problem of {cell}", "dropped"])
-    monkeypatch.setattr(conventions, "_can_hold_out", lambda problem: asked.append(problem))
-    for columns in ({LINKS: 0}, {}):
-        problem = SimpleNamespace(models={"a": SimpleNamespace(columns={}), "b": SimpleNamespace(columns=columns)})
-        assert ended(conventions._checked(BOARD.cell, BOARD.recording, problem, None, STATED, False)) == ()
-    assert asked == ["problem of cell without", problem]
+    monkeypatch.setattr(conventions, "_can_hold_out", lambda problem: True)
+    monkeypatch.setattr(conventions, "_as_declared", lambda *given: asked.append(given))
+    state = State(made.truth, made.cameras, np.zeros((0, 6)), robots)
+    assert ended(conventions._checked(reading, state, STATED, False)) == ()
+    ((found, _, known),) = asked
+    assert {name for model in found.problem.models.values() for name in model.columns} == {"joint_offsets"}
+    if links == "free":
+        assert [set(robot.parameters) for robot in found.cell.robots.values()] == [{"joint_offsets"}] * 2
+        assert [set(of.values) for of in known.robots.values()] == [{"joint_offsets"}] * 2
+    else:
+        assert (found, known) == (reading, state)
 
 
 def test_hypotheses_by_order_are_applied_to_all_samples(monkeypatch):
@@ -526,7 +529,7 @@ def test_hypotheses_by_order_are_applied_to_all_samples(monkeypatch):
     monkeypatch.setattr(conventions, "_REWRITTEN", 6)
     for by_order, count in ((True, 20), (False, 6)):
         each = replace(hypothesis("other"), by_order=by_order)
-        assert len(conventions._applied(each, BOARD.cell, BOARD.recording)[1].samples) == count
+        assert len(conventions._reread(each, declared(BOARD.cell, BOARD.recording)).order) == count
 
 
 def test_a_fit_begins_where_loops_were_closed(monkeypatch):
@@ -535,9 +538,9 @@ def test_a_fit_begins_where_loops_were_closed(monkeypatch):
     monkeypatch.setattr(conventions, "_SOLVED", 7)
     monkeypatch.setattr(conventions, "state_of", lambda problem, fits, lenses: (len(problem.groups[0]), fits, lenses))
     monkeypatch.setattr(conventions, "fit_hypothesis", lambda cell, few, settings, start, beyond: begun.append(start))
-    declared = TriedHypothesis(hypothesis("declared"), fit_of(), ())
+    as_is = TriedHypothesis(hypothesis("declared"), fit_of(), ())
     for start in (({"fit": 1}, {"lens": 2}), "a state"):
-        conventions._try(BOARD.cell, BOARD.recording, hypothesis("other"), STATED, start, declared)
+        conventions._try(declared(BOARD.cell, BOARD.recording), hypothesis("other"), STATED, start, as_is)
     assert begun == [(7, {"fit": 1}, {"lens": 2}), "a state"]
 
 
@@ -548,8 +551,8 @@ def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
         return SimpleNamespace(group=SimpleNamespace(camera=camera, target="board")), None
 
     given = {"one": [pair("a"), pair("b")], "two": [pair("a"), pair("b")], "three": []}
-    monkeypatch.setattr(conventions, "_pairs", lambda cell, recording, views: given[cell])
-    check = conventions._screened([(name, None) for name in given], {})
+    monkeypatch.setattr(conventions, "_pairs", lambda reading, views: given[reading])
+    check = conventions._screened(list(given), {})
     assert next(check) == given["one"] + given["two"]
     with pytest.raises(StopIteration) as end:
         check.send(["A", "B", "C", None])
@@ -566,7 +569,7 @@ def test_of_a_light_fewer_views_are_looked_at(is_light):
         counts.append(views)
         return SimpleNamespace(candidates=None if is_light else 1, views=views)
 
-    ((some, problem),) = conventions._pairs(BOARD.cell, BOARD.recording, SimpleNamespace(of=of))
+    ((some, problem),) = conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(of=of))
     assert len(counts) == (2 if is_light else 1)
     assert some.views == counts[-1]
     assert not is_light or counts[1] < counts[0]
@@ -574,14 +577,13 @@ def test_of_a_light_fewer_views_are_looked_at(is_light):
 
 
 @pytest.mark.parametrize("error", [BasecalError("no"), np.linalg.LinAlgError()])
-def test_what_makes_no_problem_has_no_pairs(monkeypatch, error):
-    """As where what a hypothesis says contradicts the cell."""
+def test_what_cannot_be_made_ready_has_no_pairs(error):
+    """As where no view has a pose."""
 
     def fails(*given):
         raise error
 
-    monkeypatch.setattr(conventions, "build_problem", fails)
-    assert conventions._pairs(BOARD.cell, BOARD.recording, None) == []
+    assert conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(of=fails)) == []
 
 
 @pytest.mark.parametrize(
@@ -596,9 +598,9 @@ def test_lenses_are_stated_or_solved_or_seen(judged_by_name, stated, good, lens)
     judged_by_name.setattr(
         conventions, "lens_from_views", lambda camera, pixels: "by views" if pixels == [group.measurement] else None
     )
-    declared = fit_of(good=good)
-    declared.solution.state = SimpleNamespace(cameras={"wrist": "solved"})
-    assert conventions._lenses(BOARD.cell, problem, declared) == {"wrist": lens}
+    fit = fit_of(good=good)
+    fit.solution.state = SimpleNamespace(cameras={"wrist": "solved"})
+    assert conventions._lenses(SimpleNamespace(cell=BOARD.cell, problem=problem), fit) == {"wrist": lens}
 
 
 @pytest.mark.parametrize(

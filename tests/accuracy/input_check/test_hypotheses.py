@@ -7,17 +7,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.shared import rewriting
+from tests.shared.declared import declared
 
-from basecal.accuracy.input_check import rewriting
 from basecal.accuracy.input_check.hypotheses import (
     AS_DECLARED,
     convention_hypotheses,
-    resized,
     shift,
     streams,
     subsets,
 )
 from basecal.accuracy.input_check.target_sizes import target_size
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.simulation import Scenario, simulate
 
 BOARD = simulate(Scenario(samples=7), 0)
@@ -28,40 +30,39 @@ JOINTS = simulate(Scenario(samples=7, joints=True), 0)
 
 
 def hypotheses(made, code):
-    return [h for h in convention_hypotheses(made.cell, made.recording) if h.code == code]
+    return [h for h in convention_hypotheses(declared(made.cell, made.recording)) if h.code == code]
 
 
 def told(made):
     """How many of each code."""
-    codes = [h.code for h in convention_hypotheses(made.cell, made.recording)]
+    codes = [h.code for h in convention_hypotheses(declared(made.cell, made.recording))]
     return {code: codes.count(code) for code in codes}
 
 
-def robots_of(recording):
+def robots_of(reading):
     """Poses or joints of all robots, by name."""
-    found = {}
-    for robot in sorted({name for s in recording.samples for name in s.robots}):
-        states = [s.robots[robot] for s in recording.samples]
-        given = [s.joints_rad if s.base_from_flange is None else s.base_from_flange.matrix for s in states]
-        found[robot] = np.stack(given)
-    return found
+    return {n: t.pose.matrix if t.joints is None else t.joints for n, t in reading.tracks.items()}
 
 
-def seen_of(recording):
-    values = []
-    for sample in recording.samples:
-        (o,) = sample.observations
-        pose = getattr(o, "camera_from_target", None)
-        values.append(pose.matrix if pose is not None else getattr(o, "pixels", getattr(o, "points_in_camera", None)))
-    return np.stack(values)
+def seen_of(reading):
+    (group,) = reading.problem.groups
+    seen = group.measurement
+    if isinstance(seen, PixelMeasurement):
+        return seen.pixels
+    return seen.points_in_camera if isinstance(seen, PointMeasurement) else seen.measured_camera_from_target.matrix
 
 
 def undone(made, mixed, hypothesis):
-    """Whether a hypothesis about what was mixed up gives back what was made."""
-    cell, recording = hypothesis.apply(made.cell, mixed)
-    robots, true = robots_of(recording), robots_of(made.recording)
-    same = all(np.allclose(robots[name], true[name], atol=1e-9) for name in true)
-    return same and np.allclose(seen_of(recording), seen_of(made.recording), atol=1e-9) and cell is made.cell
+    """Whether a hypothesis about what was mixed up gives back what was made, in the problem as well."""
+    right, wrong = declared(made.cell, made.recording), declared(made.cell, mixed)
+    found = hypothesis.reread(wrong)
+    robots, true = robots_of(found), robots_of(right)
+    if not all(np.allclose(robots[name], true[name], atol=1e-9) for name in true):
+        return False
+    pairs = zip(found.problem.groups, right.problem.groups, strict=True)
+    for one, other in (ends for pair in pairs for ends in zip(*(group.ends for group in pair), strict=True)):
+        np.testing.assert_allclose(one.base_from_flange.matrix, other.base_from_flange.matrix, atol=1e-9)
+    return np.allclose(seen_of(found), seen_of(right), atol=1e-9) and found.cell is made.cell
 
 
 PAIRINGS = {"pairing-shifted": 6}  # seven samples allow shifts by one; three streams
@@ -102,7 +103,8 @@ def test_joints_of_arms_with_other_axes_are_not_exchanged():
     hand = JOINTS.cell.robots["hand"]
     longer = replace(hand, chain=SimpleNamespace(n=7))
     cell = replace(JOINTS.cell, robots={**JOINTS.cell.robots, "hand": longer})
-    assert "robots-swapped" not in {h.code for h in convention_hypotheses(cell, JOINTS.recording)}
+    given = replace(declared(JOINTS.cell, JOINTS.recording), cell=cell)
+    assert "robots-swapped" not in {h.code for h in convention_hypotheses(given)}
 
 
 def test_a_lens_that_is_not_fixed_is_not_doubted():
@@ -110,7 +112,7 @@ def test_a_lens_that_is_not_fixed_is_not_doubted():
     made = simulate(Scenario(samples=7, intrinsics="prior"), 0)
     assert hypotheses(made, "intrinsics") == []
     (wrong,) = hypotheses(BOARD, "intrinsics")
-    assert wrong.apply(BOARD.cell, BOARD.recording)[0].cameras["wrist"].intrinsics.status == "free"
+    assert wrong.reread(declared(BOARD.cell, BOARD.recording)).cell.cameras["wrist"].intrinsics.status == "free"
     assert (wrong.about, wrong.nested) == (("wrist",), True)
 
 
@@ -130,12 +132,10 @@ def test_units_of_lengths(made, factor, words):
     seen = rewriting.with_targets(made.recording, rewriting.scaled(factor))
     assert sum(undone(made, seen, h) for h in of) == 1
     (every,) = [h for h in of if h.words.startswith("all lengths")]
-    cell, recording = every.apply(made.cell, rewriting.with_targets(robots, rewriting.scaled(factor)))
-    np.testing.assert_allclose(seen_of(recording), seen_of(made.recording))
-    np.testing.assert_allclose(robots_of(recording)["eye"], robots_of(made.recording)["eye"])
-    size = cell.targets["board"].target
-    if size is not None:
-        np.testing.assert_allclose(size.points, made.cell.targets["board"].target.points / factor)
+    found = every.reread(declared(made.cell, rewriting.with_targets(robots, rewriting.scaled(factor))))
+    right = declared(made.cell, made.recording)
+    np.testing.assert_allclose(seen_of(found), seen_of(right))
+    np.testing.assert_allclose(robots_of(found)["eye"], robots_of(right)["eye"])
 
 
 def test_units_of_3d_points_and_sizes():
@@ -144,8 +144,11 @@ def test_units_of_3d_points_and_sizes():
     of = [h for h in hypotheses(POINTS, "length-unit") if "3-D points" in h.words]
     assert [undone(POINTS, far, h) for h in of] == [True, False]
     (size,) = hypotheses(BOARD, "board-size")
-    board = size.apply(resized(BOARD.cell, {"board": 1e3}), BOARD.recording)[0].targets["board"].target
-    np.testing.assert_allclose(board.points, BOARD.cell.targets["board"].target.points)
+    right = declared(BOARD.cell, BOARD.recording)
+    board = size.reread(right.resized({"board": 1e3}))
+    true = BOARD.cell.targets["board"].target.points
+    np.testing.assert_allclose(board.cell.targets["board"].target.points, true)
+    np.testing.assert_allclose(board.problem.groups[0].measurement.points_in_target, true)
 
 
 @pytest.mark.parametrize(("factor", "row"), [(180 / np.pi, 0), (np.pi / 180, 1)])
@@ -205,8 +208,7 @@ def test_a_shift_in_words(by, start, first, words):
     assert ("missed" in found.fix) == bool(start)
     assert shift(None, by).words.startswith("what the cameras saw belongs")
     assert shift(None, by).about == ()
-    moved = found.apply(BOARD.cell, BOARD.recording)[1]
-    assert len(moved.samples) == 7 - abs(by)
+    assert len(found.reread(declared(BOARD.cell, BOARD.recording)).order) == 7 - abs(by)
 
 
 def test_half_turns_of_poses_of_a_symmetric_board():
@@ -214,11 +216,11 @@ def test_half_turns_of_poses_of_a_symmetric_board():
     chess = simulate(Scenario(samples=7, target="chessboard"), 0)
     board = chess.cell.targets["board"]
     cell = replace(POSES.cell, targets={"board": replace(POSES.cell.targets["board"], target=board.target)})
-    (found,) = [h for h in convention_hypotheses(cell, POSES.recording) if h.code == "board-symmetry"]
-    once = found.apply(cell, POSES.recording)[1]
-    twice = found.apply(cell, once)[1]
-    np.testing.assert_allclose(seen_of(twice), seen_of(POSES.recording), atol=1e-12)
-    assert np.abs(seen_of(once) - seen_of(POSES.recording)).max() > 0.1
+    (found,) = [h for h in convention_hypotheses(declared(cell, POSES.recording)) if h.code == "board-symmetry"]
+    given = declared(cell, POSES.recording)
+    once = found.reread(given)
+    np.testing.assert_allclose(seen_of(found.reread(once)), seen_of(given), atol=1e-12)
+    assert np.abs(seen_of(once) - seen_of(given)).max() > 0.1
     assert found.about == ("board",)
     assert hypotheses(chess, "board-symmetry") == []
 
@@ -226,25 +228,29 @@ def test_half_turns_of_poses_of_a_symmetric_board():
 def test_a_size_that_is_found():
     """Points grow by it, observed poses move off by it, and what the square would be is said."""
     found = target_size("board", 1.25, BOARD.cell)
-    cell, recording = found.apply(BOARD.cell, BOARD.recording)
+    board = declared(BOARD.cell, BOARD.recording)
+    reading = found.reread(board)
     true = BOARD.cell.targets["board"].target
-    np.testing.assert_allclose(cell.targets["board"].target.points, 1.25 * true.points)
-    assert recording.samples[0].observations[0] is BOARD.recording.samples[0].observations[0]
+    np.testing.assert_allclose(reading.cell.targets["board"].target.points, 1.25 * true.points)
+    np.testing.assert_allclose(reading.problem.groups[0].measurement.points_in_target, 1.25 * true.points)
+    np.testing.assert_array_equal(seen_of(reading), seen_of(board))
     assert found.words == "board is 1.25 times as large as stated"
     assert f"square_m would be {1.25 * true.options['square_m']:.5g}" in found.fix
-    further = target_size("board", 2.0, POSES.cell).apply(POSES.cell, POSES.recording)[1]
-    np.testing.assert_allclose(seen_of(further)[:, :3, 3], 2.0 * seen_of(POSES.recording)[:, :3, 3])
-    np.testing.assert_allclose(seen_of(further)[:, :3, :3], seen_of(POSES.recording)[:, :3, :3])
-    other = target_size("other", 2.0, replace(POSES.cell, targets={"other": POSES.cell.targets["board"]}))
-    np.testing.assert_array_equal(
-        seen_of(other.apply(replace(POSES.cell, targets={"other": POSES.cell.targets["board"]}), POSES.recording)[1]),
-        seen_of(POSES.recording),
+    poses = declared(POSES.cell, POSES.recording)
+    further = seen_of(target_size("board", 2.0, POSES.cell).reread(poses))
+    np.testing.assert_allclose(further[:, :3, 3], 2.0 * seen_of(poses)[:, :3, 3])
+    np.testing.assert_allclose(further[:, :3, :3], seen_of(poses)[:, :3, :3])
+    others = replace(
+        poses, cell=replace(POSES.cell, targets={**POSES.cell.targets, "other": POSES.cell.targets["board"]})
     )
+    other = target_size("other", 2.0, others.cell).reread(others)
+    np.testing.assert_array_equal(seen_of(other), seen_of(poses))
 
 
 def test_as_declared_changes_nothing():
     """It has no code and gives back what it is given."""
-    assert AS_DECLARED.apply(BOARD.cell, BOARD.recording) == (BOARD.cell, BOARD.recording)
+    given = declared(BOARD.cell, BOARD.recording)
+    assert AS_DECLARED.reread(given) is given
     assert AS_DECLARED.code == ""
 
 
@@ -253,7 +259,8 @@ def test_robots_with_some_poses_only_are_not_reread():
     first = BOARD.recording.samples[0]
     mixed = replace(first, robots={**first.robots, "hand": replace(JOINTS.recording.samples[0].robots["hand"])})
     recording = replace(BOARD.recording, samples=(mixed, *BOARD.recording.samples[1:]))
-    about = {h.about for h in convention_hypotheses(BOARD.cell, recording) if h.code == "robot-pose-inverted"}
+    of = convention_hypotheses(declared(JOINTS.cell, recording))
+    about = {h.about for h in of if h.code == "robot-pose-inverted"}
     assert about == {("eye",)}
 
 
@@ -270,7 +277,7 @@ def test_units_are_told_in_whole_words():
     assert [h.about for h in found[:5]] == [("eye",), ("hand",), ("eye", "hand"), (), ("eye", "hand")]
     (size,) = hypotheses(BOARD, "board-size")
     assert size.words == "the size of board is in millimetres"
-    points = size.apply(BOARD.cell, BOARD.recording)[0].targets["board"].target.points
+    points = size.reread(declared(BOARD.cell, BOARD.recording)).cell.targets["board"].target.points
     np.testing.assert_allclose(points, 1e-3 * BOARD.cell.targets["board"].target.points)
     angles = [h.words for h in hypotheses(JOINTS, "angle-unit")]
     assert angles[:2] == [
@@ -313,13 +320,13 @@ def test_all_lengths_are_not_mistaken_where_an_arm_tells_joints():
         for s, j in zip(BOARD.recording.samples, JOINTS.recording.samples, strict=True)
     ]
     mixed = replace(BOARD.recording, samples=tuple(samples))
-    found = [h for h in convention_hypotheses(JOINTS.cell, mixed) if h.code == "length-unit"]
+    found = [h for h in convention_hypotheses(declared(JOINTS.cell, mixed)) if h.code == "length-unit"]
     assert [h.about for h in found] == [("eye",), ("eye",)]
     none = replace(BOARD.recording, samples=tuple(replace(s, robots={}) for s in samples))
-    assert not [h for h in convention_hypotheses(JOINTS.cell, none) if h.code == "length-unit"]
+    assert not [h for h in convention_hypotheses(declared(JOINTS.cell, none)) if h.code == "length-unit"]
 
 
 def test_the_size_of_what_is_seen_as_poses_does_not_matter():
     """Though the cell states it."""
     cell = replace(POSES.cell, targets=BOARD.cell.targets)
-    assert not [h for h in convention_hypotheses(cell, POSES.recording) if h.code == "board-size"]
+    assert not [h for h in convention_hypotheses(declared(cell, POSES.recording)) if h.code == "board-size"]

@@ -7,19 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.shared.rewriting import inverted, with_robots
 
 from basecal.accuracy.input_check import hypothesis_fit as module
 from basecal.accuracy.input_check.hypothesis_fit import (
     HypothesisFit,
     fit_hypothesis,
-    in_order,
     plausible,
     ratio,
-    thinned,
 )
-from basecal.accuracy.input_check.rewriting import inverted, with_robots
 from basecal.accuracy.input_check.view_errors import off_views
-from basecal.cell import Recording, RobotState, Sample
+from basecal.cell import Recording, RobotState
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import STATED
@@ -29,12 +27,12 @@ from basecal.simulation import Scenario, simulate
 
 def fit(off, in_pixels=False, **solution):
     usual = {"converged": True, "cost": 30.0, "dof": 30, "noise": SimpleNamespace(estimated=())}
-    return HypothesisFit(SimpleNamespace(**usual | solution), np.full(10, off), in_pixels)
+    return HypothesisFit(SimpleNamespace(**usual | solution), np.full(10, off), np.arange(10), in_pixels)
 
 
 def test_core_and_whole():
     """Rms of the seven best of ten, and of all."""
-    found = HypothesisFit(None, np.array([1.0] * 7 + [5.0] * 3), False)
+    found = HypothesisFit(None, np.array([1.0] * 7 + [5.0] * 3), np.arange(10), False)
     assert found.core == pytest.approx(1.0)
     assert found.whole == pytest.approx(np.sqrt((7 + 75) / 10))
 
@@ -64,24 +62,17 @@ def test_plausible_fits():
     assert ratio(SimpleNamespace(cost=9.0, dof=0)) == 3.0
 
 
-def test_samples_go_by_time_and_are_thinned_evenly():
-    """At most so many, first and last among them; fewer stay as they are."""
-    recording = Recording(tuple(Sample(k, stamp_s=10.0 - k) for k in range(11)))
-    assert [s.sample for s in in_order(recording).samples] == list(range(10, -1, -1))
-    assert [s.sample for s in thinned(recording, 6).samples] == [0, 2, 4, 6, 8, 10]
-    assert len(thinned(recording, 20).samples) == 11
-
-
 def test_what_is_declared_rightly_predicts_and_what_is_not_does_not():
     """A board's held-out views are within the pixels' noise; with the eye's poses inverted the fit is implausible."""
     made = simulate(Scenario(samples=12), 0)
-    right = fit_hypothesis(made.cell, made.recording, STATED)
+    right = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert right is not None
     assert right.in_pixels
     assert right.off.shape == (12,)
     assert 0.15e-3 < right.core < 0.4e-3
     assert plausible(right)
-    wrong = fit_hypothesis(made.cell, with_robots(made.recording, {"eye": inverted}), STATED)
+    mixed = build_problem(made.cell, with_robots(made.recording, {"eye": inverted}))[0]
+    wrong = fit_hypothesis(made.cell, mixed, STATED)
     assert wrong is None or not plausible(wrong)
 
 
@@ -90,7 +81,7 @@ def test_a_fit_may_start_where_another_ended():
     made = simulate(Scenario(samples=12), 0)
     problem, _ = build_problem(made.cell, made.recording)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
-    found, unguided = (fit_hypothesis(made.cell, made.recording, STATED, s) for s in (start, None))
+    found, unguided = (fit_hypothesis(made.cell, problem, STATED, s) for s in (start, None))
     assert found.solution.cost == pytest.approx(unguided.solution.cost, rel=1e-6)
     np.testing.assert_allclose(found.off, unguided.off, rtol=1e-3)
     assert found.whole > np.sqrt(np.mean(off_views(problem, problem.groups[0], found.solution.state) ** 2))
@@ -106,17 +97,16 @@ def test_a_few_views_that_are_far_off_do_not_hide_it():
 
     samples = tuple(bumped(s) if s.sample == 2 else s for s in made.recording.samples)
     start = State(made.truth, made.cameras, np.zeros((0, 6)))
-    found = fit_hypothesis(made.cell, replace(made.recording, samples=samples), STATED, start)
+    problem, _ = build_problem(made.cell, replace(made.recording, samples=samples))
+    found = fit_hypothesis(made.cell, problem, STATED, start)
     assert found.core < 0.5e-3
     assert found.whole > 1e-2
 
 
 def test_nothing_to_fit_is_no_fit():
-    """Without a view there is none, nor where camera and target hang on one arm."""
+    """Without a view there is none."""
     made = simulate(Scenario(samples=4), 0)
-    assert fit_hypothesis(made.cell, Recording(), STATED) is None
-    board = replace(made.cell.targets["board"], on="eye")
-    assert fit_hypothesis(replace(made.cell, targets={"board": board}), made.recording, STATED) is None
+    assert fit_hypothesis(made.cell, build_problem(made.cell, Recording())[0], STATED) is None
 
 
 @pytest.mark.parametrize(
@@ -125,14 +115,14 @@ def test_nothing_to_fit_is_no_fit():
 def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, off):
     """Else, and where nothing can be held out, they are those that it was fitted to."""
     made = simulate(Scenario(samples=2, target="pose"), 0)
-    held_out = None if predicted is None else np.array(predicted)
+    held_out = None if predicted is None else (np.array(predicted), np.array([3]))
     solution = SimpleNamespace(state=None)
     monkeypatch.setattr(module, "solve_packed", lambda problem, cell, settings: solution)
     monkeypatch.setattr(module, "_concentrated", lambda solution, settings: solution)
     monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([1.0, 2.0]))
     monkeypatch.setattr(module, "_is_near", lambda fit: near)
     monkeypatch.setattr(module, "_predicted_off", lambda problem, solution: held_out)
-    found = fit_hypothesis(made.cell, made.recording, STATED)
+    found = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert (found.solution, found.in_pixels) == (solution, False)
     np.testing.assert_array_equal(found.off, off)
 
@@ -140,13 +130,16 @@ def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, o
 def test_of_folds_each_predicts_its_own_views(monkeypatch):
     """Those that it was not fitted to, one fold after the other; none where samples cannot be parted."""
     split = SimpleNamespace(folds="folds")
-    refits = [SimpleNamespace(optimum=SimpleNamespace(state=k), views=SimpleNamespace(groups=[10, 20])) for k in (1, 2)]
+    groups = [SimpleNamespace(off=off, sample=np.array([off + 1])) for off in (10, 20)]
+    refits = [SimpleNamespace(optimum=SimpleNamespace(state=k), views=SimpleNamespace(groups=groups)) for k in (1, 2)]
     monkeypatch.setattr(module, "instant_split", lambda problem, count: split if problem == "parted" else None)
     monkeypatch.setattr(module, "refit_folds", lambda problem, state, folds, steps, predicted: refits)
-    monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([group + state]))
+    monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([group.off + state]))
     solution = SimpleNamespace(problem=None, state=None)
     assert module._predicted_off("whole", solution) is None
-    np.testing.assert_array_equal(module._predicted_off("parted", solution), [11, 21, 12, 22])
+    off, sample = module._predicted_off("parted", solution)
+    np.testing.assert_array_equal(off, [11, 21, 12, 22])
+    np.testing.assert_array_equal(sample, [11, 21, 11, 21])
 
 
 @pytest.mark.parametrize(("far", "times"), [((), 0), ((5.0,), 0), ((8.0,), 2), ((30.0,) * 3, 2)])

@@ -1,16 +1,22 @@
 """Camera matrices of images of another resolution."""
 
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.input_check.image_resolution import other_resolution
-from basecal.cell import CellCamera, Intrinsics, PixelObservation, Recording, Sample
+from basecal.cell import CellCamera, Intrinsics
+from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Camera
 
-SEEN = PixelObservation("wrist", "board", np.arange(2), np.array([[10.0, 20.0], [1200.0, 690.0]]))
-RECORDING = Recording((Sample(0, observations=(SEEN,)),))
+PIXELS = np.array([[[10.0, 20.0], [1200.0, 690.0], [5000.0, 5000.0]]])
+SEEN = np.array([[True, True, False]])
+VIEWS = PixelMeasurement(np.zeros((3, 3)), PIXELS, SEEN, np.ones((1, 3)), np.ones((1, 3)))
+OTHERS = SimpleNamespace(camera="other", measurement=replace(VIEWS, pixels=9 * PIXELS))
+PROBLEM = SimpleNamespace(groups=(SimpleNamespace(camera="wrist", measurement=VIEWS), OTHERS))
 
 
 def camera(center, size_px):
@@ -32,13 +38,13 @@ def camera(center, size_px):
 )
 def test_another_resolution_is_named(center, size_px, clause):
     """Where the centre lies at one share of the middle both ways, and it is another."""
-    found = other_resolution(camera(center, size_px), RECORDING)
+    found = other_resolution(camera(center, size_px), PROBLEM)
     assert re.search(clause, found) if clause else found == ""
 
 
 def test_without_a_lens_nothing_is_said():
     """A camera that gives poses has no camera matrix."""
-    assert other_resolution(CellCamera("wrist", "eye"), RECORDING) == ""
+    assert other_resolution(CellCamera("wrist", "eye"), PROBLEM) == ""
 
 
 @pytest.mark.parametrize(
@@ -55,7 +61,7 @@ def test_without_a_lens_nothing_is_said():
 def test_a_quarter_is_another_resolution_and_both_sides_agree(factors, told):
     """To a seventh of one another; the size is that of the images by the mean of both factors."""
     center = np.array(factors) * np.array([1280, 720]) / 2 - 0.5
-    found = other_resolution(camera(center, (1280, 720)), RECORDING)
+    found = other_resolution(camera(center, (1280, 720)), PROBLEM)
     mean = np.sqrt(factors[0] * factors[1])
     size = f"{1280 * mean:.0f} x {720 * mean:.0f} px"
     said = f": its camera matrix looks like that of images of about {size}, not of 1280 x 720 px"
@@ -65,7 +71,5 @@ def test_a_quarter_is_another_resolution_and_both_sides_agree(factors, told):
 @pytest.mark.parametrize(("center", "told"), [((479.6, 275.4), False), ((479.4, 275.4), True), ((479.4, 275.6), False)])
 def test_points_reach_beyond_smaller_images(center, told):
     """A quarter beyond twice the centre both ways, by the pixels of this camera alone."""
-    other = PixelObservation("other", "board", np.arange(1), np.array([[9e3, 9e3]]))
-    seen = Recording((*RECORDING.samples, Sample(1, observations=(other,))))
-    found = other_resolution(camera(center, None), seen)
+    found = other_resolution(camera(center, None), PROBLEM)
     assert found == (": points reach to (1200, 690) px, its camera matrix is of smaller images" if told else "")

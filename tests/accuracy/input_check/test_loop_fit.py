@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.shared.declared import declared
 
 from basecal.accuracy.input_check import loop_fit
 from basecal.accuracy.input_check.hypotheses import convention_hypotheses
@@ -27,8 +28,7 @@ from basecal.simulation import Scenario, simulate
 VIEWS = 20
 
 
-def pairs_of(made, told):
-    problem, _ = build_problem(*told)
+def pairs_of(made, problem):
     return [(sight_for(g, made.cameras.get(g.camera), VIEWS), problem) for g in problem.groups]
 
 
@@ -37,9 +37,10 @@ def test_readings_do_not_know_of_one_another(target):
     """Fits of all readings at once are those of each alone, and only the declared one closes its loops."""
     mounts = "fixed" if target == "led" else "free"
     made = simulate(Scenario(samples=VIEWS, target=target, camera_mount=mounts, target_mount=mounts), 3)
-    readings = [r for r in convention_hypotheses(made.cell, made.recording) if r.code == "robot-pose-inverted"]
-    told = [(made.cell, made.recording), *(r.apply(made.cell, made.recording) for r in readings)]
-    pairs = [pair for each in told for pair in pairs_of(made, each)]
+    given = declared(made.cell, made.recording)
+    hypotheses = [h for h in convention_hypotheses(given) if h.code == "robot-pose-inverted"]
+    readings = [given, *(h.reread(given) for h in hypotheses)]
+    pairs = [pair for each in readings for pair in pairs_of(made, each.problem)]
     together = fit_loops(pairs)
     for pair, fit in zip(pairs, together, strict=True):
         (alone,) = fit_loops([pair])
@@ -54,11 +55,11 @@ def test_views_are_made_ready_once_a_set_of_pixels():
     """Every reading gets the views that it would get alone; those that change only robots share their poses."""
     made = simulate(Scenario(samples=VIEWS, target="charuco"), 3)
     codes = {"robot-pose-inverted", "pairing-shifted", "length-unit"}
-    readings = [r for r in convention_hypotheses(made.cell, made.recording) if r.code in codes]
+    given = declared(made.cell, made.recording)
+    readings = [h.reread(given) for h in convention_hypotheses(given) if h.code in codes]
     ready = ReadyViews(made.cameras)
     for reading in readings:
-        problem, _ = build_problem(*reading.apply(made.cell, made.recording))
-        (group,) = problem.groups
+        (group,) = reading.problem.groups
         view, alone = ready.of(group, 12), sight_for(group, made.cameras[group.camera], 12)
         np.testing.assert_array_equal(view.group.sample, alone.group.sample)
         np.testing.assert_array_equal(view.candidates.rotation, alone.candidates.rotation)

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tests.shared.declared import declared
+from tests.shared.rewriting import resized, with_pixels
 
 from basecal.accuracy.input_check import noise_evidence as module
 from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
 from basecal.accuracy.input_check.noise_evidence import _scatter_gain, noise_evidence
-from basecal.accuracy.input_check.rewriting import with_pixels
 from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
@@ -31,17 +32,20 @@ def with_lens(cell, shift_px=0.0, status="fixed"):
     return replace(cell, cameras={"wrist": changed})
 
 
+def fitted(reading):
+    return fit_hypothesis(reading.cell, reading.problem, STATED)
+
+
 def of_size(made, factor):
     """Evidence for a board so many times as large as stated."""
-    sized = target_size("board", factor, made.cell).apply(made.cell, made.recording)
-    declared = fit_hypothesis(made.cell, made.recording, STATED)
-    return noise_evidence(fit_hypothesis(*sized, STATED), declared)
+    given = declared(made.cell, made.recording)
+    return noise_evidence(fitted(target_size("board", factor, made.cell).reread(given)), fitted(given))
 
 
 def of_lens(made, cell):
     """Evidence for a lens that is not as the cell states."""
-    declared = fit_hypothesis(cell, made.recording, STATED)
-    return noise_evidence(fit_hypothesis(with_lens(cell, status="free"), made.recording, STATED), declared)
+    given = declared(cell, made.recording)
+    return noise_evidence(fitted(given.restated(with_lens(cell, status="free"))), fitted(given))
 
 
 @pytest.mark.parametrize("seed", quick(range(3), [0]))
@@ -49,7 +53,7 @@ def test_noise_of_arms_is_no_size(seed):
     """By 0.3 % a board may seem larger where arms are off by 0.1 mm: likelihoods do not ask for it; for 3 % they do."""
     made = simulate(FEW, seed)
     assert of_size(made, 1.003).chance > 1e-3
-    true = target_size("board", 1.03, made.cell).apply(made.cell, made.recording)[0]
+    true = resized(made.cell, {"board": 1.03})
     wrong = of_size(replace(made, cell=true), 1 / 1.03)
     assert wrong.chance < 1e-6
     assert wrong.gain > 30
@@ -67,7 +71,7 @@ def test_pixels_of_any_size_scatter_alike(seed):
 def test_points_in_space_show_their_size():
     """Distances between points that are measured in space tell a size of 5 % whatever arms do."""
     made = simulate(replace(FEW, target="points3d"), 0)
-    wrong = target_size("board", 1.05, made.cell).apply(made.cell, made.recording)[0]
+    wrong = resized(made.cell, {"board": 1.05})
     found = of_size(replace(made, cell=wrong), 1 / 1.05)
     assert found.gain > 100
     assert found.chance < 1e-12
@@ -89,8 +93,8 @@ def test_points_in_space_speak_for_the_size_about_which_they_scatter_less(stated
         unstated = [replace(o, sigma_m=None) for s in made.recording.samples for o in s.observations]
         samples = [replace(s, observations=(o,)) for s, o in zip(made.recording.samples, unstated, strict=True)]
         made = replace(made, recording=replace(made.recording, samples=tuple(samples)))
-    wrong = target_size("board", 1.01, made.cell).apply(made.cell, made.recording)[0]
-    right, off = (fit_hypothesis(cell, made.recording, STATED).solution for cell in (made.cell, wrong))
+    wrong = resized(made.cell, {"board": 1.01})
+    right, off = (fitted(declared(cell, made.recording)).solution for cell in (made.cell, wrong))
     assert _scatter_gain(right, right) == 0.0
     assert _scatter_gain(right, off) > 10
     assert _scatter_gain(off, right) == pytest.approx(-_scatter_gain(right, off))

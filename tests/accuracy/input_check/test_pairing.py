@@ -7,8 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.shared import rewriting
+from tests.shared.declared import declared
 
-from basecal.accuracy.input_check import pairing, rewriting
+from basecal.accuracy.input_check import pairing
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.cell import Recording
@@ -22,12 +24,12 @@ def test_the_sample_of_a_missed_detection_is_found():
     """Observations from sample 9 on one too early: the first guess moves them back from there."""
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=9)
-    first, fits = pairing_errors(made.cell, wrong, made.cameras, [None, "eye", "hand"])[0]
-    told = first.apply(made.cell, wrong)[1]
-    true = {s.sample: s.observations for s in made.recording.samples}
+    first, fits = pairing_errors(declared(made.cell, wrong), made.cameras, [None, "eye", "hand"])[0]
+    (found,) = first.reread(declared(made.cell, wrong)).problem.groups
+    (true,) = declared(made.cell, made.recording).problem.groups
     assert first.about == ()
-    assert [s.observations for s in told.samples] == [true[s.sample] for s in told.samples]
-    assert len(told.samples) == 22
+    np.testing.assert_array_equal(found.measurement.pixels, true.measurement.pixels[found.sample])
+    assert len(found) == 22
     (fit,) = fits.values()
     assert trimmed(fit.off, 1.0) < 0.01
 
@@ -36,16 +38,20 @@ def test_the_last_few_samples_are_no_slip():
     """The last two observations are of one sample later: no guess is from there on, which outliers would explain."""
     made = simulate(Scenario(samples=24), 3)
     wrong = rewriting.shifted(made.recording, None, -1, start=21)
-    recorded = {s.sample: s.observations for s in wrong.samples}
-    for guess, _ in pairing_errors(made.cell, wrong, made.cameras, [None]):
-        told = guess.apply(made.cell, wrong)[1]
-        assert min(s.sample for s in told.samples if s.observations != recorded[s.sample]) <= 20
+    given = declared(made.cell, wrong)
+    recorded = dict(
+        zip(given.problem.groups[0].sample.tolist(), given.problem.groups[0].measurement.pixels, strict=True)
+    )
+    for guess, _ in pairing_errors(declared(made.cell, wrong), made.cameras, [None]):
+        (found,) = guess.reread(given).problem.groups
+        pairs = zip(found.sample.tolist(), found.measurement.pixels, strict=True)
+        assert min(number for number, pixels in pairs if np.any(pixels != recorded[number])) <= 20
 
 
 def test_few_samples_give_no_slip():
     """With fewer than six samples to either side there is nothing to start from."""
     made = simulate(Scenario(samples=11), 0)
-    assert pairing_errors(made.cell, made.recording, made.cameras, [None]) == []
+    assert pairing_errors(declared(made.cell, made.recording), made.cameras, [None]) == []
 
 
 def test_turned_views_are_found():
@@ -58,9 +64,9 @@ def test_turned_views_are_found():
     for k in (2, 3, 7):
         (one,) = rewriting.with_targets(Recording((samples[k],)), lambda poses: poses @ turn).samples
         samples[k] = one
-    found = half_turns(cell, Recording(tuple(samples)))
+    found = half_turns(declared(cell, Recording(tuple(samples))))
     assert {reading.about for reading in found} >= {("board", "2", "3", "7")}
-    assert half_turns(cell, made.recording) == []
+    assert half_turns(declared(cell, made.recording)) == []
 
 
 @pytest.mark.parametrize(("count", "more"), [(10, False), (11, True)])
@@ -75,13 +81,13 @@ def test_ten_turned_views_are_listed(count, more):
         for k, (s, t) in enumerate(zip(made.recording.samples, turned.samples, strict=True))
     ]
     numbers = tuple(str(k) for k in range(1, 2 * count, 2))
-    (found,) = [h for h in half_turns(cell, Recording(tuple(wrong))) if h.about == ("board", *numbers)]
+    (found,) = [h for h in half_turns(declared(cell, Recording(tuple(wrong)))) if h.about == ("board", *numbers)]
     assert (", ..." in found.words) == more
     assert f"at sample {', '.join(numbers[:10])}{', ...' if more else ''}: read" in found.words
-    right = found.apply(cell, Recording(tuple(wrong)))[1]
-    for mended, true in zip(right.samples, made.recording.samples, strict=True):
-        off = mended.observations[0].camera_from_target.inverse() @ true.observations[0].camera_from_target
-        assert np.abs(off.log()).max() < 1e-9
+    (right,) = found.reread(declared(cell, Recording(tuple(wrong)))).problem.groups
+    (true,) = declared(cell, made.recording).problem.groups
+    found_poses, poses = (of.measurement.measured_camera_from_target for of in (right, true))
+    np.testing.assert_allclose(found_poses.matrix, poses.matrix, atol=1e-9)
 
 
 @pytest.mark.parametrize("at", [4, 9, 15, 16])
@@ -139,32 +145,34 @@ def test_the_halves_are_fitted_as_recorded_and_as_shifted(monkeypatch):
     made = simulate(Scenario(samples=13, target="pose"), 0)
     fitted = []
 
-    def fits(cell, recordings, lenses):
-        fitted.extend(recordings)
-        return [{} for _ in recordings]
+    def fits(readings, lenses):
+        fitted.extend(readings)
+        return [{} for _ in readings]
 
     monkeypatch.setattr(pairing, "_fits", fits)
-    pairing_errors(made.cell, made.recording, made.cameras, [None, "hand"])
-    numbers = [[s.sample for s in part.samples] for part in fitted]
-    assert numbers[0] == list(range(6))
-    assert fitted[0].samples == made.recording.samples[:6]
-    true = made.recording.samples
+    pairing_errors(declared(made.cell, made.recording), made.cameras, [None, "hand"])
+    assert [part.order.tolist() for part in fitted[:1]] == [list(range(6))]
+    (true,) = declared(made.cell, made.recording).problem.groups
+    poses, flanges = true.measurement.measured_camera_from_target, true.hand.base_from_flange
     for stream, by, part in zip([None, None, "hand", "hand"], [1, -1, 1, -1], fitted[1:], strict=True):
         kept = list(range(1, 13)) if by > 0 else list(range(12))
-        assert [s.sample for s in part.samples] == kept[6:]
-        for sample in part.samples:
-            other = true[sample.sample - by]
-            assert sample.observations == (other if stream is None else true[sample.sample]).observations
-            assert sample.robots["hand"] is (true[sample.sample] if stream is None else other).robots["hand"]
+        assert part.order.tolist() == kept[6:]
+        (group,) = part.problem.groups
+        order = np.argsort(group.sample)
+        other, own = group.sample[order] - by, group.sample[order]
+        seen, hand = (other, own) if stream is None else (own, other)
+        found = group.measurement.measured_camera_from_target[order]
+        np.testing.assert_array_equal(found.matrix, poses[seen].matrix)
+        np.testing.assert_array_equal(group.hand.base_from_flange[order].matrix, flanges[hand].matrix)
 
 
 @pytest.mark.parametrize(("count", "some"), [(11, False), (12, True)])
 def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
     """And the two likeliest slips are given, best first."""
     made = simulate(Scenario(samples=count, target="pose"), 0)
-    monkeypatch.setattr(pairing, "_fits", lambda cell, recordings, lenses: [{k: k} for k in range(len(recordings))])
+    monkeypatch.setattr(pairing, "_fits", lambda readings, lenses: [{k: k} for k in range(len(readings))])
     monkeypatch.setattr(pairing, "_off", lambda pairs, order, fits: np.full(count, 0.1 * (7 - next(iter(fits)))))
-    found = pairing_errors(made.cell, made.recording, made.cameras, [None, "eye", "hand"])
+    found = pairing_errors(declared(made.cell, made.recording), made.cameras, [None, "eye", "hand"])
     assert [fits for _, fits in found] == ([{6: 6}, {5: 5}] if some else [])
 
 
@@ -172,9 +180,9 @@ def test_a_stream_that_comes_later_leaves_a_sample_out(monkeypatch):
     """Where it changes nothing is left for that sample; one that comes earlier loses its last."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     lost = []
-    monkeypatch.setattr(pairing, "_fits", lambda cell, recordings, lenses: [{} for _ in recordings])
+    monkeypatch.setattr(pairing, "_fits", lambda readings, lenses: [{} for _ in readings])
     monkeypatch.setattr(pairing, "_change", lambda before, after, by: lost.append(by) or (0.1, 5))
-    found = pairing_errors(made.cell, made.recording, made.cameras, [None])
+    found = pairing_errors(declared(made.cell, made.recording), made.cameras, [None])
     assert lost == [1, 1, 0, 0]
     assert "from sample 5 on belongs 1 sample later" in found[0][0].words
 
@@ -188,7 +196,7 @@ def test_how_far_samples_are_off(monkeypatch):
         for camera, rows in (("a", [7, 2, 5]), ("b", [2, 4]), ("c", [1, 2]))
     ]
     fits = {(name, "board"): SimpleNamespace(triple=name) for name in "ab"}
-    order = SimpleNamespace(samples=[SimpleNamespace(sample=k) for k in (1, 2, 4, 5, 7)])
+    order = SimpleNamespace(order=np.array([1, 2, 4, 5, 7]))
     expected = [np.nan, np.sqrt((0.2**2 + 0.4**2) / 2), 0.5, 0.3, 0.1]
     np.testing.assert_allclose(pairing._off(pairs, order, fits), expected)
 
@@ -221,17 +229,12 @@ def test_six_views_of_a_grid_show_which_are_turned(count):
         other = replace(seen, target="other", camera_from_target=seen.camera_from_target @ turn)
         mine = replace(seen, camera_from_target=seen.camera_from_target @ turn) if k == 2 else seen
         samples.append(replace(sample, observations=(mine, other)))
-    found = half_turns(cell, Recording(tuple(samples)))
+    found = half_turns(declared(cell, Recording(tuple(samples))))
     assert [h.about for h in found] == ([] if count < 6 else [("board", "2"), ("board", *"01345")])
     if found:
-        mended = found[0].apply(cell, Recording(tuple(samples)))[1]
-        for true, sample, given in zip(made.recording.samples, mended.samples, samples, strict=True):
-            off = sample.observations[0].camera_from_target.inverse() @ true.observations[0].camera_from_target
-            assert np.abs(off.log()).max() < 1e-9
-            assert sample.observations[1] is given.observations[1]
-
-
-def test_only_poses_are_turned():
-    """Pixels of a target of the same name stay as they are."""
-    (sample,) = simulate(Scenario(samples=1), 0).recording.samples
-    assert pairing._turned(sample.observations[0], "board", SE3.identity()) is sample.observations[0]
+        given, true = declared(cell, Recording(tuple(samples))), declared(made.cell, made.recording)
+        groups = {g.target: g.measurement.measured_camera_from_target for g in found[0].reread(given).problem.groups}
+        poses = true.problem.groups[0].measurement.measured_camera_from_target
+        np.testing.assert_allclose(groups["board"].matrix, poses.matrix, atol=1e-9)
+        (other,) = (g for g in given.problem.groups if g.target == "other")
+        np.testing.assert_array_equal(groups["other"].matrix, other.measurement.measured_camera_from_target.matrix)

@@ -8,8 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
+from tests.shared.declared import declared
+from tests.shared.rewriting import resized, scaled, with_joints, with_points, with_robots, with_targets
 
-from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
+from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input, impossible_reading
 from basecal.cell import (
     Cell,
     CellCamera,
@@ -24,6 +26,7 @@ from basecal.cell import (
 )
 from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
 
 BASE, CAMERA, BOARD = "eye_base_from_hand_base", "eye_flange_from_wrist", "eye_base_from_board"
 
@@ -151,3 +154,26 @@ def test_mounts(far, found):
     """On a flange up to 2 m, on the world up to 20."""
     assert answered(**{CAMERA: at(far)}) == ((f"{CAMERA} {far:.3g} m",) if found else ())
     assert answered(on="world", **{BOARD: at(10 * far)}) == ((f"{BOARD} {10 * far:.3g} m",) if found else ())
+
+
+@pytest.mark.parametrize("target", ["pose", "points3d", "charuco"])
+@pytest.mark.parametrize("factor", [1.0, 1e3])
+def test_a_reading_is_held_to_the_same_facts(target, factor):
+    """As the recording that it would be, whatever is a thousand times too large in it."""
+    made = simulate(Scenario(samples=5, target=target), 0)
+    pairs = [
+        (made.cell, with_robots(made.recording, {"eye": scaled(factor)})),
+        (resized(made.cell, {"board": factor}) if target != "pose" else made.cell, made.recording),
+        (made.cell, with_points(made.recording, -factor)),
+    ]
+    if target == "pose":
+        pairs.append((made.cell, with_targets(made.recording, scaled(factor))))
+    for cell, recording in pairs:
+        assert impossible_reading(declared(cell, recording)) == impossible_input(cell, recording)
+
+
+def test_joints_of_a_reading_are_held_to_their_limits():
+    """Ten times as far they are beyond them, as the recording would be."""
+    made = simulate(Scenario(samples=5, joints=True), 0)
+    far = with_joints(made.recording, "eye", 10.0)
+    assert impossible_reading(declared(made.cell, far)) == impossible_input(made.cell, far) != ()

@@ -7,8 +7,8 @@ from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
+from tests.shared.rewriting import inverted, scaled, shifted, with_robots
 
-from basecal.accuracy.input_check.rewriting import inverted, scaled, shifted, with_robots
 from basecal.accuracy.input_screening import quick_look as module
 from basecal.accuracy.input_screening.quick_look import preview_samples, quick_look
 from basecal.cell import Finding, Recording

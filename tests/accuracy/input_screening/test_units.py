@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.shared.rewriting import resized, scaled, with_joints, with_points, with_robots, with_targets
 
-from basecal.accuracy.input_check.hypotheses import resized
-from basecal.accuracy.input_check.rewriting import scaled, with_joints, with_points, with_robots, with_targets
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell import PointObservation, PoseObservation, Recording, RobotState, Sample
 from basecal.geometry import SE3

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.shared.rewriting import resized
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.input_check.hypotheses import resized
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.cell import Finding
 from basecal.effects.faces.found import FoundEffect

@@ -8,12 +8,11 @@ import numpy as np
 
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.step import ClockStep, clock_step
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import ClockOffset, Finding, LineTime
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.rolling_shutter import line_time_name
-
-_CONTRADICTED_SIGMAS = 4.0  # sigmas of its prior by which an offset contradicts it, as for all priors
 
 
 def remaining_step(search: Clocked, solution: Solution) -> ClockStep:
@@ -72,7 +71,7 @@ def clock_findings(search: Clocked, left: ClockStep) -> list[Finding]:
             at = f"{1e6 * search.offsets_s[name]:.1f} us" if is_line else f"{search.offsets_s[name]:.3f} s"
             why = f"Nothing moves enough while it records: it is held at {at}, and nothing depends on it."
             findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
-        elif known.sigma_s is not None and abs(offset - known.offset_s) > _CONTRADICTED_SIGMAS * known.sigma_s:
+        elif known.sigma_s is not None and _is_contradicted(device, (offset - known.offset_s) / known.sigma_s):
             is_at = f"{1e6 * offset:.2f} us" if is_line else f"{1e3 * offset:.1f} ms off"
             stated = f"{1e6 * known.offset_s:.2f} us" if is_line else f"{1e3 * known.offset_s:.1f} ms"
             sigmas = abs(offset - known.offset_s) / known.sigma_s
@@ -80,3 +79,8 @@ def clock_findings(search: Clocked, left: ClockStep) -> list[Finding]:
             do = ("Check the prior, or set its status to free.",)
             findings.append(Finding("prior-contradicted", "warning", (device,), what, do))
     return findings
+
+
+def _is_contradicted(device: str, sigmas: float) -> bool:
+    """Whether an offset that is so far off its prior is believed rather than that."""
+    return compare_nested(device, sigmas**2, 1).is_taken

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtr
 
 from basecal.accuracy.cross_validation.refit import Refit, with_known_stops
+from basecal.accuracy.model_comparison.held_out import compare_predictions
 from basecal.accuracy.residuals.fit import single_view_pose
-from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
@@ -23,8 +22,6 @@ from basecal.geometry import SE3, Array, BoolArray
 
 _FEWEST = 6  # held-out views that are compared
 _FEWEST_FITTED = 3  # views, of which a closed form has two motions
-# Of held-out errors: estimators that weigh the same views otherwise differ by a few hundredths, models by more.
-_CLEARLY = 1.1
 _SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] of held-out errors: no arm and no camera tells smaller ones apart
 
 Triple = tuple[SE3, SE3, SE3]
@@ -104,19 +101,14 @@ def _off(alone: SE3, predicted: SE3) -> Array:
 
 
 def _ratio(ours: Array, theirs: Array) -> float | None:
-    """Held-out error of the answer over the rival's; None where that is no clear gain, or may be chance.
-
-    View by view, by Student's t of the difference of squares over the answer's mean ones.
-    """
+    """Held-out error of the answer over the rival's; None if that is no clear gain, or may be chance."""
     if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)):
         return None
     ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
     unit = ours.mean(0)
-    gain = np.sum((ours - theirs) / unit, axis=1)
-    ratio = float(np.sqrt(2 / np.sum(theirs.mean(0) / unit)))
-    spread = float(np.std(gain, ddof=1)) / np.sqrt(len(gain))
-    chance = float(stdtr(len(gain) - 1, -gain.mean() / max(spread, 1e-300)))
-    return ratio if ratio > _CLEARLY and chance < CONFIRMED_SIGNIFICANCE else None
+    squares, in_use = (theirs / unit).sum(1), (ours / unit).sum(1)
+    is_taken = compare_predictions("closed form", squares, in_use).is_taken
+    return float(np.sqrt(in_use.mean() / squares.mean())) if is_taken else None
 
 
 def _moved(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:

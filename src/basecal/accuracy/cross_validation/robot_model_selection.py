@@ -1,7 +1,7 @@
 """Whether a robot's own kinematics are off, decided on held-out samples.
 
-A model is taken where it predicts held-out stations better than every simpler one by three standard errors of the mean
-difference; between two and three the choice is undecided. Robots' noise is marginalised view by view.
+The simplest model is chosen that none predicts held-out stations better than, beyond chance; see `model_comparison`.
+Robots' noise is marginalised view by view.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtri, stdtr
 
 from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
+from basecal.accuracy.model_comparison.comparison import Comparison, Decision
+from basecal.accuracy.model_comparison.held_out import compare_held_out
 from basecal.cell import Parameters
 from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
@@ -30,7 +31,6 @@ from basecal.numerics.spectral import spectrum
 
 _FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
 _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
-_CERTAIN, _DOUBTED = 3.0, 2.0  # standard errors: chances of 1 and 23 in 1,000
 _JOINTS_TRIED = 3  # single joints, those that the data call for most: one that is off alone is the first of them
 _WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
@@ -67,8 +67,8 @@ class RobotModelChoice:
     """The model of the robots that held-out samples call for.
 
     Attributes:
-        chosen: The simplest that none predicts better than by three standard errors.
-        better: A richer one that is better by two to three standard errors; None where the choice is clear.
+        chosen: The simplest that none predicts better than, beyond chance.
+        better: A richer one that may be better; None if the choice is clear.
         candidates: All that were tried, the simplest first.
         solution: All data solved with `chosen`.
     """
@@ -110,10 +110,9 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
         return None
     found = _Trials(problem, chains, plain.state, split, settings.iterations).candidates()
     best = min(found, key=_mean_score)
-    behind = [_standard_errors(each.scores - best.scores) for each in found]
-    place = next(k for k, errors in enumerate(behind) if errors < _CERTAIN)
-    chosen = found[place]
-    better = best if behind[place] > _DOUBTED else None
+    ahead = [_compared(best, each) for each in found]
+    chosen, compared = next(pair for pair in zip(found, ahead, strict=True) if not pair[1].is_taken)
+    better = best if compared.decision is Decision.UNDECIDED else None
     whole = solution.problem.with_noise(richest.noise.noise)
     end = solve_from(whole.with_models(_of(whole, chains, chosen)), solution.state, settings)
     return RobotModelChoice(chosen, better, tuple(found), end)
@@ -157,7 +156,7 @@ class _Trials:
         none, offsets, links = self.scored("none", ()), self.scored("offsets", robots), self.scored("links", robots)
         least = min(offsets, links, key=_mean_score)
         found = [none]
-        if _standard_errors(none.scores - least.scores) > _DOUBTED:
+        if _compared(least, none).decision is not Decision.KEEP:
             joints = (self.scored("joint", (robot,), joint) for robot, joint in self.likeliest_joints())
             found += sorted(joints, key=_mean_score)
             if len(robots) > 1:
@@ -198,8 +197,5 @@ def _mean_score(candidate: Candidate) -> float:
     return float(candidate.scores.mean())
 
 
-def _standard_errors(difference: Array) -> float:
-    """A mean difference in standard errors, as rare under Student's distribution as that many are under the normal."""
-    n = len(difference)
-    spread = float(np.std(difference, ddof=1)) / np.sqrt(n) if n > 1 else 0.0
-    return -float(ndtri(stdtr(n - 1, -np.mean(difference) / spread))) if spread > 0 else 0.0
+def _compared(richer: Candidate, simpler: Candidate) -> Comparison:
+    return compare_held_out(richer.kind, simpler.scores - richer.scores)

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_array
-from scipy.special import chdtrc, fdtrc
 
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
 from basecal.accuracy.cross_validation.folds import Samples, splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
+from basecal.accuracy.model_comparison.comparison import Comparison
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Validation
 from basecal.estimation.least_squares.normal_equations import linearise
@@ -72,11 +73,17 @@ class HeldOutErrors:
 
 @dataclass(frozen=True)
 class FoldSpread:
-    """How far the folds' answers are from the full one: mean square in sigmas, its freedoms, the chance of as much."""
+    """How far the folds' answers are from the full one.
+
+    Attributes:
+        mean_square: In sigmas.
+        freedoms: Of that.
+        beyond_covariance: Whether a wider spread than the covariance predicts is to be believed.
+    """
 
     mean_square: float
     freedoms: float
-    chance: float
+    beyond_covariance: Comparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,9 +242,9 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str], c
     effective = freedoms**2 / max(correlation, 1e-300)
     if effective < _FEWEST_FREEDOMS:
         return None
-    if solution.noise.estimated or solution.noise.factor != 1.0:
-        return FoldSpread(mean, effective, float(fdtrc(effective, max(solution.dof, 1), mean)))
-    return FoldSpread(mean, effective, float(chdtrc(effective, effective * mean)))
+    is_estimated = bool(solution.noise.estimated) or solution.noise.factor != 1.0
+    of_noise = max(solution.dof, 1) if is_estimated else np.inf
+    return FoldSpread(mean, effective, compare_nested("spread", effective * mean, effective, noise_freedoms=of_noise))
 
 
 def _information(solution: Solution) -> Array | csc_array:

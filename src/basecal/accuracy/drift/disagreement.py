@@ -9,18 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, frame_shifts, joint_shifts, size_shifts
-from basecal.accuracy.systematic_errors.score_tests import log_chance_of
+from basecal.accuracy.model_comparison.nested import DISAGREES, equally_likely, log_chance
 from basecal.cell import Calibration, Cell, Recording
 from basecal.geometry import SE3
-
-SUSPECT_CHANCE = 0.01
-"""Chance above which samples agree, and no cause is looked for."""
-
-_EQUAL_STATISTIC = 6.0  # of the statistic: causes that are not e^3 times less likely than the best are not told from it
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +24,7 @@ class Disagreement:
     Attributes:
         chance: Of samples so far off by noise alone.
         causes: What may have moved, the likeliest first; those that explain the samples about equally. Empty above
-            `SUSPECT_CHANCE`.
+            `DISAGREES`.
         chance_left: Of what the likeliest cause leaves unexplained.
     """
 
@@ -50,13 +44,13 @@ def disagreement(cell: Cell, calibration: Calibration, recording: Recording) -> 
     if not freedoms:
         return None
     chance = _chance(of, _total(of), freedoms)
-    if chance > SUSPECT_CHANCE:
+    if chance > DISAGREES:
         return Disagreement(chance, (), chance)
     moved = [_relinearise(cell, calibration, recording, shift) for shift in frame_shifts(of)]
     others = [(shift, _total(of) - shift.statistic) for shift in (*size_shifts(of), *joint_shifts(of))]
     causes = sorted([*moved, *others], key=lambda each: _cost(*each))
     best, left = causes[0]
-    likely = tuple(shift for shift, cost in causes if _cost(shift, cost) < _cost(best, left) + _EQUAL_STATISTIC)
+    likely = tuple(causes[k][0] for k in equally_likely([_cost(*each) for each in causes]))
     return Disagreement(chance, likely, _chance(of, max(left, 0.0), freedoms - best.freedoms))
 
 
@@ -81,8 +75,4 @@ def _cost(shift: Shift, left: float) -> float:
 
 
 def _chance(innovations: Innovations, statistic: float, freedoms: int) -> float:
-    if freedoms < 1:
-        return 1.0
-    if not np.isfinite(innovations.freedoms_of_noise):
-        return float(np.exp(log_chance_of(statistic, freedoms)))
-    return float(fdtrc(freedoms, innovations.freedoms_of_noise, statistic / freedoms))
+    return float(np.exp(log_chance(statistic, freedoms, innovations.freedoms_of_noise)))

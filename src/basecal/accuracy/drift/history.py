@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
-from scipy.special import chdtrc
 
 from basecal.accuracy.drift.verify import Verification
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import MeasuredShift, PastVerification
 from basecal.geometry import Array
 
@@ -81,4 +81,4 @@ def _drift(name: str, run_name: str, history: Sequence[PastVerification]) -> Dri
     information = (weight * apart**2).sum(0)
     slope = (weight * apart * shift).sum(0) / information
     squared = float(np.sum(slope**2 * information))
-    return Drift(name, run_name, len(history), slope, information**-0.5, float(chdtrc(3, squared)))
+    return Drift(name, run_name, len(history), slope, information**-0.5, compare_nested(name, squared, 3).chance)

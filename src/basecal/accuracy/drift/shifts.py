@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import chdtri, chndtr, fdtrc, fdtri
+from scipy.special import chdtri, chndtr, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
-from basecal.accuracy.systematic_errors.score_tests import log_chance_of
+from basecal.accuracy.model_comparison.nested import log_chance
 from basecal.effects.target_size import size_moves
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
@@ -27,7 +27,6 @@ SIZE_KIND = "size"
 _HIDDEN_SHARE = 1e-6  # share of its information in any one coordinate below which a direction of a shift is not seen
 _DIRECTION_COUNT = 100  # over which the chance to see a shift is averaged, to a thousandth
 _SCALE_COUNT = 20  # of a variance, over which it is averaged too
-_LEAST_CHANCE = 1e-280  # of a chance as it is: what is less is told by the tail of a chi-square
 _LARGEST_M = 10.0  # a shift that no cell has [m]: what is not seen then is not seen at all
 
 
@@ -60,10 +59,7 @@ class Shift:
     @property
     def log_chance(self) -> float:
         """Logarithm of the chance of a statistic so large where it did not move."""
-        if not np.isfinite(self.of_noise) or not self.freedoms:
-            return log_chance_of(self.statistic, self.freedoms)
-        chance = float(fdtrc(self.freedoms, self.of_noise, self.statistic / self.freedoms))
-        return float(np.log(chance)) if chance > _LEAST_CHANCE else log_chance_of(self.statistic, self.freedoms)
+        return log_chance(self.statistic, self.freedoms, self.of_noise)
 
     def threshold(self, level: float) -> float:
         """The statistic that is passed by this chance where it did not move."""

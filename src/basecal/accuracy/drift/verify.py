@@ -9,18 +9,13 @@ import numpy as np
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, with_shared_errors
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
+from basecal.accuracy.model_comparison.nested import MOVED, equally_likely
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.streams.streams import synchronous
-
-SIGNIFICANCE_LEVEL = 5e-3
-"""The chance of an alarm where nothing moved: once in two hundred checks, about a year of working days."""
 
 POWER = 0.95
 """The chance by which a shift of the length that is given as detectable is seen."""
 
-_EQUAL_STATISTIC = (
-    6.0  # of the statistic: explanations that are not e^3 times less likely than the best are not told from it
-)
 _FEWEST_SAMPLES = 4  # samples of which one may be the odd one out
 _LARGEST_DETECTABLE_M = (
     0.1  # of the shift that would be seen: where it is larger, predictions are too uncertain for first order
@@ -82,20 +77,16 @@ def _verify(cell: Cell, innovations: Innovations) -> Verification:
     frames = list(frame_shifts(innovations))
     if not frames:
         return Verification(None, 1.0, None, (), None, samples)
-    level = SIGNIFICANCE_LEVEL / len(frames)
+    level = MOVED / len(frames)
     chance = min(1.0, len(frames) * float(np.exp(min(each.log_chance for each in frames))))
     asked = [each for each in frames if each.transform in cell.asked] or frames
     lengths = [detectable_m(each, level, POWER) for each in asked]
     seen = None if None in lengths else max(length for length in lengths if length is not None)
-    moved = chance < SIGNIFICANCE_LEVEL
+    moved = chance < MOVED
     explanations = sorted([*frames, *joint_shifts(innovations)], key=lambda each: each.log_chance)
     best = explanations[0]
     is_blind = seen is not None and seen > _LARGEST_DETECTABLE_M
     is_moved = None if is_blind else True if moved else None if seen is None else False
-    alike = [each for each in explanations[1:] if is_moved and _score(each) > _score(best) - _EQUAL_STATISTIC]
+    equal = equally_likely([each.freedoms - each.statistic for each in explanations])
+    alike = [explanations[k] for k in equal if is_moved and explanations[k] is not best]
     return Verification(is_moved, chance, best, tuple(alike), seen, samples, asked=tuple(asked))
-
-
-def _score(shift: Shift) -> float:
-    """The statistic less what the freedoms alone gain on average."""
-    return shift.statistic - shift.freedoms

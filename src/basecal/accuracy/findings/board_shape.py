@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtrc
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import Finding
 from basecal.effects.target_shape import freedoms, words
 
@@ -18,8 +17,8 @@ def board_shape(evidence: Evidence) -> list[Finding]:
         target = evidence.cell.targets[name].target
         if target is None:
             continue
-        statistic = shape @ np.linalg.solve(spread, shape)
-        if chdtrc(freedoms(target.points, shape), statistic) > SIGNIFICANCE:
+        statistic = float(shape @ np.linalg.solve(spread, shape))
+        if not compare_nested(name, statistic, freedoms(target.points, shape)).is_taken:
             continue
         found = words(name, target.points, shape)
         if found is not None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.significance import SIGNIFICANCE
 from basecal.cell import Finding
 
 
 def inconsistent_folds(evidence: Evidence) -> list[Finding]:
     """A warning where the folds' spread is larger than what the covariance predicts, by more than chance."""
     spread = None if evidence.cross_validation is None else evidence.cross_validation.spread
-    if spread is None or spread.chance > SIGNIFICANCE:
+    if spread is None or not spread.beyond_covariance.is_taken:
         return []
     problem = evidence.solution.problem
     lacking = [robot for robot in problem.robots if robot not in problem.stops.robot]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
+from basecal.accuracy.model_comparison.nested import compare_evidence
 from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection
 from basecal.effects.registry import RANDOM_EFFECTS, describe_effect
 
-_STRONG_EVIDENCE = 10.0  # of twice the log of the evidence, beyond which it is very strong (Kass & Raftery 1995)
 _ARM_CODES = {"robot-model", "deflection"}
 _CONTAINED_SENTENCE = "The covariance contains it."
 
@@ -22,7 +22,7 @@ def likely_kinematics(evidence: Evidence) -> list[Finding]:
     noise = evidence.solution.noise
     name, sigmas = next(iter(noise.common.items()), ("", {}))
     likely = RANDOM_EFFECTS[name].likely if name else None
-    if likely is None or noise.plain_surprise - noise.surprise < _STRONG_EVIDENCE:
+    if likely is None or not compare_evidence(name, noise.plain_surprise - noise.surprise).is_taken:
         return []
     words = likely(sigmas)
     found = evidence.systematic_error

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Set
 
 import numpy as np
-from scipy.special import chdtri
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.stated_lens import is_stated
@@ -43,7 +42,7 @@ def contradicted_priors(solution: Solution, excluded: Set[str] = frozenset()) ->
         after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
         learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
         off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
-        if learnt.rank and off > chdtri(int(learnt.rank), SIGNIFICANCE):
+        if compare_nested(name, off, int(learnt.rank)).is_taken:
             what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
             why, do = "That is more than chance explains.", ("State larger sigmas or a better value, or make it free.",)
             found.append(Finding("prior-contradicted", "warning", (name,), what, do, why))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtri
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation
-from basecal.accuracy.significance import SIGNIFICANCE
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import Finding
 from basecal.effects.registry import LENS_PARAMETERS
 from basecal.estimation.problem.stated_lens import is_stated, usual_sigmas
@@ -35,7 +34,7 @@ def _is_contradicted(name: str, stated_camera: Camera, solution: Solution) -> bo
     known = informed_spectrum(
         innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual)
     )
-    return bool(known.rank) and float(known.mahalanobis_squared(off)) > chdtri(int(known.rank), SIGNIFICANCE)
+    return compare_nested(name, float(known.mahalanobis_squared(off)), int(known.rank)).is_taken
 
 
 def _sentences(name: str, stated_camera: Camera, solution: Solution) -> tuple[str, tuple[str, ...], str]:

@@ -14,9 +14,7 @@ import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import AS_DECLARED, ConventionHypothesis, convention_hypotheses, streams
 from basecal.accuracy.input_check.hypothesis_choice import (
-    WIDER,
     TriedHypothesis,
-    better,
     decide_hypotheses,
     has_tail,
     is_observable,
@@ -25,23 +23,21 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     FOLDS,
     HypothesisFit,
     fit_hypothesis,
-    in_order,
     plausible,
     ratio,
-    thinned,
 )
 from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
-from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_input
+from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_reading
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
-from basecal.accuracy.input_check.rewriting import LINKS, without_links
 from basecal.accuracy.input_check.target_sizes import size_hypotheses
 from basecal.accuracy.input_check.unexplained_motion import unexplained_motion
-from basecal.accuracy.many_robots.single_pairs import has_many_robots, merge_findings, solve_single_pairs
+from basecal.accuracy.readings.reading import Reading, as_recorded
+from basecal.accuracy.readings.single_pairs import has_many_robots, merge_findings, solve_single_pairs
 from basecal.cell import Cell, Finding, Recording
+from basecal.effects.link_parameters import NAME as LINKS
 from basecal.errors import BasecalError
 from basecal.estimation.noise.robot_noise import stops_made
-from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
@@ -96,15 +92,14 @@ def check_conventions(
         An error for each hypothesis that explains the data better than the declared one, or as well where the declared
         one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no hypothesis does.
     """
-    recording = in_order(recording)
+    declared = as_recorded(cell, recording, problem)
     if not has_many_robots(problem):
-        return _in_step([_checked(cell, recording, problem, solution.state, settings, explained)])[0]
-    pairs = solve_single_pairs(cell, recording, problem, solution.state)
+        return _in_step([_checked(declared, solution.state, settings, explained)])[0]
+    pairs = solve_single_pairs(declared, solution.state)
     found: list[tuple[Finding, ...]] = []
     for at in range(0, len(pairs), _IN_STEP):
         settings.part(at, len(pairs))
-        some = ((pair, build_problem(pair.cell, pair.recording)[0]) for pair in pairs[at : at + _IN_STEP])
-        found += _in_step([_checked(p.cell, p.recording, own, p.state, settings, explained) for p, own in some])
+        found += _in_step([_checked(p.reading, p.state, settings, explained) for p in pairs[at : at + _IN_STEP]])
     return merge_findings(pairs, found)
 
 
@@ -124,27 +119,36 @@ def _in_step(checks: Sequence[_Check[T]]) -> list[T]:
     return [ended[number] for number in range(len(checks))]
 
 
-def _checked(
-    cell: Cell, recording: Recording, problem: Problem, known: State, settings: Settings, explained: bool
-) -> _Check[tuple[Finding, ...]]:
-    """As `check_conventions`, of all robots at once, the samples in order."""
-    if any(LINKS in model.columns for model in problem.models.values()):
-        cell, known = without_links(cell, known)
-        problem = build_problem(cell, recording)[0]
-    if len(recording.samples) < _FEWEST or not _can_hold_out(problem):
+def _checked(declared: Reading, known: State, settings: Settings, explained: bool) -> _Check[tuple[Finding, ...]]:
+    """As `check_conventions`, of all robots at once."""
+    if any(LINKS in model.columns for model in declared.problem.models.values()):
+        declared, known = _without_links(declared, known)
+    cell, problem = declared.cell, declared.problem
+    if len(declared.order) < _FEWEST or not _can_hold_out(problem):
         return ()
-    whole = _as_declared(cell, recording, settings, known)
+    whole = _as_declared(declared, settings, known)
     if whole is None:
         return ()
-    declared = TriedHypothesis(
-        AS_DECLARED, whole, (*impossible_input(cell, recording), *impossible_answer(cell, whole))
-    )
-    if plausible(whole) and not declared.impossible and not is_observable(cell, whole):
+    as_is = TriedHypothesis(AS_DECLARED, whole, (*impossible_reading(declared), *impossible_answer(cell, whole)))
+    if plausible(whole) and not as_is.impossible and not is_observable(cell, whole):
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
-    tried = yield from _tried(cell, recording, problem, declared, replace(settings, start="closed"))
+    tried = yield from _tried(declared, as_is, replace(settings, start="closed"))
     still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
-    return decide_hypotheses(cell, declared, tried, explained, still)
+    return decide_hypotheses(cell, as_is, tried, explained, still)
+
+
+def _without_links(declared: Reading, state: State) -> tuple[Reading, State]:
+    """Both with links as stated: no mix-up is as small as their errors, which would chase what they cannot explain."""
+    robots = {
+        name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if k != LINKS})
+        for name, robot in declared.cell.robots.items()
+    }
+    kinematics = {
+        name: replace(of, values={k: values for k, values in of.values.items() if k != LINKS})
+        for name, of in state.robots.items()
+    }
+    return declared.restated(replace(declared.cell, robots=robots)), replace(state, robots=kinematics)
 
 
 def _can_hold_out(problem: Problem) -> bool:
@@ -153,9 +157,9 @@ def _can_hold_out(problem: Problem) -> bool:
     return equations * (FOLDS - 1) / FOLDS > _MARGIN * problem.width
 
 
-def _as_declared(cell: Cell, recording: Recording, settings: Settings, known: State) -> HypothesisFit | None:
+def _as_declared(declared: Reading, settings: Settings, known: State) -> HypothesisFit | None:
     """The fit of the declared hypothesis; a start that misled it, such as a wrong guess, is no mix-up."""
-    few = thinned(recording, _SOLVED)
+    cell, few = declared.cell, declared.thinned(_SOLVED).problem
     fit = fit_hypothesis(cell, few, settings, known)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
         return fit
@@ -164,77 +168,75 @@ def _as_declared(cell: Cell, recording: Recording, settings: Settings, known: St
     return min(found, key=lambda each: each.core, default=None)
 
 
-def _tried(
-    cell: Cell, recording: Recording, problem: Problem, declared: TriedHypothesis, settings: Settings
-) -> _Check[list[TriedHypothesis]]:
+def _tried(declared: Reading, as_is: TriedHypothesis, settings: Settings) -> _Check[list[TriedHypothesis]]:
     """Hypotheses that survive a quick look, fitted in earnest."""
-    lenses = _lenses(cell, problem, declared.fit)
-    known = declared.fit.solution.state
+    lenses = _lenses(declared, as_is.fit)
+    known = as_is.fit.solution.state
     found: list[TriedHypothesis] = []
-    common = convention_hypotheses(cell, recording)
-    surviving = yield from _surviving(cell, recording, lenses, common)
-    has_priors = any(unknown.status == "prior" for unknown in problem.unknowns.values())
-    if not surviving and not plausible(declared.fit) and has_priors:
+    common = convention_hypotheses(declared)
+    surviving = yield from _surviving(declared, lenses, common)
+    has_priors = any(unknown.status == "prior" for unknown in declared.problem.unknowns.values())
+    if not surviving and not plausible(as_is.fit) and has_priors:
         # Loops of arms that turn about one axis stay open without what is known by priors, whatever is tried.
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
     for hypothesis, fits in surviving:
-        found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
-    if any(plausible(each.fit) and not each.impossible and better(each.fit, declared.fit, WIDER) for each in found):
+        found += _try(declared, hypothesis, settings, (fits, lenses), as_is)
+    if any(plausible(each.fit) and not each.impossible and each.beside(as_is.fit).is_taken for each in found):
         return found
-    if not _explained(declared.fit):
+    if not _explained(as_is.fit):
         wider = [hypothesis for hypothesis in common if hypothesis.nested]
-        for hypothesis in [*wider, *size_hypotheses(cell, thinned(recording, _SOLVED), lenses, known)]:
-            found += _try(cell, recording, hypothesis, settings, known, declared)
-    if has_tail(declared.fit) or not any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
-        for hypothesis, fits in pairing_errors(cell, recording, lenses, streams(_moving(recording))):
-            found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
-        for hypothesis in half_turns(cell, recording):
-            found += _try(cell, recording, hypothesis, settings, None, declared)
-    if any(plausible(each.fit) and not each.impossible for each in (declared, *found)):
+        for hypothesis in [*wider, *size_hypotheses(declared.thinned(_SOLVED), known)]:
+            found += _try(declared, hypothesis, settings, known, as_is)
+    if has_tail(as_is.fit) or not any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
+        moving = [name for name, track in declared.tracks.items() if track.moves]
+        for hypothesis, fits in pairing_errors(declared, lenses, streams(moving)):
+            found += _try(declared, hypothesis, settings, (fits, lenses), as_is)
+        for hypothesis in half_turns(declared):
+            found += _try(declared, hypothesis, settings, None, as_is)
+    if any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
         return found
-    if unexplained_motion(declared.fit.solution.problem, known) > _ODD:
-        rare = yield from _surviving(cell, recording, lenses, rare_hypotheses(cell, recording))
+    if unexplained_motion(as_is.fit.solution.problem, known) > _ODD:
+        rare = yield from _surviving(declared, lenses, rare_hypotheses(declared))
         for hypothesis, fits in rare:
-            found += _try(cell, recording, hypothesis, settings, (fits, lenses), declared)
+            found += _try(declared, hypothesis, settings, (fits, lenses), as_is)
     return found
 
 
 def _try(
-    cell: Cell,
-    recording: Recording,
+    declared: Reading,
     hypothesis: ConventionHypothesis,
     settings: Settings,
     start: State | tuple[Fits, Lenses] | None,
-    declared: TriedHypothesis,
+    as_is: TriedHypothesis,
 ) -> list[TriedHypothesis]:
-    """The hypothesis fitted in earnest; nothing where it contradicts a fact, or is out of the race."""
-    other_cell, rewritten = _applied(hypothesis, cell, recording)
-    if impossible_input(other_cell, rewritten):
+    """The hypothesis fitted in earnest; nothing if it contradicts a fact, or is out of the race."""
+    reading = _reread(hypothesis, declared)
+    if impossible_reading(reading):
         return []
-    few = thinned(rewritten, _SOLVED)
-    state = state_of(build_problem(other_cell, few)[0], *start) if isinstance(start, tuple) else start
-    fit = fit_hypothesis(other_cell, few, settings, state, _OUT_OF_THE_RACE * declared.fit.core)
-    return [] if fit is None else [TriedHypothesis(hypothesis, fit, impossible_answer(other_cell, fit))]
+    few = reading.thinned(_SOLVED).problem
+    state = state_of(few, *start) if isinstance(start, tuple) else start
+    fit = fit_hypothesis(reading.cell, few, settings, state, _OUT_OF_THE_RACE * as_is.fit.core)
+    return [] if fit is None else [TriedHypothesis(hypothesis, fit, impossible_answer(reading.cell, fit))]
 
 
-def _applied(hypothesis: ConventionHypothesis, cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
-    """What a hypothesis says of as many samples as tell."""
-    return hypothesis.apply(cell, recording if hypothesis.by_order else thinned(recording, _REWRITTEN))
+def _reread(hypothesis: ConventionHypothesis, declared: Reading) -> Reading:
+    """What a hypothesis makes of as many samples as determine it."""
+    return hypothesis.reread(declared if hypothesis.by_order else declared.thinned(_REWRITTEN))
 
 
 def _surviving(
-    cell: Cell, recording: Recording, lenses: Lenses, among: Sequence[ConventionHypothesis]
+    declared: Reading, lenses: Lenses, among: Sequence[ConventionHypothesis]
 ) -> _Check[list[tuple[ConventionHypothesis, Fits]]]:
     """Hypotheses that close the loops about as well as the one that closes them best."""
-    moving = _moving(recording)
-    hypotheses, inputs = [AS_DECLARED], [(cell, recording)]
+    hypotheses, inputs = [AS_DECLARED], [declared]
     for hypothesis in among:
-        if hypothesis.nested or (hypothesis.code == "pairing-shifted" and not set(hypothesis.about) <= set(moving)):
+        still = [name for name in hypothesis.about if name in declared.tracks and not declared.tracks[name].moves]
+        if hypothesis.nested or (hypothesis.code == "pairing-shifted" and still):
             continue
-        rewritten = _applied(hypothesis, cell, recording)
-        if not impossible_input(*rewritten):
+        reading = _reread(hypothesis, declared)
+        if not impossible_reading(reading):
             hypotheses.append(hypothesis)
-            inputs.append(rewritten)
+            inputs.append(reading)
     fits = yield from _screened(inputs, lenses)
     scores = [max((trimmed(fit.off) for fit in of.values()), default=np.inf) for of in fits]
     of_light = any(fit.of_light for fit in fits[0].values())
@@ -245,13 +247,13 @@ def _surviving(
     return [(hypotheses[k], fits[k]) for k in best if scores[k] < limit]
 
 
-def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> _Check[list[Fits]]:
+def _screened(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
     """Of each hypothesis how nearly the loops of its pairs of camera and target close, all fitted side by side.
 
     A hypothesis has no fits where one of its pairs cannot be fitted.
     """
     views = ReadyViews(lenses)
-    pairs = [_pairs(cell, recording, views) for cell, recording in inputs]
+    pairs = [_pairs(reading, views) for reading in inputs]
     fits = iter((yield [pair for of in pairs for pair in of]))
     found: list[Fits] = []
     for of in pairs:
@@ -261,10 +263,10 @@ def _screened(inputs: Sequence[tuple[Cell, Recording]], lenses: Lenses) -> _Chec
     return found
 
 
-def _pairs(cell: Cell, recording: Recording, views: ReadyViews) -> _Pairs:
-    """Some views of each pair of camera and target, as a hypothesis has them; none where it makes no problem."""
+def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
+    """Some views of each pair of camera and target, as a reading has them; none if they cannot be made ready."""
+    problem = reading.thinned(_SCREENED).problem
     try:
-        problem, _ = build_problem(cell, thinned(recording, _SCREENED))
         pairs = []
         for group in problem.groups:
             some = views.of(group, _SCREENED)
@@ -276,25 +278,14 @@ def _pairs(cell: Cell, recording: Recording, views: ReadyViews) -> _Pairs:
         return []
 
 
-def _moving(recording: Recording) -> list[str]:
-    """Robots that do not stand still throughout, by pose or joints."""
-    states: dict[str, set[bytes]] = {}
-    for sample in recording.samples:
-        for name, state in sample.robots.items():
-            pose = state.base_from_flange
-            numbers = state.joints_rad if pose is None else np.append(pose.rotation, pose.translation)
-            states.setdefault(name, set()).add(np.asarray(numbers).tobytes())
-    return [name for name, different in states.items() if len(different) > 1]
-
-
-def _lenses(cell: Cell, problem: Problem, declared: HypothesisFit) -> dict[str, Camera]:
+def _lenses(declared: Reading, fit: HypothesisFit) -> dict[str, Camera]:
     """A lens for each camera with pixels: stated, of a good fit, or from its views, which no robot misleads."""
     found = {}
-    for name, lens in problem.lenses.items():
-        views = [g.measurement for g in problem.groups if g.camera == name]
+    for name, lens in declared.problem.lenses.items():
+        views = [g.measurement for g in declared.problem.groups if g.camera == name]
         pixels = [m for m in views if isinstance(m, PixelMeasurement)]
-        solved = declared.solution.state.cameras[name] if plausible(declared) else None
-        found[name] = lens.camera or solved or lens_from_views(cell.cameras[name], pixels)
+        solved = fit.solution.state.cameras[name] if plausible(fit) else None
+        found[name] = lens.camera or solved or lens_from_views(declared.cell.cameras[name], pixels)
     return found
 
 

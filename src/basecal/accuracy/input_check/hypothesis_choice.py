@@ -10,48 +10,55 @@ import numpy as np
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, plausible
 from basecal.accuracy.input_check.noise_evidence import noise_evidence
-from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
+from basecal.accuracy.model_comparison.comparison import Comparison, Decision
+from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predictions
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.errors import sentence
 from basecal.geometry import SE3
 
 _CERTAIN = 100.0  # twice the log ratio of likelihoods: true sizes gain up to 40 where arms have errors of their own
-_ALIKE = 1.1  # cross-validation errors that differ by less are alike: that of 40 samples is known to a tenth
-_FAR_WORSE = 2.0  # ratio of such errors that no choice of samples makes
+_TAIL = 2.0  # rms of all samples over that of most, which no choice of samples makes
 _SIGMAS = 3.0  # by which an answer has to move to count as another
 _SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
-# A wider model takes up some of the errors of arms and lenses: below this it is no mix-up that it found.
-WIDER = 1.5
+# A wider model takes up some of the errors of arms and lenses: below this ratio of likelihoods it found no mix-up.
+_WIDER = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class TriedHypothesis:
-    """A hypothesis and how it predicts; `impossible` holds the facts that it contradicts."""
+    """A hypothesis and how it predicts.
+
+    Attributes:
+        hypothesis: The hypothesis.
+        fit: Its fit.
+        impossible: The facts that it contradicts.
+    """
 
     hypothesis: ConventionHypothesis
     fit: HypothesisFit
     impossible: tuple[str, ...]
 
+    def beside(self, declared: HypothesisFit) -> Comparison:
+        """How it predicts the samples that the declared hypothesis has, too."""
+        clearly = _WIDER if self.hypothesis.nested else CLEARLY
+        return compare_readings(self.hypothesis.code, self.fit, declared, clearly)
+
+
+def compare_readings(rival: str, fit: HypothesisFit, other: HypothesisFit, clearly: float = CLEARLY) -> Comparison:
+    """A fit beside another one, by the samples that both predict."""
+    shared = np.intersect1d(fit.sample, other.sample)
+    return compare_predictions(rival, fit.squares(shared), other.squares(shared), clearly)
+
 
 def has_tail(fit: HypothesisFit) -> bool:
     """Whether some samples are predicted far worse than most."""
-    return bool(np.isfinite(fit.core) and fit.whole > _FAR_WORSE * fit.core)
+    return bool(np.isfinite(fit.core) and fit.whole > _TAIL * fit.core)
 
 
 def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
     """Whether a fit determines all that is asked for."""
     return not any(name in fit.solution.observability.unobservable for name in cell.asked)
-
-
-def _alike(fit: HypothesisFit, other: HypothesisFit) -> bool:
-    """Whether a fit predicts at least about as well as another."""
-    return fit.core <= _ALIKE * other.core and fit.whole <= _ALIKE * other.whole
-
-
-def better(fit: HypothesisFit, other: HypothesisFit, times: float = _ALIKE) -> bool:
-    """Whether a fit predicts most samples or all of them so many times better, and neither worse."""
-    return _alike(fit, other) and (times * fit.core < other.core or times * fit.whole < other.whole)
 
 
 def decide_hypotheses(
@@ -74,7 +81,7 @@ def decide_hypotheses(
     winning = _beyond_noise([t for t in possible if _wins(cell, t, declared)], declared, explained)
     if winning:
         best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.whole)[0]
-        named = [_named(t, declared, certain) for t, certain in winning if _alike(t.fit, best.fit)]
+        named = [_named(t, declared, certain) for t, certain in winning if _is_as_good(t, best.fit)]
         return tuple(dict.fromkeys(named))
     if not plausible(declared.fit):
         what = f"The pose consistency error is {declared.fit.error_in_words()}."
@@ -86,7 +93,7 @@ def decide_hypotheses(
     rivals = [
         t
         for t in possible
-        if not t.hypothesis.nested and _alike(t.fit, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
+        if not t.hypothesis.nested and _is_as_good(t, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
     ]
     # Whatever is done to the one pose of an arm that stands still, its base makes up for it: no data tell otherwise.
     of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
@@ -95,15 +102,17 @@ def decide_hypotheses(
     return tuple(_ambiguous(cell, declared, of, severity) for severity, of in kinds if of)
 
 
+def _is_as_good(tried: TriedHypothesis, other: HypothesisFit) -> bool:
+    return tried.beside(other).decision is not Decision.KEEP
+
+
 def _wins(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis) -> bool:
     """Whether a hypothesis is to be believed rather than the declared one."""
-    if declared.impossible and _alike(tried.fit, declared.fit) and not tried.hypothesis.nested:
+    compared = tried.beside(declared.fit)
+    if declared.impossible and compared.decision is not Decision.KEEP and not tried.hypothesis.nested:
         return True
-    if tried.hypothesis.nested:
-        return better(tried.fit, declared.fit, WIDER)
-    if not better(tried.fit, declared.fit):
-        return False
-    return better(tried.fit, declared.fit, _FAR_WORSE) or _moved(cell, tried, declared.fit, tried.fit)
+    is_other = tried.hypothesis.nested or not plausible(declared.fit) or _moved(cell, tried, declared.fit, tried.fit)
+    return compared.is_taken and is_other
 
 
 def _moved(cell: Cell, tried: TriedHypothesis, declared: HypothesisFit, scale: HypothesisFit) -> bool:
@@ -132,18 +141,16 @@ def _beyond_noise(
         if not tried.hypothesis.nested or not (explained or plausible(declared.fit)):
             found.append((tried, True))
             continue
-        evidence = noise_evidence(tried.fit, declared.fit) if explained else None
-        if evidence is None:
-            found.append((tried, better(tried.fit, declared.fit, _FAR_WORSE)))
-        elif evidence.chance < CONFIRMED_SIGNIFICANCE:
-            found.append((tried, evidence.gain > _CERTAIN))
+        evidence = noise_evidence(tried.fit, declared.fit)
+        if evidence is None or evidence.is_taken:
+            found.append((tried, evidence is not None and evidence.gain > _CERTAIN))
     return found
 
 
 def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> Finding:
     hypothesis = tried.hypothesis
     severity: Severity = "error" if certain else "warning"
-    if better(tried.fit, declared.fit):
+    if tried.beside(declared.fit).is_taken:
         errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
         why = f"Under this hypothesis the cross-validation error is {errors}."
     else:

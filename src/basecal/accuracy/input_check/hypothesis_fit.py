@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,16 +11,15 @@ from basecal.accuracy.cross_validation.folds import instant_split
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.input_check.loop_fit import trimmed
 from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, off_views
-from basecal.cell import Cell, Recording
+from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.problem.build import build_problem, canonical_order
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from, solve_packed
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.geometry import Array
+from basecal.geometry import Array, IntArray
 
 FOLDS = 3  # few, since each costs a fit of every hypothesis
 _HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 of one normal residual a view, less of more
@@ -28,6 +28,7 @@ _MOST_STEPS = 25  # of a hypothesis: what is so comes to rest within ten, free l
 _STEPS = 30  # of a fold's fit, which starts at the fit to all
 _PLAUSIBLE_PX = 3.0  # [px] rms, beyond any detector
 _PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance, beyond any detector of poses
+_LOST = 1e3  # [rad] of a view whose error is no number
 _PLAUSIBLE_SIGMAS = 4.0  # residuals over stated sigmas: those may be stated too small, but not by more
 
 
@@ -39,11 +40,13 @@ class HypothesisFit:
         solution: The fit to the samples that agree with it.
         off: (n,) how far each held-out view is from its prediction: thousands of pixels, or the angle and the length
             over the distance to the target [rad].
+        sample: (n,) numbers of their samples.
         in_pixels: Whether views are of pixels.
     """
 
     solution: Solution
     off: Array
+    sample: IntArray
     in_pixels: bool
 
     @property
@@ -55,6 +58,15 @@ class HypothesisFit:
     def whole(self) -> float:
         """Rms of all views."""
         return trimmed(self.off, 1.0)
+
+    def squares(self, samples: IntArray) -> Array:
+        """Mean squared error of each of these samples, (k,)."""
+        place = np.searchsorted(samples, self.sample)
+        known = np.isin(self.sample, samples)
+        off = np.where(np.isfinite(self.off), self.off, _LOST)[known] ** 2
+        sums, counts = (np.bincount(place[known], weights, len(samples)) for weights in (off, np.ones(len(off))))
+        mean: Array = sums / counts
+        return mean
 
     def error_in_words(self) -> str:
         """The error with its unit, for people."""
@@ -82,20 +94,8 @@ def ratio(solution: Solution) -> float:
     return float(np.sqrt(solution.cost / max(solution.dof, 1)))
 
 
-def in_order(recording: Recording) -> Recording:
-    """The recording with its samples as they are solved: by time."""
-    return replace(recording, samples=canonical_order(recording.samples))
-
-
-def thinned(recording: Recording, most: int) -> Recording:
-    """At most so many of the samples, spread evenly."""
-    samples = recording.samples
-    spread = np.unique(np.linspace(0, len(samples) - 1, min(len(samples), most)).round().astype(np.int64))
-    return replace(recording, samples=tuple(samples[k] for k in spread))
-
-
 def fit_hypothesis(
-    cell: Cell, recording: Recording, settings: Settings, start: State | None = None, beyond: float = np.inf
+    cell: Cell, problem: Problem, settings: Settings, start: State | None = None, beyond: float = np.inf
 ) -> HypothesisFit | None:
     """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit.
 
@@ -104,7 +104,7 @@ def fit_hypothesis(
 
     Args:
         cell: As the hypothesis has it.
-        recording: Likewise.
+        problem: Likewise.
         settings: How to solve.
         start: Where to start; without a guess where None.
         beyond: `core` from which on a fit is of no interest: None is returned.
@@ -113,16 +113,13 @@ def fit_hypothesis(
         settings = replace(settings, iterations=min(settings.iterations, _MOST_STEPS))
     # A wrong hypothesis may send the descent anywhere: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
-        return _fit(cell, recording, settings, start, beyond)
+        return _fit(cell, problem, settings, start, beyond)
 
 
-def _fit(
-    cell: Cell, recording: Recording, settings: Settings, start: State | None, beyond: float
-) -> HypothesisFit | None:
+def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, beyond: float) -> HypothesisFit | None:
+    if not problem.groups:
+        return None
     try:
-        problem, _ = build_problem(cell, recording)
-        if not problem.groups:
-            return None
         if start is None:
             solution = solve_packed(problem, cell, settings)
         else:
@@ -133,11 +130,9 @@ def _fit(
             solution = solve_from(problem, start, settings)
         solution = _concentrated(solution, settings)
         in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
-        fitted = np.concatenate([off_views(problem, g, solution.state) for g in problem.groups])
-        if not _is_near(HypothesisFit(solution, fitted, in_pixels)):
-            return HypothesisFit(solution, fitted, in_pixels)
-        predicted = _predicted_off(problem, solution)
-        return HypothesisFit(solution, fitted if predicted is None else predicted, in_pixels)
+        fitted = HypothesisFit(solution, *_off([(problem, solution.state)]), in_pixels)
+        predicted = _predicted_off(problem, solution) if _is_near(fitted) else None
+        return fitted if predicted is None else HypothesisFit(solution, *predicted, in_pixels)
     except (BasecalError, np.linalg.LinAlgError):
         return None
 
@@ -159,11 +154,19 @@ def _concentrated(solution: Solution, settings: Settings) -> Solution:
     return solution
 
 
-def _predicted_off(problem: Problem, solution: Solution) -> Array | None:
-    """Held-out errors of all views, each by the fit to the folds that it is not in; None where none can be held out."""
+def _predicted_off(problem: Problem, solution: Solution) -> tuple[Array, IntArray] | None:
+    """Held-out errors of all views, each by the fit to the folds that it is not in, and the numbers of their samples.
+
+    None if no samples can be held out.
+    """
     split = instant_split(problem, FOLDS)
     if split is None:
         return None
     refits = refit_folds(solution.problem, solution.state, split.folds, _STEPS, predicted=problem)
-    off = [off_views(problem, group, fit.optimum.state) for fit in refits for group in fit.views.groups]
-    return np.concatenate(off)
+    return _off([(fit.views, fit.optimum.state) for fit in refits])
+
+
+def _off(predicted: Sequence[tuple[Problem, State]]) -> tuple[Array, IntArray]:
+    """How far views of problems are off the states beside them, (n,), and the numbers of their samples, (n,)."""
+    views = [(problem, group, state) for problem, state in predicted for group in problem.groups]
+    return np.concatenate([off_views(*each) for each in views]), np.concatenate([group.sample for _, group, _ in views])

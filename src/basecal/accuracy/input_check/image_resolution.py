@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.cell import CellCamera, PixelObservation, Recording
+from basecal.cell import CellCamera
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.view.pixels import PixelMeasurement
 
 _AGREE = 0.15  # of one another, the factors along both sides: centres lie within a tenth of the middle
 _OTHER = 1.25  # factor of a resolution that is another one
 
 
-def other_resolution(camera: CellCamera, recording: Recording) -> str:
+def other_resolution(camera: CellCamera, problem: Problem) -> str:
     """A clause that names the resolution of which a camera matrix seems to be; empty where it suits the images.
 
     Told by where its centre lies in images whose size is stated, else by how far the recorded pixels reach beyond it.
@@ -20,8 +22,9 @@ def other_resolution(camera: CellCamera, recording: Recording) -> str:
         return ""
     whole = 2 * (lens.center + 0.5)
     if camera.size_px is None:
-        seen = [o for s in recording.samples for o in s.observations if isinstance(o, PixelObservation)]
-        reach = np.concatenate([np.zeros((1, 2)), *(o.pixels for o in seen if o.camera == camera.name)]).max(axis=0)
+        views = [g.measurement for g in problem.groups if g.camera == camera.name]
+        seen = [of.pixels[of.seen] for of in views if isinstance(of, PixelMeasurement)]
+        reach = np.concatenate([np.zeros((1, 2)), *seen]).max(axis=0)
         if not np.all(reach > _OTHER * whole):
             return ""
         return f": points reach to ({reach[0]:.0f}, {reach[1]:.0f}) px, its camera matrix is of smaller images"

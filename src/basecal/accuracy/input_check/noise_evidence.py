@@ -7,12 +7,11 @@ behind it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from scipy.special import chdtrc
 
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
+from basecal.accuracy.model_comparison.comparison import Comparison
+from basecal.accuracy.model_comparison.nested import CONFIRMED, compare_nested
 from basecal.estimation.noise.view_estimates import STATED, view_estimates
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
@@ -21,14 +20,7 @@ from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 
-class Evidence(NamedTuple):
-    """Of a hypothesis beside the declared one: twice the log ratio of likelihoods, and its chance where that is so."""
-
-    gain: float
-    chance: float
-
-
-def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | None:
+def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | None:
     """What the data say for a hypothesis that has the declared one as a special case.
 
     Of a size the two likelihoods are compared, of what views say of their poses and of how points in space scatter
@@ -54,10 +46,10 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Evidence | No
     freed = [n for n in wider.state.cameras if n in wider.problem.columns and n not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
-        return Evidence(gain, float(chdtrc(1, max(gain, 0.0))))
+        return compare_nested("size", gain, 1, CONFIRMED)
     off = [_off(wider, n, narrower.state.cameras[n].parameters) for n in freed]
     gain = sum(square for square, _ in off)
-    return Evidence(gain, float(chdtrc(sum(count for _, count in off), gain)))
+    return compare_nested("lens", gain, sum(count for _, count in off), CONFIRMED)
 
 
 def _views(solution: Solution) -> int:

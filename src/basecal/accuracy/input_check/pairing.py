@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, Rewritten, shift
-from basecal.accuracy.input_check.hypothesis_fit import thinned
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, shift
 from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
-from basecal.cell import Cell, Observation, PoseObservation, Recording
-from basecal.estimation.problem.build import build_problem
+from basecal.accuracy.readings.reading import Reading
 from basecal.estimation.problem.correspondence import half_turn
+from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.start.pair_views import PairViews
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, Camera
 
 _VIEWS = 24  # of each half, to fit it to
@@ -31,44 +31,40 @@ Fits = Mapping[tuple[str, str], LoopFit]
 
 
 def pairing_errors(
-    cell: Cell, recording: Recording, lenses: Lenses, streams: list[str | None]
+    declared: Reading, lenses: Lenses, streams: list[str | None]
 ) -> list[tuple[ConventionHypothesis, Fits]]:
     """The likeliest samples from which on one stream is paired one sample off, best first, and the fits that say so.
 
     One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
     sample tells which of the two pairings it has.
     """
-    count = len(recording.samples)
+    count = len(declared.order)
     if count < 2 * _FEWEST:
         return []
     slips = [(stream, by) for stream in streams for by in _SLIPS]
-    moved = [shift(stream, by).apply(cell, recording)[1] for stream, by in slips]
-    halves = [_part(recording, 0, count // 2), *(_part(each, count // 2, count) for each in moved)]
-    declared, *seconds = _fits(cell, halves, lenses)
-    as_recorded = _pairs(cell, recording, lenses)
+    moved = [declared.shifted(stream, by) for stream, by in slips]
+    second_half = [each.take(np.arange(min(count // 2, len(each.order)), len(each.order))) for each in moved]
+    first, *seconds = _fits([declared.take(np.arange(count // 2)), *second_half], lenses)
+    as_recorded = _pairs(declared, lenses)
     scored: list[tuple[float, ConventionHypothesis, Fits]] = []
     for (stream, by), slipped, second in zip(slips, moved, seconds, strict=True):
-        as_slipped = _pairs(cell, slipped, lenses)
-        for fits in (declared, second):
-            before, after = (_off(pairs, recording, fits) for pairs in (as_recorded, as_slipped))
+        as_slipped = _pairs(slipped, lenses)
+        for fits in (first, second):
+            before, after = (_off(pairs, declared, fits) for pairs in (as_recorded, as_slipped))
             score, k = _change(before, after, max(by, 0))
-            scored.append((score, shift(stream, by, k, recording.samples[k].sample), fits))
+            scored.append((score, shift(stream, by, k, int(declared.order[k])), fits))
     scored.sort(key=lambda each: each[0])
     return [(guess, fits) for _, guess, fits in scored[:_BEST]]
 
 
-def _part(recording: Recording, start: int, stop: int) -> Recording:
-    return replace(recording, samples=recording.samples[start:stop])
-
-
-def _fits(cell: Cell, recordings: list[Recording], lenses: Lenses) -> list[Fits]:
-    """Of each recording the fits of its pairs of camera and target, all searched side by side."""
+def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
+    """Of each reading the fits of its pairs of camera and target, all searched side by side."""
     pairs = []
-    for k, recording in enumerate(recordings):
-        problem, _ = build_problem(cell, thinned(recording, _VIEWS))
+    for k, reading in enumerate(readings):
+        problem = reading.thinned(_VIEWS).problem
         for g in problem.groups:
             pairs.append((k, (g.camera, g.target), sight_for(g, lenses.get(g.camera), _VIEWS), problem))
-    found: list[dict[tuple[str, str], LoopFit]] = [{} for _ in recordings]
+    found: list[dict[tuple[str, str], LoopFit]] = [{} for _ in readings]
     fits = fit_loops([(sight, problem) for *_, sight, problem in pairs])
     for (k, key, *_), fit in zip(pairs, fits, strict=True):
         if fit is not None:
@@ -76,10 +72,9 @@ def _fits(cell: Cell, recordings: list[Recording], lenses: Lenses) -> list[Fits]
     return [*found]
 
 
-def _pairs(cell: Cell, recording: Recording, lenses: Lenses) -> list[PairViews]:
+def _pairs(reading: Reading, lenses: Lenses) -> list[PairViews]:
     """All views of each pair of camera and target."""
-    problem, _ = build_problem(cell, recording)
-    return [sight_for(g, lenses.get(g.camera), _ALL_VIEWS) for g in problem.groups]
+    return [sight_for(g, lenses.get(g.camera), _ALL_VIEWS) for g in reading.problem.groups]
 
 
 def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
@@ -96,37 +91,32 @@ def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
     return float(np.sqrt(total[k] / len(before))), k
 
 
-def _off(pairs: list[PairViews], order: Recording, fits: Fits) -> Array:
-    """Of each sample of `order`, how far its views are off; NaN where it has none."""
+def _off(pairs: list[PairViews], declared: Reading, fits: Fits) -> Array:
+    """Of each sample of the declared reading, how far its views are off; NaN where it has none."""
     squares: dict[int, list[float]] = {}
     for sight in pairs:
         fit = fits.get((sight.group.camera, sight.group.target))
         if fit is not None:
             for number, off in zip(sight.group.sample.tolist(), off_loops(sight, fit.triple).tolist(), strict=True):
                 squares.setdefault(number, []).append(off**2)
-    return np.array([np.sqrt(np.mean(squares.get(s.sample, [np.nan]))) for s in order.samples])
+    return np.array([np.sqrt(np.mean(squares.get(number, [np.nan]))) for number in declared.order.tolist()])
 
 
-def half_turns(cell: Cell, recording: Recording) -> list[ConventionHypothesis]:
+def half_turns(declared: Reading) -> list[ConventionHypothesis]:
     """Observed poses of a grid without a first end of which some are read from the other end.
 
-    The views are brought to the end that turns them least against the first one, or to the other.
+    The views of a camera are brought to the end that turns them least against the first one, or to the other.
     """
     found = []
-    for name, target in cell.targets.items():
-        turn = None if target.target is None else half_turn(target.target)
-        poses = {
-            row: o.camera_from_target
-            for row, sample in enumerate(recording.samples)
-            for o in reversed(sample.observations)
-            if isinstance(o, PoseObservation) and o.target == name
-        }
-        if turn is None or len(poses) < _FEWEST:
+    for group in declared.problem.groups:
+        shape, seen = declared.cell.targets[group.target].target, group.measurement
+        turn = None if shape is None else half_turn(shape)
+        if turn is None or len(group) < _FEWEST or not isinstance(seen, PoseMeasurement):
             continue
-        rows, seen = list(poses), SE3.stack(list(poses.values()))
-        flipped = _less_alike(seen, seen @ turn)
+        poses = seen.measured_camera_from_target
+        flipped = _less_alike(poses, poses @ turn)
         if np.any(flipped) and not np.all(flipped):
-            found += [_half_turn(recording, name, turn, rows, mask) for mask in (flipped, ~flipped)]
+            found += [_half_turn(group, turn, mask) for mask in (flipped, ~flipped)]
     return found
 
 
@@ -140,18 +130,20 @@ def _less_alike(seen: SE3, turned: SE3) -> BoolArray:
     return flip
 
 
-def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask: BoolArray) -> ConventionHypothesis:
-    numbers = [recording.samples[i].sample for i, m in zip(rows, mask, strict=True) if m]
+def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypothesis:
+    name, numbers = group.target, group.sample[mask].tolist()
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
-    chosen = set(numbers)
 
-    def apply(cell: Cell, given: Recording) -> Rewritten:
+    def turned(other: ViewGroup) -> ViewGroup:
         """The chosen samples read from the target's other end."""
-        samples = [
-            replace(s, observations=tuple(_turned(o, name, turn) for o in s.observations)) if s.sample in chosen else s
-            for s in given.samples
-        ]
-        return cell, replace(given, samples=tuple(samples))
+        seen = other.measurement
+        if not isinstance(seen, PoseMeasurement) or (other.camera, other.target) != (group.camera, name):
+            return other
+        poses, is_chosen = seen.measured_camera_from_target, np.isin(other.sample, numbers)[:, None]
+        there = poses @ turn
+        rotation = np.where(is_chosen[..., None], there.rotation, poses.rotation)
+        mapped = SE3(rotation, np.where(is_chosen, there.translation, poses.translation))
+        return replace(other, measurement=replace(seen, measured_camera_from_target=mapped))
 
     return ConventionHypothesis(
         "board-symmetry",
@@ -159,11 +151,5 @@ def _half_turn(recording: Recording, name: str, turn: SE3, rows: list[int], mask
         f"the observed poses of {name} are turned by half a turn at sample {shown}: read from the grid's other end",
         "turn these poses, or use a target without symmetry",
         "use a target without symmetry",
-        apply,
+        lambda reading: reading.with_seen(turned),
     )
-
-
-def _turned(observation: Observation, name: str, turn: SE3) -> Observation:
-    if isinstance(observation, PoseObservation) and observation.target == name:
-        return replace(observation, camera_from_target=observation.camera_from_target @ turn)
-    return observation

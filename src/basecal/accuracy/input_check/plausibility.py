@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
+from basecal.accuracy.readings.reading import Reading
 from basecal.cell import (
     WORLD,
     Cell,
@@ -15,6 +16,8 @@ from basecal.cell import (
     PoseObservation,
     Recording,
 )
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths
 
@@ -31,7 +34,37 @@ _MOST = 0.8  # share of the views behind the camera: a few may be outliers
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
     """What cannot be in what was given: how far flanges are, joints, sizes and places of targets."""
-    return (*_of_robots(cell, recording), *_of_sizes(cell, recording), *_of_views(recording))
+    seen = [o for sample in recording.samples for o in sample.observations]
+    as_points = {o.target for o in seen if isinstance(o, PixelObservation | PointObservation)}
+    return (*_of_robots(cell, recording), *_of_sizes(cell, as_points), *_of_views(recording))
+
+
+def impossible_reading(reading: Reading) -> tuple[str, ...]:
+    """The same of a reading of it."""
+    found = []
+    for name, track in reading.tracks.items():
+        if track.joints is None and track.seen.any():
+            found += _outside(f"flange of {name}", float(lengths(track.pose.translation[track.seen]).max()), _REACH_M)
+        elif track.joints is not None:
+            chain = reading.cell.robots[name].chain
+            assert chain is not None
+            found += _of_joints(name, track.joints[track.seen], chain.lower, chain.upper)
+    places = []
+    for group in reading.problem.groups:
+        seen = group.measurement
+        if isinstance(seen, PoseMeasurement):
+            places.append(seen.measured_camera_from_target.translation)
+        elif isinstance(seen, PointMeasurement):
+            places.append((seen.points_in_camera * seen.seen[..., None]).sum(1) / seen.seen.sum(1)[:, None])
+    return (
+        *found,
+        *_of_sizes(reading.cell, _seen_as_points(reading)),
+        *(_of_places(np.concatenate(places)) if places else ()),
+    )
+
+
+def _seen_as_points(reading: Reading) -> set[str]:
+    return {g.target for g in reading.problem.groups if not isinstance(g.measurement, PoseMeasurement)}
 
 
 def _of_robots(cell: Cell, recording: Recording) -> list[str]:
@@ -54,13 +87,7 @@ def _of_joints(name: str, joints: Array, lower: Array, upper: Array) -> list[str
     return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > _BEYOND_LIMIT_RAD else []
 
 
-def _of_sizes(cell: Cell, recording: Recording) -> list[str]:
-    seen = {
-        o.target
-        for s in recording.samples
-        for o in s.observations
-        if isinstance(o, PixelObservation | PointObservation)
-    }
+def _of_sizes(cell: Cell, seen: set[str]) -> list[str]:
     found = []
     for name in sorted(seen):
         shape = cell.targets[name].target

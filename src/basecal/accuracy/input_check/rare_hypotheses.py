@@ -14,11 +14,9 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from basecal.accuracy.input_check import rewriting
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
-    Rewritten,
-    given_by_pose,
+    Reread,
     listed,
     of_robots,
     of_targets,
@@ -26,7 +24,10 @@ from basecal.accuracy.input_check.hypotheses import (
     streams,
     subsets,
 )
-from basecal.cell import CandidateObservation, Cell, PixelObservation, PoseObservation, Recording, Unknown
+from basecal.accuracy.readings.reading import PoseMap, Reading, Track
+from basecal.cell import Cell, Unknown
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths
 
@@ -44,27 +45,26 @@ _LISTINGS = {
 }
 
 
-def rare_hypotheses(cell: Cell, recording: Recording) -> list[ConventionHypothesis]:
-    """All of them that this recording can have."""
-    robots = given_by_pose(cell, recording)
-    moved = streams([name for name in cell.robots if any(name in s.robots for s in recording.samples)])
-    poses = any(isinstance(o, PoseObservation) for s in recording.samples for o in s.observations)
+def rare_hypotheses(declared: Reading) -> list[ConventionHypothesis]:
+    """All of them that this reading can have."""
+    robots, cell = declared.by_pose, declared.cell
+    moved = streams([name for name in cell.robots if declared.tracks[name].seen.any()])
+    poses = declared.shows(PoseMeasurement)
     return [
-        *_of_order(moved, recording),
+        *_of_order(moved, len(declared.order)),
         *(hypothesis for names in subsets(robots) for hypothesis in _of_rotations(names, of_robots, listed(names))),
         *(_of_rotations((), lambda _, of: of_targets(of), "the observed target") if poses else ()),
-        *_of_small_angles(robots, recording),
+        *_of_small_angles([name for name in robots if _turns_rad(declared.tracks[name]) < _RADIANS_AS_DEGREES_RAD]),
         *_of_stated(cell),
-        *_of_pixels(recording),
+        *(_of_pixels() if declared.shows(PixelMeasurement) else ()),
     ]
 
 
-def _of_small_angles(robots: list[str], recording: Recording) -> Iterator[ConventionHypothesis]:
+def _of_small_angles(small: list[str]) -> Iterator[ConventionHypothesis]:
     """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: then no flange turns far."""
-    small = [name for name in robots if _turns_rad(recording, name) < _RADIANS_AS_DEGREES_RAD]
     for names in subsets(small):
         who = listed(names)
-        for what, of in (("roll, pitch and yaw", rewriting.degrees_of_rpy), ("rotation vectors", rewriting.degrees)):
+        for what, of in (("roll, pitch and yaw", _degrees_of_rpy), ("rotation vectors", _degrees)):
             yield ConventionHypothesis(
                 "angle-unit",
                 names,
@@ -75,11 +75,19 @@ def _of_small_angles(robots: list[str], recording: Recording) -> Iterator[Conven
             )
 
 
-def _turns_rad(recording: Recording, robot: str) -> float:
-    """How far the flange of a robot turns from its base's axes at most [rad]; infinite where nothing tells."""
-    poses = [s.robots[robot].base_from_flange for s in recording.samples if robot in s.robots]
-    found = [float(np.linalg.norm(pose.rotvec)) for pose in poses if pose is not None]
-    return max(found, default=np.inf)
+def _degrees(poses: SE3) -> SE3:
+    """Rotations whose vectors in radians are taken as degrees that were read as radians."""
+    return SE3.from_rotvec(np.degrees(poses.rotvec), poses.translation)
+
+
+def _degrees_of_rpy(poses: SE3) -> SE3:
+    """The same of roll, pitch and yaw about fixed axes."""
+    return SE3.from_rpy(np.degrees(poses.rpy), poses.translation)
+
+
+def _turns_rad(track: Track) -> float:
+    """How far a flange turns from its base's axes at most [rad]."""
+    return float(lengths(track.pose.rotvec[track.seen]).max())
 
 
 def _of_stated(cell: Cell) -> Iterator[ConventionHypothesis]:
@@ -98,8 +106,8 @@ def _of_stated(cell: Cell) -> Iterator[ConventionHypothesis]:
         )
 
 
-def _inverted_in_cell(name: str) -> Callable[[Cell, Recording], Rewritten]:
-    return lambda cell, recording: (with_stated_inverted(cell, name), recording)
+def _inverted_in_cell(name: str) -> Reread:
+    return lambda reading: reading.restated(with_stated_inverted(reading.cell, name))
 
 
 def with_stated_inverted(cell: Cell, name: str) -> Cell:
@@ -120,23 +128,22 @@ def _other_way(unknown: Unknown) -> Unknown:
     return unknown if unknown.mean is None else replace(unknown, mean=unknown.mean.inverse())
 
 
-def _of_pixels(recording: Recording) -> Iterator[ConventionHypothesis]:
-    if any(isinstance(o, PixelObservation | CandidateObservation) for s in recording.samples for o in s.observations):
-        yield ConventionHypothesis(
-            "pixels-swapped",
-            (),
-            "u and v of the pixels are exchanged",
-            "write [u, v], u along the width of the image: exchange them",
-            "move every arm further between samples",
-            lambda cell, recording: (cell, rewriting.with_pixels(recording, lambda pixels: pixels[:, ::-1])),
-        )
+def _of_pixels() -> Iterator[ConventionHypothesis]:
+    yield ConventionHypothesis(
+        "pixels-swapped",
+        (),
+        "u and v of the pixels are exchanged",
+        "write [u, v], u along the width of the image: exchange them",
+        "move every arm further between samples",
+        Reading.with_pixels_exchanged,
+    )
 
 
-def _of_order(moved: list[str | None], recording: Recording) -> Iterator[ConventionHypothesis]:
+def _of_order(moved: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
     for stream in moved:
         yield _turned_round(stream)
         for by in _FAR_SHIFTS:
-            if abs(by) < len(recording.samples) // 3:
+            if abs(by) < count // 3:
                 yield shift(stream, by)
 
 
@@ -148,14 +155,14 @@ def _turned_round(stream: str | None) -> ConventionHypothesis:
         f"{who} stands in reverse order",
         "turn its order round",
         "let the arms stand in clearly different poses from one sample to the next",
-        lambda cell, recording: (cell, rewriting.turned_round(recording, stream)),
+        lambda reading: reading.reversed(stream),
         by_order=True,
     )
 
 
 def _of_rotations(
     names: tuple[str, ...],
-    rewritten: Callable[[tuple[str, ...], rewriting.PoseMap], Callable[[Cell, Recording], Rewritten]],
+    rewritten: Callable[[tuple[str, ...], PoseMap], Reread],
     who: str,
 ) -> Iterator[ConventionHypothesis]:
     tell = f"turn {listed(names) or 'every arm'} further between samples"
@@ -184,7 +191,7 @@ def _of_rotations(
             )
 
 
-def _relisted(meant: str, read: str, choose: Callable[[Array], Array]) -> rewriting.PoseMap:
+def _relisted(meant: str, read: str, choose: Callable[[Array], Array]) -> PoseMap:
     def of(poses: SE3) -> SE3:
         """The poses whose three numbers, listed as `meant`, were read as `read`."""
         numbers = choose(_numbers(poses.rotation, read))

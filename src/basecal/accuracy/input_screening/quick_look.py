@@ -103,7 +103,7 @@ def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
         return QuickLook(views, found)
     if is_hopeless(plain.problem, plain.state):
         return QuickLook(views, (hopeless(plain.problem, plain.state),))
-    fit = fit_hypothesis(cell, recording, STATED, plain.state)
+    fit = fit_hypothesis(cell, problem, STATED, plain.state)
     if fit is None or any(name in plain.observability.unobservable for name in cell.asked):
         return QuickLook(views, untold=_left_open(cell, fit))
     if not plausible(fit):

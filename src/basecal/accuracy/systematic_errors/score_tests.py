@@ -15,8 +15,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import betainc, betaln, chdtrc
+from scipy.special import betainc, betaln
 
+from basecal.accuracy.model_comparison.nested import log_chance
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.views import Moves
 from basecal.estimation.least_squares.normal_equations import (
@@ -30,7 +31,9 @@ from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 _HIDDEN = 1e-4  # share of an error's information that the unknowns leave, below which it stands for one of them
-_LEAST = 1e-300  # a probability that is no number any more
+
+
+_LEAST = 1e-300  # a chance that is no number any more
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,18 +58,7 @@ class Score:
     def log_chance(self) -> Array:
         """(b,) logarithm of the chance of a statistic so large or larger."""
         pairs = zip(self.statistic, self.freedoms, strict=True)
-        return np.array([log_chance_of(float(value), int(freedoms)) for value, freedoms in pairs])
-
-
-def log_chance_of(statistic: float, freedoms: int) -> float:
-    """Logarithm of the chance of a chi-square so large or larger; 0 without freedoms."""
-    if freedoms < 1:
-        return 0.0
-    chance = float(chdtrc(freedoms, statistic))
-    if chance > _LEAST:
-        return float(np.log(chance))
-    # Far out the tail is exp(-x / 2) x^(q / 2 - 1), of which the first factor is all that counts here.
-    return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic))
+        return np.array([log_chance(float(value), int(freedoms)) for value, freedoms in pairs])
 
 
 def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:

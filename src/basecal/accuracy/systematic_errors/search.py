@@ -11,17 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.significance import CONFIRMED_SIGNIFICANCE
+from basecal.accuracy.model_comparison.nested import SUSPECTED, discoveries, log_chance
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
-from basecal.accuracy.systematic_errors.score_tests import (
-    Linearised,
-    linearised,
-    log_chance_of,
-    log_chance_of_gain,
-    score,
-    sums,
-)
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, log_chance_of_gain, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
@@ -34,10 +27,9 @@ from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, BoolArray
 from basecal.numerics.spectral import spectrum
 
-_SUSPECT = 0.02  # chance of a score below which an error is solved for
 _COST = 0.5  # among errors, one of many costs as much as the unknown that says which: half the log of their number
 _RANK_DIGITS = 6  # that rounding of exactly confounded errors leaves equal
 _TRIES = 3  # errors that are solved for at most, which bounds the time
@@ -56,6 +48,7 @@ class _Suspect:
         log_chance: Logarithm of the chance that any of its code has such a score.
         screened: The same, or less where stops share no errors, whose sigmas may hold the error itself.
         several: Logarithm of how many these are.
+        family: How many codes were tested.
     """
 
     effect: str
@@ -66,6 +59,7 @@ class _Suspect:
     log_chance: float
     screened: float
     several: float
+    family: int = 1
 
     @property
     def rank(self) -> float:
@@ -106,7 +100,8 @@ def systematic_error(
     suspects = list(_confirmed_suspects(situation, _tried(situation, every)))
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
-        certain = [suspect for suspect in suspects if suspect.log_chance < np.log(CONFIRMED_SIGNIFICANCE)]
+        discovered = _discovered(suspects, [suspect.log_chance for suspect in suspects])
+        certain = [suspects[k] for k in np.flatnonzero(discovered)]
         alike = replace(certain[0], size=0 * certain[0].size) if certain else None
         return None if alike is None else _described(situation, alike, solution, solution)
     if not suspects:
@@ -115,7 +110,7 @@ def systematic_error(
     # A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
     chances = [min(each.log_chance, _log_chance(situation, each, before)) for each in suspects]
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
-    is_certain = bool(chances[k] < np.log(CONFIRMED_SIGNIFICANCE))
+    is_certain = bool(_discovered(suspects, chances)[k])
     after = _solved_again(_without(solution, situation, suspects[k]), settings)
     described = _described(situation, suspects[k], solution, after)
     return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
@@ -152,7 +147,7 @@ def _first_confirmed(solution: Solution, situation: Situation, suspects: Sequenc
     suspect = next(_confirmed_suspects(situation, _tried(situation, suspects)), None)
     if suspect is None:
         return None
-    is_certain = _log_chance(situation, suspect, solution) < np.log(CONFIRMED_SIGNIFICANCE)
+    (is_certain,) = _discovered([suspect], [_log_chance(situation, suspect, solution)])
     alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
@@ -163,7 +158,7 @@ def _reconciling(
     """The error without which the residuals are as stated after all; None where none does that."""
     situation = _situation(as_stated, recorded, stamps)
     every = _suspects(situation)
-    certain = (each for each in _tried(situation, every) if each.log_chance < np.log(CONFIRMED_SIGNIFICANCE))
+    certain = (each for each in _tried(situation, every) if _discovered([each], [each.log_chance])[0])
     for suspect in _confirmed_suspects(situation, certain):
         moved = _without(as_stated, situation, suspect).problem
         after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
@@ -171,6 +166,11 @@ def _reconciling(
             described = _described(situation, suspect, solution, after)
             return replace(described, alternatives=_alternatives(situation, suspect, every))
     return None
+
+
+def _discovered(suspects: Sequence[_Suspect], log_chances: Sequence[float]) -> BoolArray:
+    """Which suspects of these chances are certain, (n,)."""
+    return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1))
 
 
 def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float]) -> Situation:
@@ -212,19 +212,19 @@ def _suspects(situation: Situation) -> list[_Suspect]:
         chances = screened = scores.log_chance
         if null is not situation.about:
             screened = np.minimum(chances, score(situation.about, kind).log_chance)
-        for b in map(int, np.flatnonzero(screened < np.log(_SUSPECT))):
+        for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED))):
             found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
             unlikely.append(_Suspect(name, kind.only(b), scores.size[b], *found, 0.0))
     likeliest: dict[tuple[str, str], tuple[float, _Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
         several = float(np.log(tests[code]))
-        if suspect.screened + several >= np.log(_SUSPECT):
+        if suspect.screened + several >= np.log(SUSPECTED):
             continue
         rank = suspect.log_chance + _COST * several
         if (code, name) not in likeliest or rank < likeliest[code, name][0]:
             chance = suspect.log_chance + several
-            likeliest[code, name] = rank, replace(suspect, log_chance=chance, several=several)
+            likeliest[code, name] = rank, replace(suspect, log_chance=chance, several=several, family=len(tests))
     ranked = sorted(likeliest.values(), key=lambda each: round(each[0], _RANK_DIGITS))
     return [suspect for _, suspect in ranked]
 
@@ -242,11 +242,11 @@ def _alternatives(situation: Situation, chosen: _Suspect, suspects: Sequence[_Su
     """Effects that the data do not tell from the chosen one: with one of them, chance makes what is left of it."""
     same = chosen.effect, chosen.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
-    likely = [each for each in others if each.rank < chosen.rank - np.log(_SUSPECT)]
+    likely = [each for each in others if each.rank < chosen.rank - np.log(SUSPECTED)]
     return tuple(
         _to_first_order(situation, each)
         for each in likely
-        if log_chance_of(*_left(situation, chosen, each)) + chosen.several > np.log(_SUSPECT)
+        if log_chance(*_left(situation, chosen, each)) + chosen.several > np.log(SUSPECTED)
     )
 
 

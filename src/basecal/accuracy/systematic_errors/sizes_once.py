@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from basecal.accuracy.input_check.target_sizes import as_written
+from basecal.accuracy.phrases.target_length import as_written
 from basecal.cell import Cell, Finding
 from basecal.effects.faces.found import FoundEffect, format_with_sigma
 

@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from basecal.accuracy.drift.disagreement import Disagreement, disagreement
+from basecal.accuracy.model_comparison.nested import CONFIRMED
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
 from basecal.effects.faces.found import FoundEffect
 from basecal.effects.registry import describe_effect
-
-SIGNIFICANCE_LEVEL = 1e-3
-"""Chance by which a sample is reported that agrees: one in forty captures of 25 samples."""
 
 _WINDOW = 3  # samples that are compared together, to see what is too small to see in one
 _EXPLAINED = 1e-3  # chance of what a cause leaves, above which it explains the samples
@@ -69,7 +67,7 @@ class RunningCheck:
     def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
         """Whether a sample agrees with the estimate before it; it joins the samples that agree, or is held back."""
         alone = self._against(self.estimate, [sample])
-        if alone is None or alone.chance > SIGNIFICANCE_LEVEL:
+        if alone is None or alone.chance > CONFIRMED:
             odd, self._pending = self._pending, []
             self._agreeing.append(sample)
             return (*map(_odd, odd), *self._window())
@@ -94,7 +92,7 @@ class RunningCheck:
             return ()
         recent = self._agreeing[-_WINDOW:]
         found = self._against(self._preceding_records[1 - _WINDOW], recent)
-        if found is None or found.chance > SIGNIFICANCE_LEVEL or found.chance_left < _EXPLAINED:
+        if found is None or found.chance > CONFIRMED or found.chance_left < _EXPLAINED:
             return ()
         return self._lasting(recent[0].sample, found)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -77,6 +78,12 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     return problem.with_models(_models(cell, problem)), findings
 
 
+def restated(cell: Cell, problem: Problem) -> Problem:
+    """The views of a problem in a cell that states its transforms, lenses and robots' parameters otherwise."""
+    other = replace(_problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stands=problem.stands)
+    return other.with_models(_models(cell, other))
+
+
 def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
     """The columns of every robot that is seen and whose kinematics are not fixed."""
     models = {}
@@ -130,11 +137,28 @@ def _robot_poses(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -
     if not having:
         return _Poses()
     row = {i: k for k, (i, _) in enumerate(having)}
-    base_from_flange = _flanges(cell, robot, [state for _, state in having])
-    recorded = [state.joints_rad for _, state in having if state.joints_rad is not None]
-    joints = np.stack(recorded) if len(recorded) == len(having) else None
-    stand = stop_numbers(base_from_flange, joints, cell.robots[robot].noise)
-    return _Poses(row, base_from_flange, stand, stand, joints)
+    found = recorded_states(cell, robot, [state for _, state in having])
+    return _Poses(row, found.base_from_flange, found.stand, found.stand, found.joints)
+
+
+class RecordedStates(NamedTuple):
+    """States of one robot, (n,) each: poses, the number of the stop, and joints (n, k) if all have some."""
+
+    base_from_flange: SE3
+    stand: IntArray
+    joints: Array | None
+
+
+def recorded_states(cell: Cell, robot: str, states: list[RobotState]) -> RecordedStates:
+    """States of a robot as arrays.
+
+    Raises:
+        InputError: if some are joints and the robot has no kinematics.
+    """
+    base_from_flange = _flanges(cell, robot, states)
+    recorded = [state.joints_rad for state in states if state.joints_rad is not None]
+    joints = np.stack(recorded) if len(recorded) == len(states) else None
+    return RecordedStates(base_from_flange, stop_numbers(base_from_flange, joints, cell.robots[robot].noise), joints)
 
 
 def _flanges(cell: Cell, robot: str, states: list[RobotState]) -> SE3:

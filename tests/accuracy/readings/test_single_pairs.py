@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.ends import end, problem_of, views
+from tests.shared.rewriting import inverted, with_robots
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.input_check.rewriting import inverted, with_robots
-from basecal.accuracy.many_robots.single_pairs import _covering, has_many_robots, merge_findings, solve_single_pairs
+from basecal.accuracy.readings.reading import as_recorded
+from basecal.accuracy.readings.single_pairs import _covering, has_many_robots, merge_findings, solve_single_pairs
 from basecal.cell import Finding
 from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve
+from basecal.estimation.solve import solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -26,7 +27,7 @@ RING = simulate(Scenario(layout="ring", robots=6, samples=120, board=BOARD, robo
 def pairs():
     problem, _ = build_problem(RING.cell, RING.recording)
     state = State({n: RING.truth[n] for n in problem.unknowns}, RING.cameras, np.zeros((len(problem.stops), 6)))
-    return solve_single_pairs(RING.cell, RING.recording, problem, state)
+    return solve_single_pairs(as_recorded(RING.cell, RING.recording, problem), state)
 
 
 def test_two_arms_are_looked_at_together():
@@ -39,16 +40,16 @@ def test_two_arms_are_looked_at_together():
 def test_each_robot_camera_and_target_is_in_a_pair(pairs):
     """And no more pairs than it takes: half of those that a ring with loops has."""
     assert {name for pair in pairs for name in pair.robots} == RING.cell.robots.keys()
-    assert {name for pair in pairs for name in pair.cell.cameras} == RING.cell.cameras.keys()
-    assert {name for pair in pairs for name in pair.cell.targets} == RING.cell.targets.keys()
+    assert {name for pair in pairs for name in pair.reading.cell.cameras} == RING.cell.cameras.keys()
+    assert {name for pair in pairs for name in pair.reading.cell.targets} == RING.cell.targets.keys()
     assert len(pairs) == 6
 
 
 def test_a_pair_tells_how_its_bases_stand(pairs):
     """Solved alone, with the eye's base where it is, the hand's base is the truth within six sigmas an axis."""
     for pair in pairs[:3]:
-        found = solve(pair.cell, pair.recording, Settings(robot_noise="stated"))
-        name = pair.cell.asked[0]
+        found = solve_packed(pair.reading.problem, pair.reading.cell, Settings(robot_noise="stated"))
+        name = pair.reading.cell.asked[0]
         estimate = found.transforms[name]
         off = (estimate.mean.inverse() @ RING.truth[name]).log() / np.sqrt(np.diag(estimate.covariance))
         assert np.abs(off).max() < 6
@@ -86,13 +87,14 @@ def test_four_robots_are_looked_at_together(count, many):
 def test_a_pair_has_what_is_its_own(pairs):
     """Its samples with its robots alone and its one view, its lens, its transforms; of the eye the base is fixed."""
     for pair in pairs:
-        (camera,), (target,) = pair.cell.cameras, pair.cell.targets
-        assert set(pair.cell.robots) == {*pair.robots, RING.cell.reference}
-        for sample in pair.recording.samples:
-            assert set(sample.robots) <= pair.robots
-            assert [(o.camera, o.target) for o in sample.observations] == [(camera, target)]
+        (camera,), (target,) = pair.reading.cell.cameras, pair.reading.cell.targets
+        assert set(pair.reading.cell.robots) == {*pair.robots, RING.cell.reference}
+        (group,) = pair.reading.problem.groups
+        assert (group.camera, group.target) == (camera, target)
+        assert sorted(pair.reading.order) == sorted(group.sample)
+        assert set(pair.reading.tracks) == set(pair.reading.cell.robots)
         assert set(pair.state.cameras) == {camera}
-        assert set(pair.state.transforms) == set(pair.cell.transforms)
+        assert set(pair.state.transforms) == set(pair.reading.cell.transforms)
         assert len(pair.state.stop_errors) == 0
 
 

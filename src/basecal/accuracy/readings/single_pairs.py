@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from basecal.cell import Cell, Finding, Recording, Unknown
+from basecal.accuracy.readings.reading import Reading
+from basecal.cell import Finding, Unknown
 from basecal.cell.cell import WORLD
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
@@ -23,19 +24,18 @@ class SinglePair:
     """A camera and a target as a cell of their own.
 
     Attributes:
-        cell: The cell, with the robots that carry them and the reference.
-        recording: The samples in which the camera sees the target.
+        reading: The cell, with the robots that carry them and the reference, and the samples with a view of it.
         state: What is known of them; errors of stops are none.
     """
 
-    cell: Cell
-    recording: Recording
+    reading: Reading
     state: State
 
     @property
     def robots(self) -> frozenset[str]:
         """Who carries the two."""
-        on = [camera.on for camera in self.cell.cameras.values()] + [target.on for target in self.cell.targets.values()]
+        cell = self.reading.cell
+        on = [camera.on for camera in cell.cameras.values()] + [target.on for target in cell.targets.values()]
         return frozenset(on) - {WORLD}
 
 
@@ -44,35 +44,26 @@ def has_many_robots(problem: Problem) -> bool:
     return len(problem.robots) > JOINT_PAIRS
 
 
-def solve_single_pairs(cell: Cell, recording: Recording, problem: Problem, state: State) -> list[SinglePair]:
+def solve_single_pairs(declared: Reading, state: State) -> list[SinglePair]:
     """Pairs of camera and target, as few as it takes for each robot, camera and target to be in one.
 
     Args:
-        cell: As declared.
-        recording: As recorded.
-        problem: What was packed of both.
-        state: What they gave.
+        declared: As declared.
+        state: Its solution.
     """
-    seen: dict[tuple[str, str], list[int]] = {}
-    for position, sample in enumerate(recording.samples):
-        for each in sample.observations:
-            seen.setdefault((each.camera, each.target), []).append(position)
-    return [
-        _solve_pair(cell, recording, group, seen[group.camera, group.target], state)
-        for group in _covering(problem.groups)
-    ]
+    return [_solve_pair(declared, group, state) for group in _covering(declared.problem.groups)]
 
 
-def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
+def merge_findings(pairs: Sequence[SinglePair], found: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
     """The findings of pairs, each once; of what one pair leaves open only that which all pairs of a robot do.
 
     Args:
         pairs: The pairs.
-        findings: The findings of each.
+        found: The findings of each.
     """
-    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in findings]
+    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in found]
     kept: dict[tuple[str, tuple[str, ...]], Finding] = {}
-    for pair, of in zip(pairs, findings, strict=True):
+    for pair, of in zip(pairs, found, strict=True):
         for finding in of:
             about = pair.robots.intersection(finding.about)
             others = [names for other, names in zip(pairs, opened, strict=True) if about & other.robots]
@@ -91,7 +82,8 @@ def _covering(groups: Sequence[ViewGroup]) -> Iterator[ViewGroup]:
         yield groups[most]
 
 
-def _solve_pair(cell: Cell, recording: Recording, group: ViewGroup, numbers: Sequence[int], state: State) -> SinglePair:
+def _solve_pair(declared: Reading, group: ViewGroup, state: State) -> SinglePair:
+    cell = declared.cell
     bases = {name: unknown for name, unknown in cell.bases.items() if name in group.robots}
     if group.eye.robot is not None and group.eye.base is not None and group.hand.base is not None:
         # How the two stand to each other is all that the pair tells.
@@ -103,14 +95,6 @@ def _solve_pair(cell: Cell, recording: Recording, group: ViewGroup, numbers: Seq
         cameras={group.camera: cell.cameras[group.camera]},
         targets={group.target: cell.targets[group.target]},
     )
-    samples = (
-        replace(
-            sample,
-            robots={name: of for name, of in sample.robots.items() if name in group.robots},
-            observations=tuple(o for o in sample.observations if (o.camera, o.target) == (group.camera, group.target)),
-        )
-        for sample in (recording.samples[k] for k in numbers)
-    )
     own = replace(
         state,
         transforms={name: state.transforms[name] for name in alone.transforms if name in state.transforms},
@@ -118,4 +102,4 @@ def _solve_pair(cell: Cell, recording: Recording, group: ViewGroup, numbers: Seq
         stop_errors=state.stop_errors[:0],
         robots={name: of for name, of in state.robots.items() if name in group.robots},
     )
-    return SinglePair(alone, replace(recording, samples=tuple(samples)), own)
+    return SinglePair(declared.alone(alone, group), own)

@@ -1,4 +1,4 @@
-"""What is given, rewritten: poses mapped, streams paired anew, links as stated; pure functions on its nouns."""
+"""A recording with a mix-up, sample by sample: what readings must undo, and are compared with."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ from basecal.cell import (
     RobotState,
     Sample,
 )
-from basecal.estimation.problem.problem import State
 from basecal.geometry import SE3, Array
 
-LINKS = "link_parameters"
 PoseMap = Callable[[SE3], SE3]
 
 
@@ -176,14 +174,11 @@ def _paired(sample: Sample, source: Sample, stream: str | None) -> Sample | None
     return Sample(sample.sample, sample.stamp_s, robots, seen, sample.images, sample.background)
 
 
-def without_links(cell: Cell, state: State) -> tuple[Cell, State]:
-    """Both with links as stated: no mix-up is as small as their errors, which would chase what they cannot explain."""
-    robots = {
-        name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if k != LINKS})
-        for name, robot in cell.robots.items()
-    }
-    kinematics = {
-        name: replace(of, values={k: values for k, values in of.values.items() if k != LINKS})
-        for name, of in state.robots.items()
-    }
-    return replace(cell, robots=robots), replace(state, robots=kinematics)
+def resized(cell: Cell, factors: Mapping[str, float]) -> Cell:
+    """The cell with the points of targets times a factor, by the target's name."""
+    targets = dict(cell.targets)
+    for name, factor in factors.items():
+        shape = targets[name].target
+        assert shape is not None
+        targets[name] = replace(targets[name], target=replace(shape, points=shape.points * factor))
+    return replace(cell, targets=targets)

@@ -1,1 +1,0 @@
-"""Cells of many robots: what is asked of each by the pairs that it takes part in."""

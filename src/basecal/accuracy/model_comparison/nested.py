@@ -1,0 +1,104 @@
+"""Effects of which the model in use is the special case of size zero: score tests, and ratios of likelihoods.
+
+Source: Rao 1948, Wilks 1938; of noise that is estimated, Fisher 1925; of many tests, Benjamini & Hochberg 1995.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import chdtrc, fdtrc, gammaln
+
+from basecal.accuracy.model_comparison.comparison import Comparison, Decision, decide
+from basecal.geometry import BoolArray
+
+ALONE = 1e-4
+"""Chance of a finding that one test makes alone: ten such tests raise one false alarm in a thousand calibrations.
+
+`benchmarks.false_alarms` measures it.
+"""
+
+CONFIRMED = 1e-3
+"""Likewise of a finding that held-out data or a next sample confirm too: they do not confirm most that chance makes."""
+
+MOVED = 5e-3
+"""Chance of an alarm of one check, or of one pair of runs, if nothing moved: about once in a year of working days.
+
+`benchmarks.verify` measures it.
+"""
+
+DISAGREES = 0.01
+"""Chance of new samples below which a cause is looked for; `benchmarks.running_check` measures the alarms."""
+
+SUSPECTED = 0.02
+"""Chance of a score below which an effect is solved for; `benchmarks.small_faults` measures what that misses."""
+
+_EQUAL = 6.0  # twice the log ratio of likelihoods: what is e^3 times less likely than the best is told from it
+_FALSE_DISCOVERIES = 0.01  # share of effects that are found and not there; `benchmarks.false_alarms` measures it
+_VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
+_LEAST = 1e-300  # a chance that is no number any more
+
+
+def compare_nested(
+    rival: str, gain: float, freedoms: float, level: float = ALONE, noise_freedoms: float = np.inf
+) -> Comparison:
+    """A wider model by its gain.
+
+    Args:
+        rival: Its name.
+        gain: Twice the log ratio of likelihoods, or the score: chi-square if the model in use is true.
+        freedoms: Of the chi-square.
+        level: Chance below which the wider model is taken.
+        noise_freedoms: By which the noise is known; infinite if it is stated.
+    """
+    return decide(rival, gain, log_chance(gain, freedoms, noise_freedoms), level)
+
+
+def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf) -> float:
+    """Logarithm of the chance of a chi-square so large or larger; 0 without freedoms or a gain.
+
+    Of estimated noise it is Fisher's distribution, as far as that is a number.
+    """
+    if freedoms < 1 or statistic <= 0:
+        return 0.0
+    known = np.isinf(noise_freedoms)
+    chance = chdtrc(freedoms, statistic) if known else fdtrc(freedoms, noise_freedoms, statistic / freedoms)
+    if chance > _LEAST:
+        return float(np.log(chance))
+    # The first term of the tail far out: Abramowitz & Stegun 6.5.32.
+    return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic) - gammaln(0.5 * freedoms))
+
+
+def compare_evidence(rival: str, gain: float) -> Comparison:
+    """A wider model by its gain in evidence: twice the log of the ratio, which is an e-value."""
+    decision = Decision.TAKE if gain > _VERY_STRONG else Decision.KEEP
+    return Comparison(rival, gain, -0.5 * gain, decision)
+
+
+def discoveries(log_chances: Sequence[float], tests: int) -> BoolArray:
+    """Which of the effects with these chances are discovered, (n,), of a family of so many tests.
+
+    One in a hundred discoveries is false at most, on average (Benjamini & Hochberg 1995); if there is no effect at all,
+    one is found in one of a hundred families.
+
+    Args:
+        log_chances: (n,) of effects that may be there; the others of the family count as not discovered.
+        tests: How many the family has.
+    """
+    order = np.argsort(log_chances)
+    limits = np.log(_FALSE_DISCOVERIES * np.arange(1, len(order) + 1) / max(tests, 1))
+    below = np.flatnonzero(np.asarray(log_chances)[order] < limits)
+    found = np.zeros(len(order), dtype=bool)
+    found[order[: below[-1] + 1 if len(below) else 0]] = True
+    return found
+
+
+def equally_likely(costs: Sequence[float]) -> list[int]:
+    """Which explanations the data do not tell from the best one, itself among them.
+
+    Args:
+        costs: (n,) of each: minus twice its log likelihood, and what its freedoms take away by chance.
+    """
+    best = min(costs, default=0.0)
+    return [k for k, cost in enumerate(costs) if cost < best + _EQUAL]

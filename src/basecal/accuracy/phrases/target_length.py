@@ -1,0 +1,14 @@
+"""The true size of a target in the field that states it."""
+
+from __future__ import annotations
+
+from basecal.cell import Cell
+
+
+def as_written(cell: Cell, name: str, factor: float) -> str:
+    """What the first length among a target's fields would be; nothing where it has none, such as points."""
+    shape = cell.targets[name].target
+    for field, value in ({} if shape is None else shape.options).items():
+        if field.endswith("_m") and isinstance(value, float):
+            return f": {field} would be {value * factor:.5g}"
+    return ""

@@ -1,0 +1,306 @@
+"""A cell and what was recorded in it as arrays, and the same read in another way.
+
+What is packed once is moved: poses, points and pixels are mapped, and robots' states are paired with other views.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from basecal.cell import Cell, Recording, RobotState
+from basecal.estimation.problem.build import canonical_order, recorded_states, restated
+from basecal.estimation.problem.correspondence import half_turn
+from basecal.estimation.problem.problem import Problem, Stops
+from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.view.measurement import Measurement
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import SE3, Array, BoolArray, IntArray
+
+PoseMap = Callable[[SE3], SE3]
+M = TypeVar("M", bound=Measurement)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What was recorded of one robot, sample by sample in the order of time.
+
+    Attributes:
+        seen: (m,) whether a sample has a state of it.
+        pose: (m,) base_from_flange; that of a neighbour without a state.
+        joints: (m, k) [rad]; None if poses were recorded.
+        stand: (m,) number of the stop; -1 without a state.
+        by_pose: Whether every state was recorded as a pose.
+    """
+
+    seen: BoolArray
+    pose: SE3
+    joints: Array | None
+    stand: IntArray
+    by_pose: bool
+
+    def at(self, rows: IntArray) -> Track:
+        """The states of these samples, (n,); none of row -1."""
+        joints = None if self.joints is None else self.joints[rows]
+        return replace(
+            self,
+            seen=(rows >= 0) & self.seen[rows],
+            pose=self.pose[rows],
+            joints=joints,
+            stand=np.where(rows >= 0, self.stand[rows], -1),
+        )
+
+    @property
+    def moves(self) -> bool:
+        """Whether the robot stood in more than one place."""
+        return len(np.unique(self.stand[self.seen])) > 1
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """One way to read a cell and its recording.
+
+    Attributes:
+        cell: As this reading has it.
+        problem: Likewise.
+        order: (m,) numbers of the samples in the order of time, those without views among them.
+        tracks: What was recorded of each robot at these samples.
+    """
+
+    cell: Cell
+    problem: Problem
+    order: IntArray
+    tracks: Mapping[str, Track]
+
+    @cached_property
+    def by_pose(self) -> list[str]:
+        """Robots whose every state is a pose."""
+        return [name for name, track in self.tracks.items() if track.by_pose]
+
+    @cached_property
+    def by_joints(self) -> list[str]:
+        """Robots whose every state has joints."""
+        return [name for name, track in self.tracks.items() if track.joints is not None]
+
+    def shows(self, *kinds: type[Measurement]) -> bool:
+        """Whether any view is such a measurement."""
+        return any(isinstance(group.measurement, kinds) for group in self.problem.groups)
+
+    def restated(self, cell: Cell) -> Reading:
+        """The same views in a cell that states its transforms and lenses otherwise."""
+        return replace(self, cell=cell, problem=restated(cell, self.problem))
+
+    def alone(self, cell: Cell, group: ViewGroup) -> Reading:
+        """One group of views, in a cell of its own."""
+        rows = np.flatnonzero(np.isin(self.order, group.sample))
+        tracks = {name: track for name, track in self.tracks.items() if name in cell.robots}
+        groups = tuple(g for g in self.problem.groups if (g.camera, g.target) == (group.camera, group.target))
+        stops, _ = _stops(self.problem.stops, tracks)
+        problem = replace(self.problem, groups=groups, stops=stops)
+        return replace(self, problem=problem, tracks=tracks).restated(cell).take(rows)
+
+    def take(self, rows: IntArray) -> Reading:
+        """Some of the samples."""
+        tracks = {name: track.at(rows) for name, track in self.tracks.items()}
+        return replace(self, order=self.order[rows])._with_tracks(tracks)
+
+    def thinned(self, most: int) -> Reading:
+        """At most so many of the samples, spread evenly."""
+        count = len(self.order)
+        return self if count <= most else self.take(np.linspace(0, count - 1, most).round().astype(np.int64))
+
+    def with_poses(self, robots: tuple[str, ...], pose_map: PoseMap) -> Reading:
+        """Recorded poses of robots mapped."""
+        tracks = dict(self.tracks)
+        for name in robots:
+            tracks[name] = replace(tracks[name], pose=pose_map(tracks[name].pose), joints=None)
+        return self._with_tracks(tracks)
+
+    def with_joints(self, robots: tuple[str, ...], factor: float) -> Reading:
+        """Recorded joints of robots times a factor."""
+        moved = {name: self._of_robot(name, self.tracks[name], factor) for name in robots}
+        return self._with_tracks({**self.tracks, **moved})
+
+    def _of_robot(self, robot: str, track: Track, factor: float = 1.0) -> Track:
+        """A track as if a robot had made it, its joints times a factor."""
+        chain = self.cell.robots[robot].chain
+        if track.joints is None or chain is None:
+            return track
+        return replace(track, joints=factor * track.joints, pose=chain.forward(factor * track.joints))
+
+    def exchanged(self, first: str, second: str) -> Reading:
+        """The states of two robots exchanged."""
+        other = {first: second, second: first}
+        moved = {name: self._of_robot(name, self.tracks[other[name]]) for name in other}
+        return self._with_tracks({**self.tracks, **moved})
+
+    def shifted(self, stream: str | None, by: int, start: int = 0) -> Reading:
+        """One stream paired anew: what stands at position i - `by` moves to position i.
+
+        Args:
+            stream: A robot's name, or None for what the cameras saw.
+            by: By how many samples.
+            start: The position from which on; earlier samples stay.
+
+        Returns:
+            The reading without the samples that nothing is left for.
+        """
+        place = np.arange(len(self.order))
+        source = np.where(place < start, place, place - by)
+        return self._paired(stream, np.where((source < len(place)) & ((source >= start) | (place < start)), source, -1))
+
+    def reversed(self, stream: str | None) -> Reading:
+        """One stream in reverse order."""
+        return self._paired(stream, np.arange(len(self.order))[::-1])
+
+    def _paired(self, stream: str | None, source: IntArray) -> Reading:
+        """One stream with what stood at positions `source`, (m,), in the place of its own; without what is at -1."""
+        kept = source >= 0
+        if stream is None:
+            place = np.full(len(source), -1)
+            place[source[kept]] = np.flatnonzero(kept)
+            return self._seen_at(place).take(np.flatnonzero(kept))
+        tracks = {**self.tracks, stream: self.tracks[stream].at(source)}
+        return self._with_tracks(tracks).take(np.flatnonzero(tracks[stream].seen))
+
+    def _seen_at(self, place: IntArray) -> Reading:
+        """Views of each position moved to another one, (m,); without those moved to -1."""
+        groups = []
+        for group in self.problem.groups:
+            there = place[self._rows(group)]
+            kept = np.flatnonzero(there >= 0)
+            groups.append(replace(group.take(kept), sample=self.order[there[kept]]))
+        return replace(self, problem=self.problem.with_groups(g for g in groups if len(g)))._with_tracks(self.tracks)
+
+    def _rows(self, group: ViewGroup) -> IntArray:
+        """Positions of the samples of a group's views, (n,); -1 of those that are no more."""
+        row = {int(number): k for k, number in enumerate(self.order)}
+        return np.array([row.get(int(number), -1) for number in group.sample], dtype=np.int64)
+
+    def _with_tracks(self, tracks: Mapping[str, Track]) -> Reading:
+        """The same views of robots with other states; without views that these have none for."""
+        stops, first = _stops(self.problem.stops, tracks)
+        groups = (self._carried(group, tracks, first) for group in self.problem.groups)
+        stands = {name: len(np.unique(track.stand[track.seen])) for name, track in tracks.items()}
+        problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stands=stands)
+        return replace(self, problem=problem, tracks=tracks)
+
+    def _carried(self, group: ViewGroup, tracks: Mapping[str, Track], first: Mapping[str, int]) -> ViewGroup:
+        rows = self._rows(group)
+        kept = rows >= 0
+        for robot in group.robots:
+            kept &= tracks[robot].seen[rows]
+        rows = rows[kept]
+        return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carried_by(end, tracks, rows, first))
+
+    def with_seen(self, change: Callable[[ViewGroup], ViewGroup]) -> Reading:
+        """The groups of views changed."""
+        return replace(self, problem=self.problem.with_groups(map(change, self.problem.groups)))
+
+    def with_target_poses(self, pose_map: PoseMap, target: str | None = None) -> Reading:
+        """Observed poses mapped, of one target or of all."""
+
+        def mapped(views: PoseMeasurement) -> PoseMeasurement:
+            """Views with their poses mapped."""
+            return replace(views, measured_camera_from_target=pose_map(views.measured_camera_from_target))
+
+        return self.with_seen(lambda g: _changed(g, PoseMeasurement, mapped) if target in (None, g.target) else g)
+
+    def with_points(self, factor: float) -> Reading:
+        """Observed 3-D points times a factor, their stated sigmas unchanged."""
+
+        def scaled(views: PointMeasurement) -> PointMeasurement:
+            """Views with their points scaled."""
+            return replace(views, points_in_camera=factor * views.points_in_camera)
+
+        return self.with_seen(lambda group: _changed(group, PointMeasurement, scaled))
+
+    def with_pixels_exchanged(self) -> Reading:
+        """U in the place of v."""
+
+        def exchanged(views: PixelMeasurement) -> PixelMeasurement:
+            """Views with their pixels exchanged."""
+            return replace(views, pixels=views.pixels[..., ::-1])
+
+        return self.with_seen(lambda group: _changed(group, PixelMeasurement, exchanged))
+
+    def resized(self, factors: Mapping[str, float]) -> Reading:
+        """Targets larger by a factor, by name: their points in the cell and in what was seen."""
+        targets = dict(self.cell.targets)
+        for name, factor in factors.items():
+            shape = targets[name].target
+            if shape is not None:
+                targets[name] = replace(targets[name], target=replace(shape, points=factor * shape.points))
+
+        def larger(group: ViewGroup) -> ViewGroup:
+            """Views of the larger target."""
+            shape = targets[group.target].target
+            if shape is None or group.target not in factors:
+                return group
+            group = _changed(group, PixelMeasurement, lambda views: replace(views, points_in_target=shape.points))
+            group = _changed(group, PointMeasurement, lambda views: replace(views, points_in_target=shape.points))
+            return group if group.half_turn is None else replace(group, half_turn=half_turn(shape))
+
+        return replace(self.with_seen(larger), cell=replace(self.cell, targets=targets))
+
+
+def as_recorded(cell: Cell, recording: Recording, problem: Problem) -> Reading:
+    """The reading as it was declared.
+
+    Args:
+        cell: As declared.
+        recording: Likewise.
+        problem: Packed of both; what stamps are off by themselves is left out.
+    """
+    samples = canonical_order(recording.samples)
+    tracks = {name: _track(cell, name, [s.robots.get(name) for s in samples]) for name in cell.robots}
+    groups = tuple(replace(group, motion=None) for group in problem.groups)
+    order = np.array([sample.sample for sample in samples], dtype=np.int64)
+    return Reading(cell, replace(problem, groups=groups, jitter_s={}, open_jitter=frozenset()), order, tracks)
+
+
+def _track(cell: Cell, robot: str, states: list[RobotState | None]) -> Track:
+    seen = np.array([state is not None for state in states], dtype=bool)
+    rows = np.where(seen, np.cumsum(seen) - 1, 0)
+    having = [state for state in states if state is not None]
+    if not having:
+        nothing = SE3.identity((len(states),))
+        return Track(seen, nothing, None, np.full(len(states), -1, dtype=np.int64), False)
+    found = recorded_states(cell, robot, having)
+    joints = None if found.joints is None else found.joints[rows]
+    by_pose = all(state.base_from_flange is not None for state in having)
+    return Track(seen, found.base_from_flange[rows], joints, np.where(seen, found.stand[rows], -1), by_pose)
+
+
+def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, int]]:
+    """The stops of tracks, of robots that have noise, and the first of each."""
+    known = zip(stops.robot, stops.sigma, strict=True)
+    sigmas = {name: sigma for name, sigma in known if name in tracks}
+    counts = {name: int(tracks[name].stand.max(initial=-1)) + 1 for name in sigmas}
+    names = [name for name, count in counts.items() for _ in range(count)]
+    first = dict(zip(counts, np.cumsum([0, *counts.values()]).tolist(), strict=False))
+    return Stops(np.array([sigmas[name] for name in names]).reshape(-1, 6), tuple(names)), first
+
+
+def _carried_by(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Mapping[str, int]) -> End:
+    """An end of views at these samples, (n,), whose robot made the tracks."""
+    if end.robot is None:
+        return end
+    of = tracks[end.robot].at(rows)
+    stop = first[end.robot] + of.stand if end.robot in first else np.full(len(rows), -1, dtype=np.int64)
+    return replace(end, base_from_flange=of.pose, joints=of.joints, stand=of.stand, stop=stop)
+
+
+def _changed(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:
+    """A group with its views, and other ways to read them, changed if they are of one kind."""
+    if not isinstance(group.measurement, kind):
+        return group
+    readings = (change(each) for each in group.readings if isinstance(each, kind))
+    pixels = tuple(each for each in readings if isinstance(each, PixelMeasurement))
+    return replace(group, measurement=change(group.measurement), readings=pixels)

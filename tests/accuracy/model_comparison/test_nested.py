@@ -1,0 +1,86 @@
+"""Effects of which the model in use is the special case of size zero."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, f, norm
+
+from basecal.accuracy.model_comparison.nested import (
+    ALONE,
+    compare_evidence,
+    compare_nested,
+    discoveries,
+    equally_likely,
+    log_chance,
+)
+
+
+@pytest.mark.parametrize("freedoms", [1, 2, 6])
+def test_chances_are_those_of_a_chi_square(freedoms):
+    """By SciPy's logarithm; where the chance itself is no number within one of the exact tail; 0 without freedoms."""
+    for statistic in (0.0, 3.0, 80.0, 1300.0):
+        assert log_chance(statistic, freedoms) == pytest.approx(chi2.logsf(statistic, freedoms), rel=1e-9)
+    for statistic in (1500.0, 1e5):
+        half = statistic / 2
+        exact = {
+            1: np.log(2) + norm.logsf(np.sqrt(statistic)),
+            2: -half,
+            6: -half + np.log(1 + half + half**2 / 2),
+        }
+        assert log_chance(statistic, freedoms) == pytest.approx(exact[freedoms], abs=1.0)
+    assert log_chance(80.0, 0) == 0.0
+
+
+def test_far_tails_of_many_freedoms_are_small():
+    """The logarithm goes on where the chance is no number any more: half as far again, by so much less."""
+    assert log_chance(1480.0, 200) == pytest.approx(chi2.logsf(1480.0, 200), rel=1e-2)
+    assert log_chance(3900.0, 900) < log_chance(2000.0, 200) < log_chance(1480.0, 200) < -400
+
+
+@pytest.mark.parametrize("noise_freedoms", [5, 40])
+def test_noise_that_is_estimated_makes_larger_gains_likelier(noise_freedoms):
+    """By Fisher's distribution; without freedoms nothing is a surprise."""
+    assert log_chance(30.0, 3, noise_freedoms) == pytest.approx(f.logsf(10.0, 3, noise_freedoms), rel=1e-9)
+    assert log_chance(30.0, 3, noise_freedoms) > log_chance(30.0, 3)
+    assert log_chance(30.0, 0, noise_freedoms) == 0.0
+
+
+@pytest.mark.parametrize(("share", "taken"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("noise_freedoms", [np.inf, 20.0])
+def test_a_wider_model_is_taken_below_its_level(share, taken, noise_freedoms):
+    """At the level that it was given, or that of a test alone."""
+    of_noise = np.isfinite(noise_freedoms)
+    gain = 4 * f.isf(share * ALONE, 4, noise_freedoms) if of_noise else chi2.isf(share * ALONE, 4)
+    found = compare_nested("bow", gain, 4, noise_freedoms=noise_freedoms)
+    assert (found.rival, found.gain, found.is_taken) == ("bow", gain, taken)
+    assert found.chance == pytest.approx(share * ALONE)
+    assert compare_nested("bow", gain, 4, 2 * ALONE, noise_freedoms).is_taken
+
+
+@pytest.mark.parametrize(("gain", "taken"), [(9.9, False), (10.1, True)])
+def test_very_strong_evidence_is_believed(gain, taken):
+    """Its inverse bounds the chance of as much: Markov's inequality."""
+    found = compare_evidence("links", gain)
+    assert found.is_taken == taken
+    assert found.chance == pytest.approx(np.exp(-gain / 2))
+
+
+@pytest.mark.parametrize(("chances", "found"), [
+    ([0.9e-3], [True]), ([1.1e-3], [False]), ([1.9e-3, 1.9e-3], [True, True]), ([1.9e-3, 2.1e-3], [False, False]),
+    ([0.5, 2.9e-3, 1e-9, 1.9e-3], [False, True, True, True]), ([], []),
+])  # fmt: skip
+def test_one_discovery_in_a_hundred_may_be_false(chances, found):
+    """Of a family of ten the first counts at a thousandth, two at two each; one that counts counts those before it."""
+    np.testing.assert_array_equal(discoveries(np.log(chances).tolist(), 10), found)
+
+
+def test_without_effects_one_family_in_a_hundred_has_a_discovery():
+    """Of twelve tests that are uniform; three standard errors."""
+    rng = np.random.default_rng(0)
+    alarms = np.mean([discoveries(np.log(rng.random(12)).tolist(), 12).any() for _ in range(20_000)])
+    assert alarms == pytest.approx(0.01, abs=3 * np.sqrt(0.01 / 20_000))
+
+
+def test_explanations_are_equal_within_e_cubed():
+    """Of likelihood; by costs of twice its logarithm, in the order in which they are given."""
+    assert equally_likely([12.0, 7.1, 5.9, 11.8, 30.0]) == [1, 2, 3]
+    assert equally_likely([]) == []

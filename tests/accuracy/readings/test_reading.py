@@ -1,0 +1,185 @@
+"""A reading moves the problem to where the rewritten recording would have packed it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.shared import rewriting
+from tests.shared.declared import declared
+
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+NOISY = {"robot_noise": (1e-4, 2e-4), "state_robot_noise": True}
+MADE = {
+    "board": simulate(Scenario(samples=12), 1),
+    "noise": simulate(Scenario(samples=12, arms="halves", **NOISY), 1),
+    "poses": simulate(Scenario(samples=12, target="pose"), 1),
+    "points": simulate(Scenario(samples=12, target="points3d"), 1),
+    "joints": simulate(Scenario(samples=12, joints=True), 1),
+    "one arm": simulate(Scenario(samples=12, layout="eye_in_hand"), 1),
+}
+
+
+def lacking(recording):
+    """The recording with a sample without a view, and one without the hand besides."""
+    samples = list(recording.samples)
+    without = {name: state for name, state in samples[3].robots.items() if name != "hand"}
+    samples[3] = replace(samples[3], robots=without, observations=())
+    samples[8] = replace(samples[8], observations=())
+    return replace(recording, samples=tuple(samples))
+
+
+def seen(group):
+    of = group.measurement
+    if isinstance(of, PixelMeasurement):
+        return of.pixels, of.points_in_target
+    return (of.points_in_camera, of.points_in_target) if isinstance(of, PointMeasurement) else (
+        of.measured_camera_from_target.matrix,
+    )  # fmt: skip
+
+
+def alike(stands):
+    """Which samples share a stop, whatever its number."""
+    return np.equal.outer(stands, stands)
+
+
+def assert_same(reading, cell, recording):
+    """The moved problem is the one that is packed anew."""
+    packed, _ = build_problem(cell, recording)
+    moved = reading.problem
+    assert len(moved.groups) == len(packed.groups)
+    for one, other in zip(moved.groups, packed.groups, strict=True):
+        order = np.argsort(one.sample, kind="stable")
+        one = one.take(order)
+        other = other.take(np.argsort(other.sample, kind="stable"))
+        np.testing.assert_array_equal(one.sample, other.sample)
+        for mine, theirs in zip(one.ends, other.ends, strict=True):
+            np.testing.assert_allclose(mine.base_from_flange.matrix, theirs.base_from_flange.matrix, atol=1e-12)
+            np.testing.assert_array_equal(alike(mine.stand), alike(theirs.stand))
+            np.testing.assert_array_equal(alike(mine.stop), alike(theirs.stop))
+            sigmas = [of.stops.sigma[end.stop[end.stop >= 0]] for of, end in ((moved, mine), (packed, theirs))]
+            np.testing.assert_array_equal(*sigmas)
+            assert (mine.joints is None) == (theirs.joints is None)
+            if mine.joints is not None:
+                np.testing.assert_array_equal(mine.joints, theirs.joints)
+        for mine, theirs in zip(seen(one), seen(other), strict=True):
+            np.testing.assert_allclose(mine, theirs, atol=1e-12)
+    assert moved.columns == packed.columns
+
+
+@pytest.mark.parametrize("kind", ["board", "noise", "poses", "joints"])
+@pytest.mark.parametrize("stream", [None, "eye", "hand"])
+@pytest.mark.parametrize("whole", [True, False])
+def test_streams_are_paired_anew(kind, stream, whole):
+    """By every shift, from the first sample and from a later one, and in reverse order."""
+    made = MADE[kind]
+    recording = made.recording if whole else lacking(made.recording)
+    given = declared(made.cell, recording)
+    for by in (1, -1, 2, -3):
+        for start in (0, 5):
+            shifted = rewriting.shifted(recording, stream, by, start)
+            reading = given.shifted(stream, by, start)
+            assert_same(reading, made.cell, shifted)
+            assert reading.order.tolist() == [sample.sample for sample in shifted.samples]
+    assert_same(given.reversed(stream), made.cell, rewriting.turned_round(recording, stream))
+
+
+@pytest.mark.parametrize("kind", ["board", "noise", "poses"])
+def test_poses_of_robots_are_mapped_and_exchanged(kind):
+    """Of one robot, of both, and of each in the place of the other, with the noise of the name."""
+    made = MADE[kind]
+    for recording in (made.recording, lacking(made.recording)):
+        given = declared(made.cell, recording)
+        for robots in (("eye",), ("eye", "hand")):
+            wrong = rewriting.with_robots(recording, dict.fromkeys(robots, rewriting.inverted))
+            assert_same(given.with_poses(robots, SE3.inverse), made.cell, wrong)
+        assert_same(given.exchanged("eye", "hand"), made.cell, rewriting.exchanged(recording, "eye", "hand"))
+
+
+def test_joints_are_scaled_and_exchanged():
+    """Poses follow, by the kinematics of the robot whose name it is."""
+    made = MADE["joints"]
+    given = declared(made.cell, made.recording)
+    assert_same(given.with_joints(("hand",), 0.5), made.cell, rewriting.with_joints(made.recording, "hand", 0.5))
+    assert_same(given.exchanged("eye", "hand"), made.cell, rewriting.exchanged(made.recording, "eye", "hand"))
+    assert (given.by_pose, given.by_joints) == ([], ["eye", "hand"])
+
+
+def test_what_is_seen_is_mapped_by_its_kind():
+    """Poses, points in space and pixels each by their own; of others nothing changes."""
+    for kind, made in MADE.items():
+        given = declared(made.cell, made.recording)
+        poses = rewriting.with_targets(made.recording, rewriting.inverted) if kind == "poses" else made.recording
+        assert_same(given.with_target_poses(SE3.inverse), made.cell, poses)
+        assert_same(given.with_target_poses(SE3.inverse, "another"), made.cell, made.recording)
+        assert_same(given.with_points(-2.0), made.cell, rewriting.with_points(made.recording, -2.0))
+        swapped = rewriting.with_pixels(made.recording, lambda pixels: pixels[:, ::-1])
+        assert_same(given.with_pixels_exchanged(), made.cell, swapped)
+
+
+@pytest.mark.parametrize("kind", ["board", "points"])
+def test_targets_are_resized(kind):
+    """In the cell and in what was seen."""
+    made = MADE[kind]
+    reading = declared(made.cell, made.recording).resized({"board": 3.0})
+    cell = rewriting.resized(made.cell, {"board": 3.0})
+    np.testing.assert_array_equal(reading.cell.targets["board"].target.points, cell.targets["board"].target.points)
+    assert_same(reading, cell, made.recording)
+
+
+def test_a_grid_of_another_size_is_turned_about_another_middle():
+    """All ways to read its views are of the size."""
+    made = simulate(Scenario(samples=4, target="chessboard"), 1)
+    reading = declared(made.cell, made.recording).resized({"board": 3.0})
+    (group,) = reading.problem.groups
+    (other,) = build_problem(rewriting.resized(made.cell, {"board": 3.0}), made.recording)[0].groups
+    np.testing.assert_allclose(group.half_turn.matrix, other.half_turn.matrix)
+    for one, two in zip(group.readings, other.readings, strict=True):
+        np.testing.assert_array_equal(one.points_in_target, two.points_in_target)
+
+
+@pytest.mark.parametrize("kind", ["board", "noise", "joints", "one arm"])
+@pytest.mark.parametrize("most", [5, 12, 40])
+def test_samples_are_thinned_evenly(kind, most):
+    """At most so many, the first and the last among them."""
+    made = MADE[kind]
+    reading = declared(made.cell, made.recording).thinned(most)
+    rows = np.unique(np.linspace(0, 11, min(most, 12)).round().astype(int))
+    few = replace(made.recording, samples=tuple(made.recording.samples[k] for k in rows))
+    assert reading.order.tolist() == rows.tolist()
+    assert_same(reading, made.cell, few)
+    for robot, track in reading.tracks.items():
+        assert reading.problem.stands[robot] == len(np.unique(track.stand))
+
+
+def test_samples_go_by_time():
+    """Whatever their numbers."""
+    made = MADE["board"]
+    samples = tuple(replace(s, stamp_s=100.0 - s.sample) for s in made.recording.samples)
+    assert declared(made.cell, replace(made.recording, samples=samples)).order.tolist() == list(range(11, -1, -1))
+
+
+def test_other_statuses_have_other_columns():
+    """As the cell would be packed."""
+    known = simulate(Scenario(samples=6, base="fixed", camera_mount="fixed"), 1)
+    free = simulate(Scenario(samples=6), 1).cell
+    reading = declared(known.cell, known.recording).restated(free)
+    assert reading.cell is free
+    assert_same(reading, free, known.recording)
+    assert reading.problem.columns.keys() > declared(known.cell, known.recording).problem.columns.keys()
+
+
+def test_robots_that_move():
+    """Those that stood in more than one place; in one sample none does."""
+    still = simulate(Scenario(samples=4, arms="eye_still"), 0)
+    assert {n: t.moves for n, t in declared(still.cell, still.recording).tracks.items()} == {
+        "eye": False, "hand": True,
+    }  # fmt: skip
+    given = declared(MADE["board"].cell, MADE["board"].recording)
+    assert not any(track.moves for track in given.take(np.array([4])).tracks.values())
