@@ -30,8 +30,8 @@ def test_what_was_found_of_a_robot():
     """By kind, of one robot; nothing of one that was not calibrated."""
     offsets = RobotParameters(("a",), np.zeros(1), np.ones(1), np.ones(1, dtype=bool))
     calibration = Calibration("good", robot_parameters={"joint_offsets": {"eye": offsets}, "deflection": {}})
-    assert calibration.robot_parameters("eye") == {"joint_offsets": offsets}
-    assert calibration.robot_parameters("hand") == {}
+    assert calibration.parameters_of_robot("eye") == {"joint_offsets": offsets}
+    assert calibration.parameters_of_robot("hand") == {}
 
 
 def test_a_calibration_exports_itself():

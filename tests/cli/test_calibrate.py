@@ -228,7 +228,7 @@ def test_a_box_is_calibrated_by_itself(tmp_path: Path, capsys: pytest.CaptureFix
 
 @pytest.mark.parametrize(
     ("more", "said"),
-    [(["--task-point", "0 0 0"], "either --task-point"), (["--method", "axis-shift"], "--task-box says nothing to")],
+    [(["--task-point", "0 0 0"], "either --task-point"), (["--method", "axis-shift"], "--task-box has no effect on")],
 )
 def test_a_box_stands_alone(simulated: Path, more: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Neither a point nor the closed form of the paper goes with it."""

@@ -175,7 +175,7 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
         given = module._check_capture(None, None, plan, True, moving, replanned, go=True, dry_run=False, quiet=True)
         return [sample.sample for sample in given]
 
-    assert found(SimpleNamespace(leave_out=leave_out)) == [2]
+    assert found(SimpleNamespace(exclude=leave_out)) == [2]
     assert left_out == [[0], [1]]
     with pytest.raises(InputError, match="1 of 3 samples of the plan are refused"):
         found(None)

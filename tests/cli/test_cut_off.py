@@ -24,7 +24,7 @@ def cut_at(monkeypatch: pytest.MonkeyPatch, writer: ModuleType, sample: int) -> 
             raise KeyboardInterrupt
         return whole(each)
 
-    monkeypatch.setattr(writer, "line_of", line)
+    monkeypatch.setattr(writer, "sample_line", line)
 
 
 def words(folder: Path) -> list[str]:

@@ -39,7 +39,7 @@ def test_a_corrected_urdf_stands_where_the_calibration_says(off: Path, tmp_path:
     assert main(["export", str(off), "--to", "urdf", "--robot", "hand", "-o", str(written)]) == 0
     run = latest_run(off)
     assert run is not None
-    offsets = read_calibration(run).robot_parameters("hand")["joint_offsets"].values
+    offsets = read_calibration(run).parameters_of_robot("hand")["joint_offsets"].values
     assert np.abs(offsets).max() > 1e-4
     joints = np.random.default_rng(0).uniform(-2, 2, (5, 6))
     chain = read_cell(off).robots["hand"].chain

@@ -19,7 +19,7 @@ def test_settings_as_plain_values():
         "task_point": None,
         "task_box": None,
         "station_choice": "nearest",
-        "robot_noise": None,
+        "robot_noise": "estimated",
         "certify": False,
     }
     assert Settings(stages=Stages()) == DEFAULT

@@ -40,7 +40,7 @@ def test_errors_are_judged_in_their_own_axes_and_sigmas(monkeypatch: pytest.Monk
             moved = SE3.stack([draws.truth @ off.inverse()] * 2)
             return Answers(moved, np.stack([covariance] * 2), np.array([True, False]), "no more")
 
-    monkeypatch.setattr(module, "solver", lambda name: Off)
+    monkeypatch.setattr(module, "SOLVERS", dict.fromkeys(module.SOLVERS, Off))
     result = work_chunk(made, made.chunks[0])
     trials = result.trials
     assert trials.error_mm[0] == pytest.approx(3, rel=1e-3)

@@ -86,7 +86,7 @@ def allow_places(folder: Path, places: Sequence[str], yes: bool) -> None:
         return
     if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
         raise UsageError(f"the cell connects to {'; '.join(map(printable, new))}. Add --yes to allow it")
-    print("Connect? [y/N] ", end="", file=sys.stderr, flush=True)
+    say("Connect? [y/N]", sys.stderr)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise UsageError("not connected")
     allow(folder, new)

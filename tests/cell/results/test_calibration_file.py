@@ -157,7 +157,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert calibration.validation is not None
     assert calibration.validation.target_rad == pytest.approx(math.radians(0.05), rel=1e-14)
     assert calibration.residuals.per_sample == want.residuals.per_sample
-    found, was = calibration.robot_parameters("hand"), want.robot_parameters("hand")
+    found, was = calibration.parameters_of_robot("hand"), want.parameters_of_robot("hand")
     assert found.keys() == was.keys()
     for kind, of in found.items():
         assert of.joints == was[kind].joints

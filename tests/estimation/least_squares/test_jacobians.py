@@ -153,7 +153,7 @@ def test_without_unknowns_views_have_no_columns():
     """Nor have those of a robot that is recorded by poses, whatever is asked of its kinematics."""
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6))
     (group,), links = problem.groups, chain(problem.groups[0], state, problem.stops)
-    asked = SimpleNamespace(modelled=lambda robot: robot and SimpleNamespace())
+    asked = SimpleNamespace(robot_model=lambda robot: robot and SimpleNamespace())
     for derivative, columns in (
         unknown_jacobian(replace(problem, columns={}), group, links, 6),
         robot_model_jacobian(asked, group, links, state, 6),

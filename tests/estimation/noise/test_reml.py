@@ -341,7 +341,8 @@ def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
     """By a hundred billionth of its own information, that known beforehand included."""
     model, parts = made_up(rng, OPEN)
     alike = {
-        key: replace(of, by_columns=of.column_jacobian[:, [0, 1, 1, *range(3, COLUMNS)]]) for key, of in parts.items()
+        key: replace(of, column_jacobian=of.column_jacobian[:, [0, 1, 1, *range(3, COLUMNS)]])
+        for key, of in parts.items()
     }
     prior, gradient = model.prior.copy(), np.zeros(COLUMNS)
     prior[:3, :3] = 0.0

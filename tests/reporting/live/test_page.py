@@ -74,7 +74,9 @@ def test_only_who_has_the_token_is_served(address):
     assert status(f"{bare}_nicegui/anything") == 403
     assert status(address, Origin="http://evil.example") == 403
     assert status(address, Host="evil.example") == 403
-    assert status(bare, Cookie=f"basecal={address.partition('token=')[2]}") == 200
+    port = urlsplit(address).port
+    assert status(bare, Cookie=f"basecal={address.partition('token=')[2]}") == 403  # of another port's page
+    assert status(bare, Cookie=f"basecal_{port}={address.partition('token=')[2]}") == 200
 
 
 def test_it_is_served_on_this_machine_alone(address):

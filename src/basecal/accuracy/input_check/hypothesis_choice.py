@@ -22,7 +22,7 @@ _TAIL = 2.0  # rms of all samples over that of most, which no choice of samples 
 _SIGMAS = 3.0  # by which an answer has to move to count as another
 _SMALLEST_SIGMA = 1e-9  # [m, rad] below which a difference is rounding
 # A wider model takes up some of the errors of arms and lenses: below this ratio of likelihoods it found no mix-up.
-_WIDER = 1.5
+_WIDER = 2.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 Blocks of time and of configuration, not samples at random: neighbours in either share what errors they have, and would
 vouch for one another. All to second order about the solution, where the sizes are small. Source:
-docs/mathematics.md (11.2).
+docs/mathematics.md (11.3).
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
     """Logarithm of the chance that unknowns without effect gain so much of minus twice the log likelihood.
 
     The noise is estimated with and without them, so that the gain tells the ratio of the sums of squares, which is
-    Fisher-distributed. Source: docs/mathematics.md (11.4).
+    Fisher-distributed. Source: docs/mathematics.md (11.2).
 
     Args:
         gain: Of minus twice the log likelihood.
