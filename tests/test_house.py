@@ -463,6 +463,8 @@ def test_every_source_has_tests_under_its_own_name() -> None:
 
 DECOMPOSITIONS = {"svd", "eig", "eigh", "eigvals", "eigvalsh", "pinv", "pinvh", "lstsq", "matrix_rank", "cond"}
 DECIDES_NOTHING = {
+    "accuracy/scene/checks.py": "a largest variance",
+    "estimation/scene/spread.py": "roots of covariances",
     "accuracy/task/expected_error.py": "variances, of which zero is as good as any",
     "geometry/lens.py": "the roots of a polynomial",
     "geometry/rotation.py": "the rotation nearest to a matrix",

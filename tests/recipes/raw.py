@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree, ignore_patterns
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from basecal.cell import Recording
+from basecal.cell.files import read_recording
 from basecal.cell.targets.charuco import charuco_target
+from basecal.geometry import SE3
 from basecal.simulation import SimulatedCell
 from basecal.simulation.images import render_recording
 from tests.journeys.raw import FIRST_STAMP_NS, cell, photographs, recorded, written
@@ -134,6 +138,21 @@ def tutorial(folder: Path) -> None:
         written(folder / f"{name}_today.txt", teach_pendant(*recorded(_of(made, list(later)), robot)))
 
 
+def scene(folder: Path) -> None:
+    """Poses of two arms, and what the camera of each sees of a table without a target."""
+    program = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "scene" / "make.py"))
+    program["make"](folder / "rendered_scene", views=14, size=(400, 300))
+    made = folder / "rendered_scene"
+    samples = read_recording(made).samples
+    for robot in ("left", "right"):
+        (folder / f"photos_{robot}").mkdir()
+        mine = [sample for sample in samples if robot in sample.robots]
+        poses = SE3.stack([sample.robots[robot].base_from_flange for sample in mine])
+        written(folder / f"{robot}.txt", teach_pendant(poses.translation, Rotation.from_matrix(poses.rotation)))
+        for i, sample in enumerate(mine):
+            (made / sample.images[f"{robot}_eye"]).rename(folder / f"photos_{robot}" / f"{i + 1}.png")
+
+
 def nothing(folder: Path) -> None:
     """A page that begins with nothing."""
 
@@ -148,5 +167,6 @@ RAW: dict[str, Callable[[Path], None]] = {
     "camera_beside": camera_beside,
     "three_robots": three_robots,
     "led_shifts": nothing,
+    "scene": scene,
     "tutorial": tutorial,
 }

@@ -22,6 +22,10 @@ QUICK = {"camera_beside"}
 """Pages that run with the fast tests: one."""
 
 
+DOUBTFUL = {"scene"}
+"""Pages whose answer has to be checked by other means."""
+
+
 def commands(page: Path) -> list[list[str]]:
     """The words of each command of a page, in order; lines that end in a backslash go on."""
     blocks = re.findall(r"^```bash\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
@@ -35,18 +39,19 @@ def commands(page: Path) -> list[list[str]]:
 def test_commands_run_and_end_in_good(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each ends with 0, and every cell that was calibrated is good."""
+    """Each ends with 0, and every cell that was calibrated is good; or doubtful, with 1, as the page says."""
     if name in NEEDED:
         pytest.importorskip(NEEDED[name], reason=f"the extra for {NEEDED[name]} is not installed")
     RAW[name](tmp_path)
     monkeypatch.chdir(tmp_path)
     for program, *words in commands(PAGES[name]):
         assert program == "basecal"
-        assert main(words) == 0, (words, capsys.readouterr())
+        doubtful = name in DOUBTFUL and words[0] == "calibrate"
+        assert main(words) == int(doubtful), (words, capsys.readouterr())
     folders = [*tmp_path.iterdir(), *tmp_path.glob("examples/*")]
     runs = [run for folder in folders if (run := latest_run(folder)) is not None]
     assert runs
-    assert {read_calibration(run).verdict for run in runs} == {"good"}
+    assert {read_calibration(run).verdict for run in runs} == {"doubtful" if name in DOUBTFUL else "good"}
 
 
 def test_every_page_is_tried_and_listed() -> None:

@@ -30,6 +30,7 @@ class Stage(NamedTuple):
 
 READING_STAGES = (
     Stage(None, reading.place_task),
+    Stage(None, reading.calibrate_from_scene),
     Stage("clocks", reading.estimate_clocks),
     Stage("problem", reading.screen_units),
     Stage("problem", reading.pack_problem),

@@ -219,6 +219,7 @@ class Cell:
         pixel_px: Sigma of a pixel coordinate where an observation states none; None if it is to be estimated.
         correlated_px: Sigma of an error that all points of a view share, per coordinate; None for none.
         keep_out: Boxes that arms stay out of, by name.
+        sees_scene: Whether the static scene is what cameras see, in place of a target.
     """
 
     reference: str
@@ -229,6 +230,7 @@ class Cell:
     pixel_px: float | None = None
     correlated_px: float | None = None
     keep_out: Mapping[str, KeepOut] = field(default_factory=dict)
+    sees_scene: bool = False
 
     def base_name(self, robot: str) -> str:
         """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""

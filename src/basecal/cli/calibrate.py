@@ -25,6 +25,7 @@ def calibrate(
     *,
     method: Literal["maximum-likelihood", "axis-shift"] = "maximum-likelihood",
     start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
+    scene: bool = False,
     task_point: Point | None = None,
     task_box: Box | None = None,
     station_choice: Literal["nearest", "weighted"] = "nearest",
@@ -50,6 +51,7 @@ def calibrate(
         basecal calibrate mycell --task-point 0.8 0.1 0.3
         basecal calibrate mycell --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
         basecal calibrate mycell --certify
+        basecal calibrate mycell --scene
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
 
@@ -57,6 +59,7 @@ def calibrate(
         cell: Folder of the cell.
         method: axis-shift is the closed form for a light shifted before a still camera.
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
+        scene: Calibrate from the static scene that cameras on the robots see, without a target.
         task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is reported by
             source, and the axis-shift method fits best there.
         task_box: Two opposite corners of where it is done, instead of a point: the error is reported for its
@@ -68,14 +71,14 @@ def calibrate(
         json: Print calibration.json instead of words, and the verdict on the tolerance.
         verbose: Print all of the report, and on stderr how long each stage took.
     """
-    from basecal.cell.files import calibration_to_dict, read_cell, read_recording
+    from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
     needed_m = None if tolerance is None else length_m(tolerance)
-    _refuse_unused_options(method, start, task_point, task_box, station_choice)
+    _refuse_unused_options("scene" if scene else method, start, task_point, task_box, station_choice)
     described = read_cell(cell)
     settings = Settings(
-        method=method,
+        method="scene" if scene else method,
         start=start,
         task_point=task_point if task_box is None else task_points(task_point, task_box)[0],
         task_box=task_box,
@@ -89,10 +92,18 @@ def calibrate(
     else:
         show(described, made.calibration, verbose)
         print_page_path(made.run)
-        is_refused = made.calibration.verdict == "refused"
-        if is_refused and (missing := next_step(described, read_recording(cell, described), cell)):
-            say(missing)
+        if made.calibration.verdict == "refused":
+            say_next_step(described, cell)
     return exit_code(made.calibration)
+
+
+def say_next_step(cell: Cell, folder: Path) -> None:
+    """Print the command that brings in what a recording lacks, if there is one."""
+    from basecal.cell.files import read_recording
+
+    missing = next_step(cell, read_recording(folder, cell), folder)
+    if missing:
+        say(missing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +120,8 @@ def _refuse_unused_options(method: str, start: str, task_point: object, task_box
     Raises:
         UsageError: naming the option and what it goes with.
     """
+    if method == "scene" and start != "closed":
+        raise UsageError(f"--start {start} has no effect on --scene, which needs no initial guess: leave it out")
     if method != "axis-shift" and station_choice != "nearest":
         raise UsageError(
             f"--station-choice has no effect on --method {method}: give --method axis-shift, or leave it out"

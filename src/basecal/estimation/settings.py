@@ -10,7 +10,7 @@ from typing import Any, Literal
 from basecal.estimation.stages import StageName, Stages
 
 LOG = logging.getLogger("basecal")
-Method = Literal["maximum-likelihood", "axis-shift"]
+Method = Literal["maximum-likelihood", "axis-shift", "scene"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
 StationChoice = Literal["nearest", "weighted"]
 RobotNoise = Literal["stated", "estimated"]
@@ -21,7 +21,8 @@ class Settings:
     """How to go about it.
 
     Attributes:
-        method: `maximum-likelihood`, or `axis-shift`, the paper's closed form.
+        method: `maximum-likelihood`; `axis-shift`, the paper's closed form; or `scene`, from pictures of the static
+            scene, without a target.
         iterations: Steps of the descent, at most.
         start: `closed` (a closed form, or a search where the data need it), `thorough` (always a search), `guess` (the
             cell's means and guesses) or `axis-shift` (the paper's closed form).

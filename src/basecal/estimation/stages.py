@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from typing import Literal
 
 StageName = Literal[
+    "features",
+    "tracks",
+    "joining",
     "clocks",
     "problem",
     "start",

@@ -27,6 +27,21 @@ def place_task(case: Case) -> Case:
     return case
 
 
+def calibrate_from_scene(case: Case) -> Case:
+    """Calibrate from the static scene, if it is requested or the cell states no other target.
+
+    Raises:
+        InputError: if there are no pictures with poses.
+    """
+    if case.settings.method != "scene" and not case.cell.sees_scene:
+        return case
+    from basecal.accuracy.scene.calibrate_scene import (
+        calibrate_scene,
+    )  # it reads images, which most calibrations do not
+
+    return replace(case, calibration=calibrate_scene(case.cell, case.recording, case.settings), is_ended=True)
+
+
 def estimate_clocks(case: Case) -> Case:
     """Estimate clocks of streams, and read the robots' paths by them."""
     streams = recording_streams(case.cell, case.recording)

@@ -22,6 +22,7 @@ def cell_to_dict(cell: Cell) -> dict[str, Any]:
     noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
     data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
     data["keep_out"] = {name: keep_out_dict(box) for name, box in cell.keep_out.items()}
+    data["target"] = "scene" if cell.sees_scene else None
     return {key: value for key, value in data.items() if value or key == "robots"}
 
 

@@ -29,6 +29,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         pixel_px=entry.noise.pixel_px,
         correlated_px=entry.noise.correlated_px,
         keep_out={name: box.noun(name) for name, box in entry.keep_out.items()},
+        sees_scene=entry.target == "scene",
     )
 
 

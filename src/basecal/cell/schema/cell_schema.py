@@ -152,3 +152,4 @@ class CellEntry(Entry):
     targets: Annotated[dict[str, AnyTargetEntry], BeforeValidator(empty)] = Field(default_factory=dict)
     noise: Annotated[NoiseEntry, BeforeValidator(empty)] = NoiseEntry()
     keep_out: Annotated[dict[str, KeepOutEntry], BeforeValidator(empty)] = Field(default_factory=dict)
+    target: Literal["scene"] | None = None

@@ -28,7 +28,7 @@ _OVER_SCATTER = (2.0, 3.0)
 _ENOUGH_SCATTER = 20  # freedoms that tell a sigma to a sixth, which is little beside that factor
 # Nothing measures a point better than to a thousandth of a pixel; only made-up data do.
 _LEAST_SCATTER = 5e-3
-_ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
+ROBOT_RAD = (3e-4, 4.0)  # [rad] the middle of 0.02 to 3 mrad, and the factor of a standard deviation that spans them
 _ROBOTS_APART = 2.0  # factor between the robots of one cell, which are mostly of one make
 _JITTER_S = (2e-4, 5.0)  # [s] the middle of them, and the factor of a standard deviation
 
@@ -75,7 +75,7 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
     single = {robot: forms[at] for robot, at in places.stops.items()}
     for robot, (shift, turn) in single.items():
         rows.append((shift - turn, np.log(max(reach_m[robot], 0.1)), np.log(tie)))
-    rows += _pooled([turn for _, turn in single.values()], _ROBOT_RAD)
+    rows += _pooled([turn for _, turn in single.values()], ROBOT_RAD)
     for at in places.jitter.values():
         rows.append((forms[at], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
     if common is not None:

@@ -1,0 +1,1 @@
+"""Calibration from the static scene that cameras see, without a target."""

@@ -1,0 +1,143 @@
+"""Whether an answer from a scene may be given: what is missing, in words, with what to do.
+
+The limits are assumed: right scenes of the recordings that were tried are far beyond them. How many false answers pass
+was not measured, so that a base that rests on a scene alone is doubtful.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from basecal.accuracy.scene.joining import Join
+from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.cell import Finding
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.geometry import Array
+
+FEWEST_VIEWS = 8  # of a camera
+_ENOUGH_VIEWS = 12  # below it sigmas are too small
+_FEWEST_PAIRS = 10  # of pictures that share features
+_FEWEST_POINTS = 60  # of a camera's own scene
+_FEWEST_SHARED = 100  # points that both cameras see
+_FEWEST_OF_EACH = 4  # views of each camera that show some of them
+_MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; right poses leave 0.5 to 2
+_LEAST_SCORE = 30.0  # standard deviations of a count
+_LEAST_RATIO = 2.5  # of points found over those found by chance
+_RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may have
+_LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
+_WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
+_RIDGE = 1e-6  # of rotations about a point, below which it has no place
+_OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
+
+_PAPER = "Put printed paper or tools on the table, in view of the camera."
+SAME_SPOT = "Take about five pictures with each arm of the same spot, from similar directions."
+_TURN = "Rotate the flange about two axes, by 20 deg and more, between pictures."
+_AIM = "Take pictures that do not all aim at one spot: move the arm along the viewing direction, too."
+
+
+def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
+    """What a camera's own pictures lack."""
+    about = (name,)
+    if len(one.views) < FEWEST_VIEWS:
+        what = f"{len(one.views)} pictures of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
+        yield Finding("too-few-samples", "error", about, what, ("Record 15 pictures and more with each arm.",))
+        return
+    points = 0 if one.fit is None else one.fit.tracks.count
+    if one.start is None or one.matched_pairs < _FEWEST_PAIRS:
+        what = f"{one.matched_pairs} pairs of pictures of {name} show the same features; {_FEWEST_PAIRS} are needed."
+        yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
+        return
+    if one.start.median_px > _MOST_PX:
+        what = f"The poses of {name} do not explain its pictures: features are {one.start.median_px:.2g} px off."
+        do = (
+            "Check that poses and pictures are of one instant, in one order.",
+            "Check that poses are base_from_flange in metres, of the named robot.",
+        )
+        yield Finding("poor-fit", "error", about, what, do)
+        return
+    if points < _FEWEST_POINTS:
+        what = (
+            f"{points} points of the scene are seen by {name} in three pictures and more; {_FEWEST_POINTS} are needed."
+        )
+        yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
+        return
+    if len(one.views) < _ENOUGH_VIEWS:
+        what = f"{len(one.views)} pictures of {name} are few: its sigmas may be too small."
+        yield Finding("few-images", "warning", about, what, (f"Record {_ENOUGH_VIEWS} pictures and more.",))
+
+
+def join_findings(
+    names: tuple[str, str], found: Join | None, shared: int, of_each: tuple[int, int]
+) -> Iterator[Finding]:
+    """What two cameras' pictures lack of a common scene."""
+    first, second = names
+    if found is None or found.score < _LEAST_SCORE or found.found < _LEAST_RATIO * found.by_chance:
+        what = f"The pictures of {first} and {second} show no common part of the scene."
+        yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,))
+    elif found.rival > _RIVAL_SHARE * found.score:
+        share = found.rival / found.score
+        what = f"Two positions of {second} fit its pictures: the second has {share:.0%} of the evidence of the first."
+        do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
+        yield Finding("scene-rival", "error", names, what, do, "The scene has objects that look alike.")
+    elif shared < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
+        what = f"{first} and {second} share {shared} points, in {of_each[0]} and {of_each[1]} pictures."
+        why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} pictures of each are needed."
+        yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,), why)
+
+
+def base_findings(names: tuple[str, str]) -> Iterator[Finding]:
+    """That nothing but the scene speaks for a base."""
+    what = f"The base rests on objects that {names[0]} and {names[1]} both see."
+    do = "Check the base with `basecal verify` on samples of a board, or by touching one point with both tools."
+    yield Finding("not-validated", "warning", names, what, (do,), "Two copies of one object would deceive it.")
+
+
+def kept_findings(names: tuple[str, str], before: int, after: int) -> Iterator[Finding]:
+    """Whether points of both scenes are still of both once all is adjusted together."""
+    if after < _LEAST_KEPT * before or after < _FEWEST_SHARED:
+        what = f"{after} of {before} points that {names[0]} and {names[1]} seemed to share fit one scene."
+        why = "Objects that look alike, or that moved between the pictures, were taken for one."
+        yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), why)
+
+
+def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (_TURN, _AIM)) -> Iterator[Finding]:
+    """Whether a transform is known in all directions.
+
+    Args:
+        name: Of the transform.
+        covariance: (6, 6) [m, rad].
+        advice: What to do.
+    """
+    shift, turn = (float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(3), slice(3, 6)))
+    how = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg along an axis (1 sigma)"
+    severity: Literal["error", "warning"]
+    if shift > _OPEN_M or turn > _OPEN_RAD:
+        code, severity = "unobservable-direction", "error"
+    elif shift > _WEAK_M or turn > _WEAK_RAD:
+        code, severity = "weak-direction", "warning"
+    else:
+        return
+    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", advice)
+
+
+def aim_covariance(fit: SceneFit, camera: int) -> Array:
+    """What an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
+
+    The point c that stays still before the camera is found by least squares; what baselines are left, rms, tells scale.
+    An error e of the arm moves the camera along c by |c| e over that.
+    """
+    views, state = fit.views, fit.state
+    mine = np.flatnonzero(views.camera == camera)
+    poses = state.world_from_camera(views)[mine]
+    turned = poses.rotation - poses.rotation.mean(0)
+    moved = poses.translation - poses.translation.mean(0)
+    information = np.einsum("vab,vac->bc", turned, turned) + _RIDGE * np.eye(3)
+    still = -np.linalg.solve(information, np.einsum("vab,va->b", turned, moved))
+    left = float(np.sqrt(np.mean(np.sum((turned @ still + moved) ** 2, 1))))
+    arm_m = float(np.sqrt(np.mean(fit.stop_sigma[views.stop[mine], :3] ** 2)))
+    spread = np.zeros((6, 6))
+    spread[:3, :3] = np.outer(still, still) * (arm_m / max(left, 1e-6)) ** 2
+    return spread

@@ -1,0 +1,135 @@
+"""A camera's mount without a guess, from pairs of image points and recorded poses alone.
+
+With d the directions of a pair turned into the base, (d_i x d_j) . [(t_j - t_i) + (R_j - R_i) p] = 0 for poses (R, t)
+of the flange: linear in the position p of the camera on the flange, in metres, once its rotation is known. Rotations
+are searched on a grid, and the best are refined by Sampson distances. No point is needed, a plane is no degeneracy, and
+recorded poses that are wrong leave residuals of many pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.scene.epipolar import PointPairs, sampson_px
+from basecal.geometry import SE3, Array, Camera
+from basecal.geometry.rotation import rotation_from_quaternion
+
+_ROTATIONS = 1000  # of the grid, 25 degrees apart: basins are 20 to 30 degrees wide
+_REFINED = 8  # best of the grid that are refined
+_RANKED = 500  # pairs by which the grid is ranked
+_AT_ONCE = 100  # rotations of the grid that are tried side by side
+_REFINEMENTS = 5  # of reweighting, each of which halves what outliers pull or more
+_TAILS_PX = (10.0, 3.0, 2.0)  # [px] beyond which a pair counts less, one after another
+_MOST_STEPS = 8  # of each
+_STEP = 1e-6  # of a difference that gives a slope
+_FOCAL_SHARE = 0.1  # [1] sigma of the focal length's logarithm about its guess
+_SHORTEST_M = 1e-2  # [m] of a baseline that is divided by
+_SPIRAL = 2.0**0.5, 1.533751168755204288118041  # Alexa 2022, super-Fibonacci spirals
+
+
+@dataclass(frozen=True, eq=False)
+class MountStart:
+    """A mount, and how well pairs of image points agree with it.
+
+    Attributes:
+        flange_from_camera: The mount.
+        lens: With the focal length that fits best.
+        median_px: Median distance of pairs from their epipolar geometry [px].
+        rival_px: Likewise of the best other optimum; infinite if all ended in one.
+    """
+
+    flange_from_camera: SE3
+    lens: Camera
+    median_px: float
+    rival_px: float
+
+
+def find_mount(pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: bool) -> MountStart | None:
+    """The mount that pairs of image points agree with best; None if there are too few.
+
+    Args:
+        pairs: Of one camera.
+        base_from_flange: (v,) recorded poses of all views.
+        lens: The lens, or its guess.
+        is_free: Whether the focal length is refined.
+    """
+    if len(pairs) < _RANKED // 10:
+        return None
+    ranked = pairs.take(np.unique(np.linspace(0, len(pairs) - 1, _RANKED).astype(np.int64)))
+    rotations = rotation_grid(_ROTATIONS)
+    scored = [
+        _score_rotations(ranked, base_from_flange, lens, some) for some in np.split(rotations, _ROTATIONS // _AT_ONCE)
+    ]
+    positions, scores = (np.concatenate([each[k] for each in scored]) for k in (0, 1))
+    best = np.argsort(scores)[:_REFINED]
+    ends = [_refine(ranked, base_from_flange, SE3(rotations[k], positions[k]), lens, is_free) for k in best]
+    ends.sort(key=lambda end: end.median_px)
+    first = _refine(pairs, base_from_flange, ends[0].flange_from_camera, ends[0].lens, is_free)
+    others = [end.median_px for end in ends if _is_apart(end.flange_from_camera, ends[0].flange_from_camera)]
+    return MountStart(first.flange_from_camera, first.lens, first.median_px, min(others, default=np.inf))
+
+
+def rotation_grid(count: int) -> Array:
+    """So many rotations, spread evenly, (count, 3, 3). Source: Alexa 2022."""
+    s = np.arange(count) + 0.5
+    inner, outer = np.sqrt(s / count), np.sqrt(1 - s / count)
+    first, second = (2 * np.pi * s / each for each in _SPIRAL)
+    parts = inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)
+    return rotation_from_quaternion(np.stack(parts, -1))
+
+
+def _is_apart(one: SE3, other: SE3) -> bool:
+    """Whether two mounts are different optima: a degree or a centimetre apart."""
+    off = (one.inverse() @ other).log()
+    return bool(np.linalg.norm(off[3:]) > np.radians(1.0) or np.linalg.norm(off[:3]) > 1e-2)
+
+
+def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rotations: Array) -> tuple[Array, Array]:
+    """Of each rotation of the camera the best position, (r, 3) [m], and the median sine that is left, (r,)."""
+    first, second = pairs.directions(lens)
+    one, other = base_from_flange[pairs.first], base_from_flange[pairs.second]
+    ray = np.einsum("nab,rbc,nc->rna", one.rotation, rotations, first, optimize=True)
+    normal = np.cross(ray, np.einsum("nab,rbc,nc->rna", other.rotation, rotations, second, optimize=True))
+    turned, moved = other.rotation - one.rotation, other.translation - one.translation
+    rows, right = np.einsum("rna,nab->rnb", normal, turned), -np.einsum("rna,na->rn", normal, moved)
+    weight = np.ones(right.shape)
+    for _ in range(_REFINEMENTS):
+        information = np.einsum("rn,rna,rnb->rab", weight, rows, rows, optimize=True) + 1e-9 * np.eye(3)
+        position = np.linalg.solve(
+            information, np.einsum("rn,rna,rn->ra", weight, rows, right, optimize=True)[..., None]
+        )
+        left = np.abs((rows @ position)[..., 0] - right)
+        baseline = np.linalg.norm(moved + np.einsum("nab,rb->rna", turned, position[..., 0]), axis=-1)
+        sine = left / np.maximum(baseline, _SHORTEST_M)
+        median = np.median(sine, axis=1, keepdims=True)
+        weight = 1 / (1 + (sine / (1.5 * median + 1e-12)) ** 2) / np.maximum(baseline, _SHORTEST_M) ** 2
+    return position[..., 0], median[:, 0]
+
+
+def _refine(pairs: PointPairs, base_from_flange: SE3, mount: SE3, lens: Camera, is_free: bool) -> MountStart:
+    """The optimum of Sampson distances downhill of a mount."""
+    logarithm = 0.0
+
+    def off(step: Array) -> Array:
+        """Distances after a step of the mount, (6,), and of the focal length's logarithm."""
+        scaled = lens.parameters.copy()
+        scaled[:2] *= np.exp(logarithm + step[6])
+        return sampson_px(pairs, base_from_flange, mount @ SE3.exp(step[:6]), lens.with_parameters(scaled))
+
+    held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2 if is_free else 1e18])
+    for tail_px in _TAILS_PX:
+        for _ in range(_MOST_STEPS):
+            now = off(np.zeros(7))
+            slope = np.stack([(off(_STEP * axis) - now) / _STEP for axis in np.eye(7)], -1)
+            weight = 1 / (1 + (now / tail_px) ** 2)
+            information = slope.T @ (weight[:, None] * slope) + held
+            gradient = slope.T @ (weight * now) + held @ np.r_[np.zeros(6), logarithm]
+            step = -np.linalg.solve(information + 1e-9 * np.diag(np.diag(information)), gradient)
+            mount, logarithm = mount @ SE3.exp(step[:6]), logarithm + float(step[6])
+            if np.abs(step).max() < _STEP:
+                break
+    scaled = lens.parameters.copy()
+    scaled[:2] *= np.exp(logarithm)
+    return MountStart(mount, lens.with_parameters(scaled), float(np.median(np.abs(off(np.zeros(7))))), np.inf)

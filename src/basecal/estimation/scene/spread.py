@@ -1,0 +1,78 @@
+"""The covariance of a scene: that of the model, or where parts of the data contradict one another more, of these.
+
+Errors of features are correlated: between neighbouring points, and with the direction of view. So points are left
+out by clusters and views by folds, each to first order about the optimum. Source: Efron 1982 (jackknife).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.cluster.vq import kmeans2
+
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.equations import pixel_equations, reduced_equations
+from basecal.estimation.scene.priors import prior_information
+from basecal.estimation.scene.state import column_jacobian, scene_columns
+from basecal.estimation.scene.views import Tracks
+from basecal.geometry import Array, BoolArray
+
+_CLUSTERS = 10  # of points
+_FOLDS = 10  # of views
+_LEAST_FACTOR = 1.2  # of sigmas: features move with the direction of view, by rendered pairs of arms
+_SEED = 1
+
+
+def scene_covariance(fit: SceneFit) -> Array:
+    """Covariance of all columns that are no errors of stops, (q, q)."""
+    columns = scene_columns(fit.views, fit.state.lenses)
+    own = columns.errors.start
+    of_model = np.linalg.inv(fit.information)[:own, :own]
+    steps = [
+        _jackknife([_jackknife_step(fit, part) for part in parts], own)
+        for parts in (_point_clusters(fit), _view_folds(fit))
+    ]
+    values, vectors = np.linalg.eigh(of_model)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    inverse = (vectors / np.sqrt(np.maximum(values, 1e-300))).T
+    for spread in steps:
+        share, axes = np.linalg.eigh(inverse @ spread @ inverse.T)
+        root = root @ (axes * np.sqrt(np.maximum(share, 1.0)))
+        inverse = (axes / np.sqrt(np.maximum(share, 1.0))).T @ inverse
+    widened = root @ root.T
+    factor = np.maximum(_LEAST_FACTOR**2 * np.diag(of_model) / np.diag(widened), 1.0)
+    scale = np.sqrt(factor)
+    return np.asarray(widened * scale * scale[:, None])
+
+
+def _point_clusters(fit: SceneFit) -> list[BoolArray]:
+    """Which image points are of each cluster of points."""
+    centred = (fit.state.points - np.median(fit.state.points, axis=0)) / np.maximum(fit.state.points.std(0), 1e-9)
+    _, label = kmeans2(np.clip(centred, -3, 3), _CLUSTERS, minit="++", rng=np.random.default_rng(_SEED))
+    return [label[fit.tracks.point] == k for k in np.unique(label)]
+
+
+def _view_folds(fit: SceneFit) -> list[BoolArray]:
+    """Which image points are of each fold of views, spread over time."""
+    fold = np.arange(len(fit.views)) % min(_FOLDS, len(fit.views))
+    return [fold[fit.tracks.view] == k for k in np.unique(fold)]
+
+
+def _jackknife_step(fit: SceneFit, left_out: BoolArray) -> Array:
+    """How the optimum moves without some image points, to first order, (m,)."""
+    rest = Tracks(fit.tracks.view[~left_out], fit.tracks.point[~left_out], fit.tracks.pixels[~left_out])
+    rest, old = rest.take(np.ones(len(rest), dtype=bool), fewest=2)
+    state = fit.state.with_points(fit.state.points[old])
+    columns = scene_columns(fit.views, state.lenses)
+    equations = pixel_equations(fit.views, rest, state, np.full(len(rest), 1 / fit.sigma_px))
+    reduced = reduced_equations(fit.views, rest, equations, columns)
+    moves = column_jacobian(fit.views, state, columns, len(reduced.gradient) - 6 * len(fit.views))
+    prior = prior_information(fit.views, state, columns, fit.stop_sigma, fit.guesses)
+    information = moves.T @ reduced.information @ moves + prior.information
+    return np.asarray(-np.linalg.solve(information, moves.T @ reduced.gradient + prior.gradient))
+
+
+def _jackknife(steps: list[Array], count: int) -> Array:
+    """Covariance of the first so many columns by what they move if each part is left out."""
+    moved = np.array(steps)[:, :count]
+    about = moved - moved.mean(0)
+    return np.asarray((len(moved) - 1) / len(moved) * about.T @ about)

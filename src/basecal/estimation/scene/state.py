@@ -1,0 +1,145 @@
+"""A value for all that views of a scene depend on, and the columns of these unknowns in a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.estimation.least_squares.normal_equations import retract_lens
+from basecal.estimation.scene.views import SceneViews
+from basecal.geometry import SE3, Array, Camera
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """Values of all unknowns.
+
+    Attributes:
+        mounts: (c,) `flange_from_camera` by camera, `world_from_camera` on `world`.
+        bases: (r,) `world_from_base` by robot.
+        lenses: By camera.
+        errors: (s, 6) pose error of each stop, right tangents of the flange [m, rad].
+        points: (p, 3) of the scene in `world` [m].
+    """
+
+    mounts: SE3
+    bases: SE3
+    lenses: tuple[Camera, ...]
+    errors: Array
+    points: Array
+
+    def with_points(self, points: Array) -> SceneState:
+        """The same with other points."""
+        return replace(self, points=points)
+
+    def world_from_camera(self, views: SceneViews) -> SE3:
+        """Where the cameras of all views were, (v,)."""
+        return self.world_from_flange(views) @ self.mounts[views.camera]
+
+    def world_from_flange(self, views: SceneViews) -> SE3:
+        """Where the flanges of all views were, (v,); identity on `world`."""
+        carried = views.robot >= 0
+        error = np.where(carried[:, None], self.errors[views.stop] if len(self.errors) else 0.0, 0.0)
+        flange = views.base_from_flange @ SE3.exp(np.broadcast_to(error, (len(views), 6)))
+        return self.base_of_views(views) @ flange
+
+    def base_of_views(self, views: SceneViews) -> SE3:
+        """`world_from_base` of the robots of all views, (v,); identity on `world`."""
+        carried = views.robot >= 0
+        if not len(self.bases):
+            return SE3.identity((len(views),))
+        rotation = np.where(carried[:, None, None], self.bases.rotation[views.robot], np.eye(3))
+        return SE3(rotation, np.where(carried[:, None], self.bases.translation[views.robot], 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Where unknowns stand in a step; None for what is fixed.
+
+    Attributes:
+        mounts: By camera.
+        bases: By robot.
+        lenses: By camera.
+        errors: Of all stops.
+        width: How many columns there are.
+    """
+
+    mounts: tuple[slice | None, ...]
+    bases: tuple[slice | None, ...]
+    lenses: tuple[slice | None, ...]
+    errors: slice
+    width: int
+
+
+def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
+    """The columns of all that is not fixed."""
+    at = 0
+
+    def next_columns(width: int) -> slice:
+        """So many more columns."""
+        nonlocal at
+        at += width
+        return slice(at - width, at)
+
+    mounts = tuple(None if c.mount.status == "fixed" else next_columns(6) for c in views.cameras)
+    bases = tuple(None if base.status == "fixed" else next_columns(6) for base in views.bases)
+    widths = [
+        0 if c.lens.status == "fixed" else len(lens.parameters) for c, lens in zip(views.cameras, lenses, strict=True)
+    ]
+    of_lenses = tuple(next_columns(width) if width else None for width in widths)
+    errors = next_columns(6 * len(views.stop_robot))
+    return Columns(mounts, bases, of_lenses, errors, at)
+
+
+def column_jacobian(views: SceneViews, state: SceneState, columns: Columns, lens_rows: int) -> Array:
+    """How right tangents of all cameras, then parameters of all lenses, move with the columns, (6 v + k, width).
+
+    Args:
+        views: The views.
+        state: The state.
+        columns: Of the unknowns.
+        lens_rows: Parameters of the lenses that are not fixed, in the order of cameras.
+    """
+    count = len(views)
+    moves = np.zeros((6 * count + lens_rows, columns.width))
+    world_from_flange = state.world_from_flange(views)
+    camera_from_flange = state.mounts[views.camera].inverse()
+    by_flange = camera_from_flange.adjoint()
+    by_base = (world_from_flange.inverse() @ state.base_of_views(views)).adjoint()
+    for view in range(count):
+        rows = slice(6 * view, 6 * view + 6)
+        mount = columns.mounts[views.camera[view]]
+        if mount is not None:
+            moves[rows, mount] = np.eye(6)
+        if views.robot[view] >= 0:
+            at = columns.errors.start + 6 * views.stop[view]
+            moves[rows, at : at + 6] = by_flange[view]
+            base = columns.bases[views.robot[view]]
+            if base is not None:
+                moves[rows, base] = by_flange[view] @ by_base[view]
+    row = 6 * count
+    for where in columns.lenses:
+        if where is not None:
+            width = where.stop - where.start
+            moves[row : row + width, where] = np.eye(width)
+            row += width
+    return moves
+
+
+def take_step(state: SceneState, columns: Columns, step: Array) -> SceneState:
+    """The state after a step, with the points as they were."""
+
+    def moved(transforms: SE3, places: tuple[slice | None, ...]) -> SE3:
+        """Transforms after their parts of the step."""
+        tangents = np.array([np.zeros(6) if where is None else step[where] for where in places]).reshape(-1, 6)
+        return transforms @ SE3.exp(tangents)
+
+    lenses = tuple(
+        lens if where is None else retract_lens(lens, step[where])
+        for lens, where in zip(state.lenses, columns.lenses, strict=True)
+    )
+    errors = state.errors + step[columns.errors].reshape(-1, 6)
+    return SceneState(
+        moved(state.mounts, columns.mounts), moved(state.bases, columns.bases), lenses, errors, state.points
+    )

@@ -1,0 +1,110 @@
+"""Pictures of a static scene as arrays: which robot carried their cameras where, and which points they show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from basecal.cell import Intrinsics, Unknown
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+
+FEWEST_VIEWS = 3  # of a track: two rays of one pair meet whatever the mount, along the epipolar line
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Image points by the point of the scene that they show.
+
+    Attributes:
+        view: (n,) index of the view.
+        point: (n,) index of the point of the scene, each at most once in a view.
+        pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
+    """
+
+    view: IntArray
+    point: IntArray
+    pixels: Array
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    @property
+    def count(self) -> int:
+        """How many points of the scene there are."""
+        return int(self.point.max(initial=-1)) + 1
+
+    def take(self, keep: BoolArray, fewest: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
+        """The image points to keep of the points that so many views still show, and the old indices of these."""
+        left = np.bincount(self.point[keep], minlength=self.count)
+        chosen = keep & (left[self.point] >= fewest)
+        old, point = np.unique(self.point[chosen], return_inverse=True)
+        return Tracks(self.view[chosen], point.astype(np.int64), self.pixels[chosen]), old.astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneCamera:
+    """A camera that takes pictures of the scene.
+
+    Attributes:
+        name: Of the camera.
+        robot: That carries it; None on `world`.
+        mount: What is known of `flange_from_camera`, or of `world_from_camera`.
+        lens: What is known of its lens.
+    """
+
+    name: str
+    robot: str | None
+    mount: Unknown
+    lens: Intrinsics
+
+
+@dataclass(frozen=True, eq=False)
+class SceneViews:
+    """The pictures of all cameras.
+
+    Attributes:
+        cameras: That took them.
+        robots: That carry cameras; `bases` has as many entries.
+        bases: What is known of `world_from_base` of each robot; fixed at the identity for the reference.
+        sample: (v,) sample number of each view.
+        camera: (v,) index of its camera.
+        robot: (v,) index of the robot; -1 on `world`.
+        stop: (v,) index of the robot's stop; -1 on `world`.
+        base_from_flange: (v,) recorded poses; identity on `world`.
+        stop_robot: (s,) index of the robot of each stop.
+    """
+
+    cameras: tuple[SceneCamera, ...]
+    robots: tuple[str, ...]
+    bases: tuple[Unknown, ...]
+    sample: IntArray
+    camera: IntArray
+    robot: IntArray
+    stop: IntArray
+    base_from_flange: SE3
+    stop_robot: IntArray
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def take(self, views: IntArray) -> SceneViews:
+        """The views at these indices, with all stops."""
+        return replace(
+            self,
+            sample=self.sample[views],
+            camera=self.camera[views],
+            robot=self.robot[views],
+            stop=self.stop[views],
+            base_from_flange=self.base_from_flange[views],
+        )
+
+    def directions(self, tracks: Tracks, lenses: tuple[Camera, ...]) -> tuple[Array, BoolArray]:
+        """Unit directions of image points in their cameras' axes, (n, 3), and which the lens has, (n,)."""
+        unit, valid = np.zeros((len(tracks), 3)), np.zeros(len(tracks), dtype=bool)
+        camera = self.camera[tracks.view]
+        for index, lens in enumerate(lenses):
+            mine = np.flatnonzero(camera == index)
+            if len(mine):
+                unit[mine], valid[mine] = lens.undistort(tracks.pixels[mine])
+        return np.where(valid[:, None], unit, 0.0), valid

@@ -1,0 +1,44 @@
+"""Matches of many pairs of pictures chained into tracks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from basecal.geometry import IntArray
+from basecal.vision.tracks.matching import Matches
+
+
+class Chains(NamedTuple):
+    """Features by the track that they are of: view, feature and track, (n,) each."""
+
+    view: IntArray
+    feature: IntArray
+    track: IntArray
+
+
+def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], fewest: int) -> Chains:
+    """Tracks that so many pictures show, without the pictures in which one would have two features.
+
+    Args:
+        counts: Features of each picture.
+        matches: By the indices of two pictures.
+        fewest: Pictures of a track.
+    """
+    first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
+    none = np.zeros(0, dtype=np.int64)
+    one, other = (np.concatenate([none, *(pair[k] for pair in pairs)]) for k in (0, 1))
+    graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(first[-1], first[-1]))
+    track = connected_components(graph, directed=False)[1].astype(np.int64)
+    view = np.repeat(np.arange(len(counts)), counts)
+    _, which, times = np.unique(track * len(counts) + view, return_inverse=True, return_counts=True)
+    is_single = times[which] == 1
+    enough = np.bincount(track[is_single], minlength=len(track) + 1)[track] >= fewest
+    kept = np.flatnonzero(is_single & enough)
+    numbered = np.unique(track[kept], return_inverse=True)[1]
+    return Chains(view[kept], kept - first[view[kept]], numbered.astype(np.int64))

@@ -1,0 +1,85 @@
+"""Features of a picture: places that look the same from other directions, spread evenly, with their descriptors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from basecal.geometry import Array
+from basecal.vision.detection import Image, eight_bit
+
+MOST = 2500  # of a picture
+DESCRIPTOR = 128  # numbers of a descriptor
+_CELLS = 24, 16  # of a picture, each of which keeps its clearest features first
+_CONTRAST = 0.02  # half of OpenCV's: what is too many is thinned evenly
+_CLIP, _TILES = 2.0, (8, 8)  # of the equalised histogram
+_HULL_GROWS = 1.3  # of what a mask covers, about its middle
+
+Descriptors = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Features of a picture.
+
+    Attributes:
+        pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
+        descriptors: (n, 128) of unit length.
+    """
+
+    pixels: Array
+    descriptors: Descriptors
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+
+def find_features(image: Image, covered: Sequence[Array] = ()) -> Features:
+    """At most `MOST` features, outside of what is covered.
+
+    SIFT (Lowe 2004) with the image upscaled to true positions; without it all are a quarter pixel off. Descriptors are
+    square roots of shares (Arandjelovic & Zisserman 2012).
+
+    Args:
+        image: Grey levels.
+        covered: (k, 2) pixels each, of targets that move with a robot; their hulls and some more are left out.
+    """
+    grey = cv2.createCLAHE(_CLIP, _TILES).apply(eight_bit(image))
+    finder = cv2.SIFT.create(contrastThreshold=_CONTRAST, enable_precise_upscale=True)
+    points = finder.detect(grey, _mask(grey.shape, covered))
+    if not points:
+        return Features(np.zeros((0, 2)), np.zeros((0, DESCRIPTOR), dtype=np.float32))
+    pixels = np.array([point.pt for point in points])
+    kept = _spread(pixels, np.array([point.response for point in points]), grey.shape)
+    points, found = finder.compute(grey, [points[k] for k in kept])
+    shares = np.sqrt(found / np.maximum(found.sum(1, keepdims=True), 1e-9))
+    return Features(np.array([point.pt for point in points]), shares.astype(np.float32))
+
+
+def _mask(shape: tuple[int, ...], covered: Sequence[Array]) -> NDArray[np.uint8]:
+    mask = np.full(shape, 255, dtype=np.uint8)
+    for pixels in covered:
+        if len(pixels) < 3:
+            continue
+        hull = cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2)
+        middle = hull.mean(0)
+        cv2.fillPoly(mask, [np.round(middle + _HULL_GROWS * (hull - middle)).astype(np.int32)], 0)
+    return mask
+
+
+def _spread(pixels: Array, response: Array, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Indices of features, the clearest of each cell first, one of each place."""
+    clear = np.argsort(-response, kind="stable")
+    clear = clear[np.sort(np.unique(np.round(pixels[clear], 2), axis=0, return_index=True)[1])]
+    columns, rows = _CELLS
+    at = (pixels[clear] * [columns / shape[1], rows / shape[0]]).astype(np.int64)
+    cell = np.clip(at[:, 0], 0, columns - 1) + columns * np.clip(at[:, 1], 0, rows - 1)
+    order = np.argsort(cell, kind="stable")
+    first = np.searchsorted(cell[order], cell[order])
+    rank = np.empty(len(clear), dtype=np.int64)
+    rank[order] = np.arange(len(clear)) - first
+    return clear[np.argsort(rank, kind="stable")[:MOST]]

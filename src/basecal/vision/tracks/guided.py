@@ -1,0 +1,66 @@
+"""Features found where points of the scene are predicted, against those found by chance beside these places."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from basecal.geometry import Array, IntArray
+from basecal.vision.tracks.features import Descriptors, Features
+
+_ALIKE = 0.35  # squared distance of descriptors: matches of one point have 0.1 to 0.4, others 0.6 and more
+_BESIDE_PX = 50.0  # [px] beside a prediction, where only chance finds a feature alike
+_DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+
+
+class Guided(NamedTuple):
+    """What a picture shows of predicted points.
+
+    Attributes:
+        point: (n,) index of the prediction.
+        feature: (n,) index of the feature that was found there.
+        by_chance: How many are found on average beside the predictions.
+    """
+
+    point: IntArray
+    feature: IntArray
+    by_chance: float
+
+
+def find_guided(features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float) -> Guided:
+    """Features near predictions that look like their points.
+
+    Args:
+        features: Of the picture.
+        predicted_px: (p, 2) [px]; NaN where a point is not seen.
+        descriptors: (p, 128) of the points.
+        radius_px: How far a feature may be from its prediction [px].
+    """
+    point, feature = _found(features, predicted_px, descriptors, radius_px)
+    beside = [_found(features, predicted_px + _BESIDE_PX * way, descriptors, radius_px)[0] for way in _DIRECTIONS]
+    return Guided(point, feature, float(np.mean([len(each) for each in beside])))
+
+
+def _found(
+    features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float
+) -> tuple[IntArray, IntArray]:
+    """Predictions and their most alike features, each feature once."""
+    seen = np.flatnonzero(np.isfinite(predicted_px).all(1))
+    none = np.zeros(0, dtype=np.int64)
+    if not len(seen) or not len(features):
+        return none, none
+    near = cKDTree(features.pixels).query_ball_point(predicted_px[seen], radius_px)
+    counts = np.array([len(each) for each in near])
+    if not counts.any():
+        return none, none
+    point = np.repeat(seen, counts)
+    feature = np.concatenate([np.asarray(each, dtype=np.int64) for each in near if each])
+    apart = 2 - 2 * np.einsum("nk,nk->n", descriptors[point], features.descriptors[feature])
+    order = np.argsort(apart, kind="stable")
+    order = order[apart[order] < _ALIKE]
+    # The most alike first: each prediction and each feature once.
+    order = order[np.sort(np.unique(point[order], return_index=True)[1])]
+    order = order[np.sort(np.unique(feature[order], return_index=True)[1])]
+    return point[order].astype(np.int64), feature[order].astype(np.int64)

@@ -1,0 +1,66 @@
+"""Matches of two pictures: features that look the same, of those the ones that a rigid scene can have."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from basecal.geometry import Array, IntArray
+from basecal.vision.tracks.features import Descriptors, Features
+
+FEWEST = 15  # matches of a pair that an essential matrix explains: fewer agree by chance
+_RATIO = 0.8  # of the distance to the best over that to the second best (Lowe 2004)
+_TAIL_PX = 2.0  # [px] from the epipolar geometry
+_STILL_PX = 3.0  # [px] of features that ride with the camera
+_MOST_ITERATIONS = 1000
+_CONFIDENCE = 0.999
+
+
+class Matches(NamedTuple):
+    """Indices of features of two pictures that show one point, (n,) each."""
+
+    first: IntArray
+    second: IntArray
+
+
+def match(first: Descriptors, second: Descriptors) -> Matches:
+    """Features that are each other's nearest, and clearly nearer than the second nearest."""
+    if min(len(first), len(second)) < 2:
+        return Matches(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    alike = first @ second.T
+    rows = np.arange(len(first))
+    best = alike.argmax(1)
+    value = alike[rows, best]
+    alike[rows, best] = -1.0
+    runner_up = alike.max(1)
+    alike[rows, best] = value
+    # Of unit vectors the squared distance is 2 - 2 cos.
+    is_clear = 1 - value < _RATIO**2 * (1 - runner_up)
+    kept = np.flatnonzero(is_clear & (alike.argmax(0)[best] == rows))
+    return Matches(kept.astype(np.int64), best[kept].astype(np.int64))
+
+
+def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], focal_px: float) -> Matches | None:
+    """Matches of one epipolar geometry; None if there are too few.
+
+    Args:
+        first: Of the first picture.
+        second: Of the second.
+        planes: (n, 2) and (m, 2) undistorted features at unit depth.
+        focal_px: Focal length [px].
+    """
+    found = match(first.descriptors, second.descriptors)
+    moved = np.linalg.norm(first.pixels[found.first] - second.pixels[found.second], axis=1) > _STILL_PX
+    found = Matches(found.first[moved], found.second[moved])
+    if len(found.first) < FEWEST:
+        return None
+    one, other = planes[0][found.first], planes[1][found.second]
+    essential, inlier = cv2.findEssentialMat(
+        one, other, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, _TAIL_PX / focal_px, _MOST_ITERATIONS
+    )
+    if essential is None or inlier is None or np.count_nonzero(inlier) < FEWEST:
+        return None
+    kept = np.flatnonzero(inlier.ravel())
+    return Matches(found.first[kept], found.second[kept])

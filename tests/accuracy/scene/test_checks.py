@@ -1,0 +1,115 @@
+"""What speaks against an answer from a scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.scene.checks import (
+    FEWEST_VIEWS,
+    aim_covariance,
+    camera_findings,
+    direction_findings,
+    join_findings,
+    kept_findings,
+)
+from basecal.accuracy.scene.joining import Join
+from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.geometry import SE3
+from scene_pictures import pictures_of_scene, solved_camera
+from scene_points import ARM_M, MOUNT, made_scene
+
+NAMES = ("left_eye", "right_eye")
+NONE = (np.zeros(0, dtype=np.int64),) * 3
+GOOD = Join(SE3.identity(), 400, 9.0, NONE, 12, rival=20.0)
+
+
+@pytest.fixture(scope="module")
+def good() -> OneCamera:
+    """Twelve pictures that show enough."""
+    scene = made_scene(1, count=12, points=120)
+    return solved_camera(scene, pictures_of_scene(scene), 0)
+
+
+def told(one: OneCamera) -> list[tuple[str, str]]:
+    """Codes and severities of a camera's findings."""
+    return [(each.code, each.severity) for each in camera_findings("eye", one)]
+
+
+def test_good_pictures_lack_nothing(good: OneCamera) -> None:
+    """Twelve views with texture and right poses are told nothing of."""
+    assert told(good) == []
+
+
+def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
+    """Views, pairs, poses and points are named in this order, each with what to do."""
+    assert good.start is not None
+    few = replace(good, views=good.views.take(np.arange(FEWEST_VIEWS - 1)))
+    fewer = replace(good, views=good.views.take(np.arange(FEWEST_VIEWS)))
+    assert told(few) == [("too-few-samples", "error")]
+    assert told(fewer) == [("few-images", "warning")]
+    assert told(replace(good, matched_pairs=9)) == [("scene-texture", "error")]
+    assert told(replace(good, start=None, fit=None)) == [("scene-texture", "error")]
+    assert told(replace(good, start=replace(good.start, median_px=30.0))) == [("poor-fit", "error")]
+    assert told(replace(good, fit=None)) == [("scene-texture", "error")]
+    assert all(finding.do for one in (few, fewer) for finding in camera_findings("eye", one))
+
+
+def test_each_lack_of_a_join_has_its_word() -> None:
+    """No agreement, agreement as by chance, a rival, few points or few pictures are refused; else nothing is."""
+
+    def codes(found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12)) -> list[str]:
+        return [each.code for each in join_findings(NAMES, found, shared, of_each)]
+
+    assert codes(GOOD) == []
+    assert codes(None) == ["scene-overlap"]
+    assert codes(replace(GOOD, found=20)) == ["scene-overlap"]
+    assert codes(replace(GOOD, found=900, by_chance=500.0)) == ["scene-overlap"]
+    assert codes(replace(GOOD, rival=0.4 * GOOD.score)) == ["scene-rival"]
+    assert codes(GOOD, shared=99) == ["scene-overlap"]
+    assert codes(GOOD, of_each=(3, 12)) == ["scene-overlap"]
+
+
+def test_points_that_one_scene_does_not_keep_refuse_it() -> None:
+    """Below half of them, or below a hundred, what was taken for shared was not."""
+    assert list(kept_findings(NAMES, 300, 200)) == []
+    for before, after in ((300, 140), (150, 90)):
+        assert [each.code for each in kept_findings(NAMES, before, after)] == ["scene-rival"]
+
+
+def test_unknown_directions_are_refused() -> None:
+    """Along any axis: above 10 mm or 0.5 deg a warning, above 100 mm or 5 deg an error."""
+    turned = SE3.from_rpy((0.4, 0.5, 0.6), (0, 0, 0)).rotation
+
+    def codes(shift_m: float, turn_deg: float) -> list[str]:
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = turned @ np.diag([1e-8, 1e-8, shift_m**2]) @ turned.T
+        covariance[3:, 3:] = turned @ np.diag([1e-8, 1e-8, np.radians(turn_deg) ** 2]) @ turned.T
+        return [each.code for each in direction_findings("mount", covariance)]
+
+    assert codes(9e-3, 0.4) == []
+    assert codes(11e-3, 0.4) == codes(9e-3, 0.6) == ["weak-direction"]
+    assert codes(0.11, 0.4) == codes(9e-3, 6.0) == ["unobservable-direction"]
+
+
+def test_views_that_aim_at_one_point_leave_the_distance_unknown() -> None:
+    """Cameras on a sphere about a point: the mount is uncertain along the way to it, far more than of free views."""
+    scene = made_scene(1, count=12, points=120)
+    good = solved_camera(scene, pictures_of_scene(scene), 0).fit
+    assert good is not None
+    fit = replace(good, stop_sigma=np.full((12, 6), ARM_M))
+    rng = np.random.default_rng(3)
+    centre = np.array([0.1, 0.05, 0.7])
+    on_sphere = []
+    for _ in range(12):
+        turn = SE3.exp(np.r_[0, 0, 0, rng.uniform(-0.4, 0.4, 3)]).rotation
+        off = 1e-3 * rng.standard_normal(3)
+        on_sphere.append(SE3(turn, [0.7, 0, 0] - turn @ centre + off) @ MOUNT.inverse())
+    aimed = replace(fit, views=replace(fit.views, base_from_flange=SE3.stack(on_sphere)))
+    free, tied = (np.sqrt(np.trace(aim_covariance(each, 0))) for each in (fit, aimed))
+    assert free < 2e-3
+    assert tied > 0.05
+    axis = np.linalg.eigh(aim_covariance(aimed, 0)[:3, :3])[1][:, -1]
+    assert abs(axis @ centre) / np.linalg.norm(centre) > 0.999

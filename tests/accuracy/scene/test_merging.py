@@ -1,0 +1,101 @@
+"""Tracks of two cameras become tracks of one scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.scene.joining import Join
+from basecal.accuracy.scene.merging import merged_tracks, shared_points
+from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.accuracy.scene.pictures import Pictures
+from basecal.geometry import IntArray
+from scene_pictures import pictures_of_scene, solved_camera
+from scene_points import BASE, Scene, made_scene
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """Two arms before one table."""
+    return made_scene(1, arms=2, count=8, points=120)
+
+
+@pytest.fixture(scope="module")
+def pictures(scene: Scene) -> Pictures:
+    """What their cameras see."""
+    return pictures_of_scene(scene)
+
+
+@pytest.fixture(scope="module")
+def ones(scene: Scene, pictures: Pictures) -> tuple[OneCamera, OneCamera]:
+    """What each camera's pictures say."""
+    return solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1)
+
+
+def point_by_place(scene: Scene) -> dict[tuple[float, ...], int]:
+    """The point that an image point shows, by its view and pixels."""
+    places = zip(scene.tracks.view, scene.tracks.pixels, scene.tracks.point, strict=True)
+    return {(int(view), *map(float, pixels)): int(point) for view, pixels, point in places}
+
+
+def true_points(scene: Scene, one: OneCamera) -> IntArray:
+    """The point of the world that each image point of a camera's fit shows."""
+    assert one.fit is not None
+    at = point_by_place(scene)
+    tracks = one.fit.tracks
+    return np.array([at[int(one.rows[v]), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
+
+
+def true_join(scene: Scene, ones: tuple[OneCamera, OneCamera]) -> Join:
+    """Each image point of the second that shows a point of the first, as that."""
+    first, second = (true_points(scene, one) for one in ones)
+    assert ones[0].fit is not None
+    assert ones[1].fit is not None
+    of_first = dict(zip(first.tolist(), ones[0].fit.tracks.point.tolist(), strict=True))
+    shown = [k for k, point in enumerate(second.tolist()) if point in of_first]
+    view, feature = ones[1].fit.tracks.view[shown], ones[1].feature[shown]
+    point = np.array([of_first[int(second[k])] for k in shown])
+    return Join(BASE.inverse(), len(shown), 0.0, (view, point, feature), 8)
+
+
+def test_one_point_is_one_track(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
+    """Joined as in truth, tracks are the true ones: as many, and each of one point."""
+    tracks = merged_tracks(pictures, ones, [(0, 1, true_join(scene, ones))])
+    at = point_by_place(scene)
+    true = np.array([at[int(v), *map(float, px)] for v, px in zip(tracks.view, tracks.pixels, strict=True)])
+    pairs = np.unique(np.column_stack([tracks.point, true]), axis=0)
+    assert len(pairs) == tracks.count == len(np.unique(true)) > 90
+
+
+def test_shared_points_are_counted(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
+    """A point is shared if two views of each show it; without a join none is."""
+    own = [true_points(scene, one) for one in ones]
+    many = [set(np.flatnonzero(np.bincount(points) >= 2).tolist()) for points in own]
+    tracks = merged_tracks(pictures, ones, [(0, 1, true_join(scene, ones))])
+    assert shared_points(pictures, tracks, (0, 1)) == (len(many[0] & many[1]), (8, 8))
+    assert shared_points(pictures, merged_tracks(pictures, ones, []), (0, 1)) == (0, (0, 0))
+
+
+def test_a_few_false_sightings_tie_nothing(scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]) -> None:
+    """One image point in six that shows another point than it is said to: most of each track decide, none is mixed."""
+    join = true_join(scene, ones)
+    view, point, feature = join.sightings
+    rng = np.random.default_rng(2)
+    wrong = rng.random(len(point)) < 1 / 6
+    point = np.where(wrong, rng.permutation(point), point)
+    assert ones[0].fit is not None
+    mixed = Join(join.second_from_first, join.found, 0.0, (view, point, feature), 8)
+    right = shared_points(pictures, merged_tracks(pictures, ones, [(0, 1, join)]), (0, 1))[0]
+    assert shared_points(pictures, merged_tracks(pictures, ones, [(0, 1, mixed)]), (0, 1))[0] > 0.85 * right
+
+
+def test_two_features_of_one_view_are_no_image_of_a_point(
+    scene: Scene, pictures: Pictures, ones: tuple[OneCamera, OneCamera]
+) -> None:
+    """No view shows a point twice in what is merged."""
+    join = true_join(scene, ones)
+    view, point, feature = join.sightings
+    beside = Join(join.second_from_first, 0, 0.0, (view[:40], point[:40], feature[:40] * 0), 8)
+    tracks = merged_tracks(pictures, ones, [(0, 1, beside), (0, 1, join)])
+    places = np.column_stack([tracks.view, tracks.point])
+    assert len(np.unique(places, axis=0)) == len(places)

@@ -1,0 +1,86 @@
+"""One camera: its mount and scene from its own pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.scene.checks import camera_findings
+from basecal.accuracy.scene.one_camera import OneCamera, own_views, picture_pairs, solve_camera
+from basecal.accuracy.scene.pictures import Pictures
+from basecal.geometry import SE3
+from scene_pictures import pictures_of_scene, random_looks, with_inverted_poses
+from scene_points import MOUNT, PIXEL, made_scene
+
+
+@pytest.fixture(scope="module")
+def pictures() -> Pictures:
+    """Ten pictures of one arm."""
+    return pictures_of_scene(made_scene(2, count=10, points=200))
+
+
+@pytest.fixture(scope="module")
+def solved(pictures: Pictures) -> OneCamera:
+    """What they say."""
+    return solve_camera(pictures, 0, None)
+
+
+def test_mount_is_found_without_a_guess(solved: OneCamera) -> None:
+    """From features and poses alone the mount is within 3 mm and 0.2 deg, image points fit to their noise."""
+    assert solved.fit is not None
+    off = (MOUNT.inverse() @ solved.fit.state.mounts[0]).log()
+    assert np.linalg.norm(off[:3]) < 3e-3
+    assert np.degrees(np.linalg.norm(off[3:])) < 0.2
+    assert solved.fit.sigma_px == pytest.approx(PIXEL, rel=0.2)
+    assert list(camera_findings("eye", replace(solved, views=solved.views.take(np.arange(10).repeat(2))))) == []
+
+
+def test_features_are_those_of_the_image_points(pictures: Pictures, solved: OneCamera) -> None:
+    """The feature of each image point of the fit stands at its pixels, and looks like the mean of its point."""
+    assert solved.fit is not None
+    tracks = solved.fit.tracks
+    at = [pictures.features[solved.rows[v]] for v in tracks.view]
+    pixels = [each.pixels[k] for each, k in zip(at, solved.feature, strict=True)]
+    np.testing.assert_array_equal(pixels, tracks.pixels)
+    looks = np.array([each.descriptors[k] for each, k in zip(at, solved.feature, strict=True)])
+    alike = np.sum(looks * solved.descriptors(pictures)[tracks.point], 1)
+    assert alike.min() > 0.9
+
+
+def test_inverted_poses_do_not_fit() -> None:
+    """Poses recorded as `flange_from_base` leave features far from their epipolar geometry: refused as poor fit."""
+    scene = made_scene(2, count=10, points=200)
+    inverted = replace(scene, views=with_inverted_poses(scene.views, 0))
+    found = list(camera_findings("eye", solve_camera(pictures_of_scene(inverted), 0, None)))
+    assert [(each.code, each.severity) for each in found] == [("poor-fit", "error")]
+
+
+def test_pictures_without_common_features_have_no_start() -> None:
+    """Where each picture's features look otherwise no pair is matched, and there is neither start nor fit."""
+    pictures = pictures_of_scene(made_scene(2, count=10, points=100))
+    rng = np.random.default_rng(3)
+    blank = [replace(each, descriptors=random_looks(rng, len(each))) for each in pictures.features]
+    found = solve_camera(replace(pictures, features=tuple(blank)), 0, None)
+    assert (found.start, found.fit, found.matched_pairs) == (None, None, 0)
+
+
+def test_a_camera_stands_alone_with_its_robot() -> None:
+    """The second camera's views have one camera, one robot at the origin, and stops from 0 on."""
+    views, rows = own_views(made_scene(1, arms=2, count=4, points=40).views, 1)
+    np.testing.assert_array_equal(rows, [4, 5, 6, 7])
+    np.testing.assert_array_equal(views.stop, [0, 1, 2, 3])
+    assert [camera.name for camera in views.cameras] == ["right_eye"]
+    assert views.robots == ("right",)
+    assert views.bases[0].status == "fixed"
+
+
+def test_many_pictures_are_matched_with_similar_ones() -> None:
+    """Up to 60 pictures are all paired; of more each with those of the most similar directions."""
+    turns = SE3.exp(np.outer(np.arange(100), [0, 0, 0, 0, 0, 0.02]))
+    assert len(picture_pairs(turns[:60])) == 60 * 59 // 2
+    pairs = picture_pairs(turns)
+    assert len(pairs) < 100 * 20
+    assert max(j - i for i, j in pairs) <= 20
+    assert {(k, k + 1) for k in range(99)} <= set(pairs)

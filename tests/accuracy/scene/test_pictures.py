@@ -1,0 +1,113 @@
+"""The pictures of a recording as views of a scene."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from basecal.accuracy.scene.pictures import Pictures, guessed_lens, read_pictures
+from basecal.cell import Intrinsics, RobotState
+from basecal.cell.files import read_cell, read_recording
+from basecal.errors import InputError
+
+CELL = """schema: basecal/cell/1
+reference: left
+target: scene
+robots: {left: {}, right: {}}
+cameras:
+  left_eye: {on: left, model: pinhole, size_px: [160, 120],
+    intrinsics: {status: fixed, fx: 130.0, fy: 130.0, cx: 79.5, cy: 59.5, distortion: [0, 0, 0, 0, 0]}}
+  right_eye: {on: right}
+targets:
+  board: {on: right, kind: points, points_m: [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]}
+"""
+LEFT, RIGHT = (
+    {name: {"base_from_flange": {"t_m": [0.4, 0.0, 0.5], "q_xyzw": [0, 0, 0, 1]}}} for name in ("left", "right")
+)
+
+
+def write(folder: Path, samples: list[dict]) -> None:
+    """A cell with a picture of each sample's images."""
+    (folder / "recording").mkdir(parents=True, exist_ok=True)
+    (folder / "cell.yaml").write_text(CELL)
+    lines = [json.dumps({"sample": k, **sample}) for k, sample in enumerate(samples)]
+    (folder / "recording/samples.jsonl").write_text("\n".join(lines) + "\n")
+    for sample in samples:
+        for path in sample.get("images", {}).values():
+            rng = np.random.default_rng(len(path))
+            levels = rng.integers(0, 255, (30, 40)).repeat(4, 0).repeat(4, 1).astype(np.uint8)
+            cv2.imwrite(str(folder / "recording" / path), levels)
+
+
+def read(folder: Path) -> Pictures:
+    """Its pictures."""
+    cell = read_cell(folder)
+    recording = read_recording(folder, cell)
+    assert recording.folder is not None
+    return read_pictures(cell, recording, Path(recording.folder))
+
+
+def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
+    """Pictures without a pose of the arm that carries their camera, and samples without pictures, are passed over."""
+    write(
+        tmp_path,
+        [
+            {"robots": LEFT, "images": {"left_eye": "a.png"}},
+            {"robots": LEFT, "images": {"right_eye": "bb.png"}},
+            {"robots": LEFT | RIGHT, "images": {"left_eye": "ccc.png", "right_eye": "dddd.png"}},
+            {"robots": RIGHT},
+        ],
+    )
+    found = read(tmp_path)
+    assert found.views.robots == ("left", "right")
+    np.testing.assert_array_equal(found.views.sample, [0, 2, 2])
+    np.testing.assert_array_equal(found.views.camera, [0, 0, 1])
+    np.testing.assert_array_equal(found.views.stop_robot[found.views.stop], [0, 0, 1])
+    assert found.camera_views(0) == [0, 1]
+    assert min(len(each) for each in found.features) > 20
+
+
+def test_an_unstated_lens_is_guessed(tmp_path: Path) -> None:
+    """Of the lens that is stated nothing is guessed; the other is a usual one for the picture's size."""
+    write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
+    found = read(tmp_path)
+    assert found.is_guessed == (False, True)
+    assert found.lenses[0].parameters[0] == 130.0
+    assert found.lenses[1].size_px == (160, 120)
+    np.testing.assert_allclose(found.lenses[1].parameters[:4], [144, 144, 79.5, 59.5])
+
+
+def test_what_moves_with_a_robot_is_no_scene(tmp_path: Path) -> None:
+    """Where a board that an arm carries was seen no features are taken."""
+    write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
+    every = read(tmp_path).features[0].pixels
+    corners = [[20, 20], [140, 20], [80, 100]]
+    seen = {"camera": "left_eye", "target": "board", "ids": [0, 1, 2], "pixels": corners}
+    write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}, "observations": [seen]}])
+    found = read(tmp_path).features[0].pixels
+    inside = (np.abs(found - [80, 40]) < 12).all(1)
+    assert 0 < len(found) < len(every)
+    assert (np.abs(every - [80, 40]) < 12).all(1).any()
+    assert not inside.any()
+
+
+def test_joints_need_a_urdf(tmp_path: Path) -> None:
+    """A robot that is recorded by joints alone and has no chain is one clear error."""
+    write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
+    cell = read_cell(tmp_path)
+    recording = read_recording(tmp_path, cell)
+    by_joints = replace(recording.samples[0], robots={"left": RobotState(joints_rad=np.zeros(6))})
+    assert recording.folder is not None
+    with pytest.raises(InputError, match="'left' is recorded by joints and has no urdf"):
+        read_pictures(cell, replace(recording, samples=(by_joints,)), Path(recording.folder))
+
+
+def test_distortion_terms_of_a_guess_are_those_asked_for() -> None:
+    """Five unless stated; all zero."""
+    assert len(guessed_lens(Intrinsics("free"), (640, 480)).parameters) == 9
+    assert len(guessed_lens(Intrinsics("free", distortion_terms=8), (640, 480)).parameters) == 12

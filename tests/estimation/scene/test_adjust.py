@@ -1,0 +1,53 @@
+"""The optimum of a scene, and residuals about it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.scene.adjust import Task, adjust, residuals_px
+from basecal.geometry import SE3
+from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
+
+NOISE = np.repeat([ARM_M, ARM_RAD], 3)
+
+
+def test_without_noise_the_truth_is_found():
+    """Exact image points and poses: mounts and base to a micrometre."""
+    scene = made_scene(3, arms=2, noise=0.0)
+    state = replace(started(scene, 1e-3), points=scene.truth.points)
+    noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
+    found = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS, LENS)), state).state
+    assert np.linalg.norm((BASE.inverse() @ found.bases[1]).log()) < 1e-5
+    assert np.linalg.norm((MOUNT.inverse() @ found.mounts[0]).log()) < 1e-5
+
+
+def test_a_point_behind_its_camera_has_no_residual():
+    """It is infinite, and those of exact image points are zero."""
+    scene = made_scene(6, noise=0.0)
+    assert np.abs(residuals_px(scene.views, scene.tracks, scene.truth)).max() < 1e-9
+    points = scene.truth.points.copy()
+    points[0] = (0.0, 0.0, 5.0)
+    off = residuals_px(scene.views, scene.tracks, scene.truth.with_points(points))
+    assert np.all(np.isinf(off[scene.tracks.point == 0]))
+    assert np.all(np.isfinite(off[scene.tracks.point != 0]))
+
+
+def test_a_tail_keeps_gross_errors_from_the_mount():
+    """With a tail at two sigmas one image point 50 px off moves the mount by less than a tenth of what it does else."""
+    scene = made_scene(7)
+    pixels = scene.tracks.pixels.copy()
+    pixels[::40] += 50.0
+    tracks = replace(scene.tracks, pixels=pixels)
+    noise = np.tile(NOISE, (len(scene.views.stop_robot), 1))
+    sound, plain, robust = (
+        adjust(Task(scene.views, each, PIXEL, noise, (LENS,), tail), scene.truth).state.mounts[0]
+        for each, tail in ((scene.tracks, np.inf), (tracks, np.inf), (tracks, 2.0))
+    )
+
+    def apart(mount: SE3) -> float:
+        """Distance to the mount of sound data [m, rad]."""
+        return float(np.linalg.norm((sound.inverse() @ mount).log()))
+
+    assert apart(robust) < 0.1 * apart(plain)

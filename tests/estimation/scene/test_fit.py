@@ -1,0 +1,46 @@
+"""Mounts, lenses and bases of a scene with their covariance; gross errors are left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.scene.adjust import residuals_px
+from basecal.estimation.scene.fit import fit_scene
+from basecal.estimation.scene.spread import scene_covariance
+from basecal.estimation.scene.state import scene_columns
+from basecal.estimation.scene.views import Tracks
+from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, made_scene, started
+
+NOISE = np.repeat([ARM_M, ARM_RAD], 3)
+
+
+def test_two_arms_are_found_from_unknown_points():
+    """Mounts and the base are within their 99.99 % ellipsoids (27.9 of 6), sigmas are near the truth."""
+    scene = made_scene(1, arms=2)
+    fit = fit_scene(scene.views, scene.tracks, started(scene), (LENS, LENS), (None, None))
+    columns, covariance = scene_columns(fit.views, fit.state.lenses), scene_covariance(fit)
+    for found, true, where in (
+        (fit.state.mounts[0], MOUNT, columns.mounts[0]),
+        (fit.state.mounts[1], MOUNT, columns.mounts[1]),
+        (fit.state.bases[1], BASE, columns.bases[1]),
+    ):
+        off = (true.inverse() @ found).log()
+        assert off @ np.linalg.solve(covariance[where, where], off) < 27.9
+        assert np.linalg.norm(off[:3]) < 2e-3
+    assert fit.sigma_px == pytest.approx(PIXEL, rel=0.1)
+    assert ARM_RAD / 2.5 < fit.stop_sigma[0, 3] < 2.5 * ARM_RAD
+
+
+def test_gross_errors_are_left_out():
+    """One image point in ten is 30 px off: the mount stays within its ellipsoid, and these points are gone."""
+    scene = made_scene(2)
+    rng = np.random.default_rng(5)
+    wrong = rng.random(len(scene.tracks)) < 0.1
+    pixels = scene.tracks.pixels + np.where(wrong[:, None], rng.normal(0, 30, scene.tracks.pixels.shape), 0.0)
+    tracks = Tracks(scene.tracks.view, scene.tracks.point, pixels)
+    fit = fit_scene(scene.views, tracks, started(scene), (LENS,), (NOISE,))
+    off = (MOUNT.inverse() @ fit.state.mounts[0]).log()
+    where = scene_columns(fit.views, fit.state.lenses).mounts[0]
+    assert off @ np.linalg.solve(scene_covariance(fit)[where, where], off) < 27.9
+    assert np.abs(residuals_px(fit.views, fit.tracks, fit.state)).max() < 6 * PIXEL

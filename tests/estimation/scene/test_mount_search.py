@@ -1,0 +1,61 @@
+"""A mount is found without a guess, and recorded poses that are wrong leave many pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.scene.epipolar import point_pairs
+from basecal.estimation.scene.mount_search import find_mount, rotation_grid
+from scene_points import LENS, MOUNT, made_scene
+
+PAIRS = 1500
+
+
+def test_a_mount_is_found_without_a_guess():
+    """To 5 mm and 0.5 deg by pairs alone, from a lens 8 % off; distances are below two pixels."""
+    scene = made_scene(1)
+    parameters = LENS.parameters.copy()
+    parameters[:2] *= 1.08
+    found = find_mount(
+        point_pairs(scene.views, scene.tracks, 0, PAIRS),
+        scene.views.base_from_flange,
+        LENS.with_parameters(parameters),
+        True,
+    )
+    assert found is not None
+    off = (MOUNT.inverse() @ found.flange_from_camera).log()
+    assert np.linalg.norm(off[:3]) < 5e-3
+    assert np.linalg.norm(off[3:]) < np.radians(0.5)
+    assert found.lens.focal[0] == pytest.approx(LENS.focal[0], rel=0.01)
+    assert found.median_px < 2.0
+
+
+@pytest.mark.parametrize("wrong", ["inverted", "shifted"])
+def test_wrong_poses_leave_many_pixels(wrong):
+    """Inverted poses, and poses of the sample before, leave more than ten pixels."""
+    scene = made_scene(2)
+    poses = scene.views.base_from_flange
+    order = np.roll(np.arange(len(poses)), 1)
+    bad = poses.inverse() if wrong == "inverted" else poses[order]
+    found = find_mount(point_pairs(scene.views, scene.tracks, 0, PAIRS), bad, LENS, True)
+    assert found is not None
+    assert found.median_px > 10.0
+
+
+def test_too_few_pairs_give_no_mount():
+    """With ten pairs nothing is found."""
+    scene = made_scene(3)
+    pairs = point_pairs(scene.views, scene.tracks, 0, 10)
+    assert len(pairs) == 10
+    assert find_mount(pairs, scene.views.base_from_flange, LENS, False) is None
+
+
+def test_the_grid_covers_all_rotations():
+    """No rotation is more than 20 deg from the grid of a thousand."""
+    grid, rng = rotation_grid(1000), np.random.default_rng(0)
+    any_rotation = np.linalg.qr(rng.standard_normal((300, 3, 3)))[0]
+    any_rotation *= np.sign(np.linalg.det(any_rotation))[:, None, None]
+    traces = np.einsum("nab,gab->ng", any_rotation, grid)
+    nearest = np.degrees(np.arccos(np.clip((traces.max(1) - 1) / 2, -1, 1)))
+    assert nearest.max() < 20.0

@@ -1,0 +1,31 @@
+"""Sigmas of image points and of arms by the marginal likelihood."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.scene.adjust import Task, adjust
+from basecal.estimation.scene.sigmas import estimate_sigmas
+from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
+
+NOISE = np.repeat([ARM_M, ARM_RAD], 3)
+
+
+def test_sigmas_of_pixels_and_arm_are_found():
+    """Of 25 views the pixels' within 5 %, the arm's within a factor of 1.8, which its six numbers a view tell."""
+    scene = made_scene(1, count=25)
+    noise = np.tile(NOISE, (25, 1))
+    fit = adjust(Task(scene.views, scene.tracks, PIXEL, noise, (LENS,)), scene.truth)
+    found = estimate_sigmas(fit, (None,), [0.8])
+    assert found.sigma_px == pytest.approx(PIXEL, rel=0.05)
+    assert ARM_RAD / 1.8 < found.stop_sigma[0, 3] < 1.8 * ARM_RAD
+
+
+def test_stated_noise_stays():
+    """The sigmas of a robot that states them are these, and pixels' are found beside."""
+    scene = made_scene(2)
+    fit = adjust(Task(scene.views, scene.tracks, 1.0, np.tile(NOISE, (15, 1)), (LENS,)), scene.truth)
+    found = estimate_sigmas(fit, (NOISE,), [0.8])
+    assert np.array_equal(found.stop_sigma, np.tile(NOISE, (15, 1)))
+    assert found.sigma_px == pytest.approx(PIXEL, rel=0.1)

@@ -1,0 +1,40 @@
+"""The covariance of a scene is never below that of the model, and parts that contradict one another widen it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.estimation.scene.adjust import SceneFit, Task, adjust
+from basecal.estimation.scene.spread import scene_covariance
+from scene_points import ARM_M, ARM_RAD, LENS, PIXEL, made_scene
+
+NOISE = np.repeat([ARM_M, ARM_RAD], 3)
+
+
+def fitted(pull_px: float) -> SceneFit:
+    """A scene, the image points of one half of which are pulled by so much in one direction of the world."""
+    scene = made_scene(1, count=12)
+    pixels = scene.tracks.pixels.copy()
+    is_left = scene.truth.points[scene.tracks.point, 1] > 0
+    pixels[is_left, 0] += pull_px * np.sin(scene.tracks.view[is_left])
+    tracks = replace(scene.tracks, pixels=pixels)
+    return adjust(Task(scene.views, tracks, PIXEL, np.tile(NOISE, (12, 1)), (LENS,)), scene.truth)
+
+
+def test_sigmas_are_those_of_the_model_and_a_fifth_at_least():
+    """Of sound data every sigma is 1.2 to 3 times that of the model."""
+    fit = fitted(0.0)
+    own = len(scene_covariance(fit))
+    model = np.sqrt(np.diag(np.linalg.inv(fit.information))[:own])
+    ratio = np.sqrt(np.diag(scene_covariance(fit))) / model
+    assert ratio.min() == pytest.approx(1.2, abs=0.01) or ratio.min() > 1.2
+    assert ratio.max() < 3.0
+
+
+def test_contradicting_parts_widen_sigmas():
+    """Where half of the points is pulled by a pixel from view to view, sigmas of the mount are larger."""
+    sound, pulled = scene_covariance(fitted(0.0)), scene_covariance(fitted(2.0))
+    assert np.trace(pulled[:6, :6]) > 1.5 * np.trace(sound[:6, :6])

@@ -1,0 +1,88 @@
+"""Two arms that look at a scene of points: image points with known mounts, bases and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.cell import Intrinsics, Unknown
+from basecal.estimation.scene.state import SceneState
+from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
+from basecal.geometry import SE3, Camera
+
+LENS = Camera("pinhole", np.array([900.0, 900.0, 639.5, 359.5, -0.1, 0.05, 0.0, 0.0, 0.0]), (1280, 720))
+MOUNT = SE3.from_rpy((0.05, -0.1, 0.3), (0.04, -0.02, 0.08))
+BASE = SE3.from_rpy((0.01, 0.02, 2.9), (1.4, 0.1, 0.05))
+ARM_M, ARM_RAD, PIXEL = 2e-4, 3e-4, 0.3
+MIDDLE = np.array([0.7, 0.0, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What was recorded, and the truth."""
+
+    views: SceneViews
+    tracks: Tracks
+    truth: SceneState
+
+
+def looks(rng: np.random.Generator, count: int, side: float) -> SE3:
+    """Poses of a camera in the world that looks down at the middle from one side."""
+    poses = []
+    for _ in range(count):
+        place = MIDDLE + np.array([side * rng.uniform(0.1, 0.5), rng.uniform(-0.4, 0.4), rng.uniform(0.5, 0.9)])
+        aim = MIDDLE + rng.uniform(-0.15, 0.15, 3) - place
+        z = aim / np.linalg.norm(aim)
+        x = np.cross(z, rng.normal(0, 1, 3))
+        x /= np.linalg.norm(x)
+        poses.append(SE3(np.column_stack([x, np.cross(z, x), z]), place))
+    return SE3.stack(poses)
+
+
+def made_scene(seed: int, arms: int = 1, count: int = 15, points: int = 150, noise: float = 1.0) -> Scene:
+    """A table and boxes on it, seen by one arm or two that err as stated times `noise`."""
+    rng = np.random.default_rng(seed)
+    at = MIDDLE + rng.uniform(-1, 1, (points, 3)) * [0.5, 0.5, 0.0]
+    at[::3, 2] += rng.uniform(0, 0.25, len(at[::3]))
+    bases, flanges, cameras = [SE3.identity(), BASE][:arms], [], []
+    for arm, base in enumerate(bases):
+        world_from_camera = looks(rng, count, -1.0 if arm == 0 else 1.0)
+        true = base.inverse() @ world_from_camera @ MOUNT.inverse()
+        error = SE3.exp(noise * rng.standard_normal((count, 6)) * np.repeat([ARM_M, ARM_RAD], 3))
+        flanges.append(true @ error)
+        cameras.append(world_from_camera)
+    names = ("left", "right")[:arms]
+    lens = Intrinsics("free", LENS)
+    views = SceneViews(
+        tuple(SceneCamera(f"{name}_eye", name, Unknown(), lens) for name in names),
+        names,
+        (Unknown("fixed", SE3.identity()), Unknown())[:arms],
+        np.arange(arms * count),
+        np.repeat(np.arange(arms), count),
+        np.repeat(np.arange(arms), count),
+        np.arange(arms * count),
+        SE3.stack([pose[k] for pose in flanges for k in range(count)]),
+        np.repeat(np.arange(arms), count),
+    )
+    seen, shown, pixels = [], [], []
+    for view in range(arms * count):
+        in_camera = cameras[view // count][view % count].inverse() @ at
+        visible = np.flatnonzero(LENS.sees(in_camera) & (rng.random(points) < 0.7))
+        seen += [view] * len(visible)
+        shown += visible.tolist()
+        pixels.append(LENS.project(in_camera[visible]) + noise * PIXEL * rng.standard_normal((len(visible), 2)))
+    tracks = Tracks(np.array(seen), np.array(shown), np.concatenate(pixels))
+    tracks, old = tracks.take(np.ones(len(tracks), dtype=bool))
+    errors = np.zeros((arms * count, 6))
+    truth = SceneState(SE3.stack([MOUNT] * arms), SE3.stack(bases), (LENS,) * arms, errors, at[old])
+    return Scene(views, tracks, truth)
+
+
+def started(scene: Scene, off: float = 0.02) -> SceneState:
+    """The truth, mounts and bases off by so much, without points."""
+    truth = scene.truth
+    step = SE3.exp(off * np.array([1.0, -1.0, 1.0, 1.0, 1.0, -1.0]) / np.sqrt(6))
+    bases = [truth.bases[k] if k == 0 else truth.bases[k] @ step for k in range(len(truth.bases))]
+    mounts = SE3.stack([truth.mounts[k] @ step for k in range(len(truth.mounts))])
+    return SceneState(mounts, SE3.stack(bases), truth.lenses, truth.errors, np.zeros((0, 3)))

@@ -1,0 +1,91 @@
+"""Features of a picture: where they are, how they are spread, and what is left out."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from basecal.vision.tracks.features import DESCRIPTOR, MOST, find_features
+
+SHIFT = (31, 17)  # [px]
+
+
+def blots(seed: int = 1, shape: tuple[int, int] = (300, 400)) -> np.ndarray:
+    """Grey levels of a textured picture."""
+    rng = np.random.default_rng(seed)
+    level = np.zeros(shape, dtype=np.float32)
+    for size in (5, 12, 30):
+        small = rng.standard_normal((shape[0] // size + 2, shape[1] // size + 2)).astype(np.float32)
+        level += cv2.resize(small, (shape[1], shape[0]), interpolation=cv2.INTER_CUBIC)
+    return np.clip(128 + 40 * level, 0, 255).astype(np.uint8)
+
+
+def test_descriptors_are_of_unit_length() -> None:
+    """Every feature is inside the picture, with a descriptor of length one."""
+    found = find_features(blots())
+    assert 100 < len(found) <= MOST
+    assert found.descriptors.shape == (len(found), DESCRIPTOR)
+    np.testing.assert_allclose(np.linalg.norm(found.descriptors, axis=1), 1.0, atol=1e-5)
+    assert (found.pixels > -0.5).all()
+    assert (found.pixels < [399.5, 299.5]).all()
+
+
+def test_features_move_with_the_picture() -> None:
+    """Two crops of one picture have features at the same places, to 0.1 px in the median, without bias."""
+    large = blots(2)
+    right, down = SHIFT
+    whole, crop = find_features(large), find_features(np.ascontiguousarray(large[down:, right:]))
+    back = crop.pixels + SHIFT
+    apart = whole.pixels[:, None] - back[None]
+    nearest = np.linalg.norm(apart, axis=2).argmin(0)
+    off = whole.pixels[nearest] - back
+    near = np.linalg.norm(off, axis=1) < 1
+    assert near.mean() > 0.6
+    assert np.median(np.linalg.norm(off[near], axis=1)) < 0.1
+    assert np.abs(off[near].mean(0)).max() < 0.02
+
+
+def test_spots_are_found_at_their_middle() -> None:
+    """The centre of the top-left pixel is (0, 0): features of round spots are there to 0.03 px in the mean."""
+    rng = np.random.default_rng(5)
+    rows = np.stack(np.meshgrid(np.arange(40, 600, 50), np.arange(40, 440, 50)), -1).reshape(-1, 2)
+    middles = rows + rng.uniform(-5, 5, rows.shape)
+    x, y = np.meshgrid(np.arange(640), np.arange(480))
+    spots = sum(np.exp(-((x - mx) ** 2 + (y - my) ** 2) / (2 * 6.0**2)) for mx, my in middles)
+    found = find_features(np.round(60 + 150 * spots).astype(np.uint8))
+    off = np.array([(found.pixels - m)[np.linalg.norm(found.pixels - m, axis=1).argmin()] for m in middles])
+    near = np.linalg.norm(off, axis=1) < 1
+    assert near.mean() > 0.9
+    assert np.abs(off[near].mean(0)).max() < 0.03
+
+
+def test_no_two_features_share_a_place() -> None:
+    """A place with two directions of its gradient counts once."""
+    pixels = np.round(find_features(blots(3)).pixels, 2)
+    assert len(np.unique(pixels, axis=0)) == len(pixels)
+
+
+def test_covered_places_have_no_features() -> None:
+    """Nothing is found within the hull of a moving target; elsewhere as much as before."""
+    square = np.array([[100.0, 80.0], [200.0, 80.0], [200.0, 180.0], [100.0, 180.0]])
+    every, found = find_features(blots()), find_features(blots(), [square])
+    inside = ((found.pixels > 100) & (found.pixels < [200, 180])).all(1) & (found.pixels > [0, 80]).all(1)
+    assert not inside.any()
+    assert len(every) * 0.5 < len(found) < len(every)
+    assert len(find_features(blots(), [square[:2]])) == len(every)
+
+
+def test_many_features_are_thinned_evenly() -> None:
+    """Of a large picture at most `MOST` features are kept, and every quarter of it has about a quarter of them."""
+    found = find_features(blots(4, (900, 1200)))
+    assert len(found) == MOST
+    right, lower = (found.pixels > [600, 450]).T
+    quarters = np.bincount(right + 2 * lower.astype(int), minlength=4)
+    assert quarters.min() > 0.2 * MOST
+
+
+def test_a_blank_picture_has_none() -> None:
+    """No texture, no features, and still arrays of the right shape."""
+    found = find_features(np.full((120, 160), 90, dtype=np.uint8))
+    assert found.pixels.shape == (0, 2)
+    assert found.descriptors.shape == (0, DESCRIPTOR)

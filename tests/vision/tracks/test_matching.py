@@ -1,0 +1,83 @@
+"""Matches: of features that look alike, those that a rigid scene can have."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import SE3
+from basecal.vision.tracks.features import Features
+from basecal.vision.tracks.matching import FEWEST, match, match_rigid
+from scene_pictures import random_looks, unit_rows
+
+FOCAL_PX = 800.0
+SECOND_FROM_FIRST = SE3.from_rpy((0.02, -0.1, 0.3), (0.2, -0.05, 0.04))
+
+
+def two_pictures(count: int, wrong: int = 0, seed: int = 1) -> tuple[Features, Features, tuple, np.ndarray]:
+    """Points before two cameras, the last so many elsewhere in the second; planes; which feature shows which point."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([-0.4, -0.3, 0.8], [0.4, 0.3, 1.4], (count, 3))
+    other = SECOND_FROM_FIRST @ points
+    planes = points[:, :2] / points[:, 2:], other[:, :2] / other[:, 2:]
+    planes[1][count - wrong :] += rng.uniform(0.1, 0.3, (wrong, 2))
+    looks = random_looks(rng, count)
+    order = rng.permutation(count)
+    first = Features(FOCAL_PX * planes[0], looks)
+    second = Features(FOCAL_PX * planes[1][order], unit_rows(looks[order] + 0.02 * rng.standard_normal(looks.shape)))
+    return first, second, (planes[0], planes[1][order]), np.argsort(order)
+
+
+def test_each_finds_its_own() -> None:
+    """Noisy copies in another order are matched one to one."""
+    first, second, _, of_point = two_pictures(80)
+    found = match(first.descriptors, second.descriptors)
+    np.testing.assert_array_equal(found.first, np.arange(80))
+    np.testing.assert_array_equal(found.second, of_point)
+
+
+def test_looks_that_stand_twice_are_not_matched() -> None:
+    """A feature that two of the other picture look like is passed over; from the other side the more alike wins."""
+    rng = np.random.default_rng(3)
+    looks = random_looks(rng, 30)
+    twice = unit_rows(looks[[*range(30), *range(5)]] + 0.02 * rng.standard_normal((35, 128)))
+    assert not set(match(looks, twice).first.tolist()) & set(range(5))
+    assert len(match(looks, twice).first) == 25
+    back = match(twice, looks).second.tolist()
+    assert sorted(back) == list(range(30))
+
+
+def test_unlike_features_are_not_matched() -> None:
+    """Of descriptors drawn apart hardly any pass; of fewer than two none."""
+    rng = np.random.default_rng(4)
+    assert len(match(random_looks(rng, 200), random_looks(rng, 200)).first) < 3
+    assert len(match(random_looks(rng, 1), random_looks(rng, 200)).first) == 0
+
+
+def test_matches_off_the_epipolar_geometry_go() -> None:
+    """Of 120 matches 30 are elsewhere: nearly all of these are left out, and nearly all others kept."""
+    first, second, planes, of_point = two_pictures(120, wrong=30)
+    found = match_rigid(first, second, planes, FOCAL_PX)
+    assert found is not None
+    np.testing.assert_array_equal(found.second, of_point[found.first])
+    assert np.count_nonzero(found.first < 90) >= 88
+    assert np.count_nonzero(found.first >= 90) <= 4
+
+
+def test_what_rides_with_the_camera_is_left_out() -> None:
+    """Features that stay at their place in the picture, as a gripper's do, are no matches."""
+    first, second, planes, of_point = two_pictures(100)
+    for pixels in (second.pixels, planes[1]):
+        scale = FOCAL_PX if pixels is second.pixels else 1.0
+        pixels[of_point[:20]] = scale * planes[0][:20] + scale / FOCAL_PX
+    found = match_rigid(first, second, planes, FOCAL_PX)
+    assert found is not None
+    assert found.first.min() >= 20
+    assert len(found.first) >= 78
+
+
+def test_few_matches_are_none() -> None:
+    """Below `FEWEST`, or if no geometry explains them, a pair of pictures shares nothing."""
+    first, second, planes, _ = two_pictures(FEWEST - 1)
+    assert match_rigid(first, second, planes, FOCAL_PX) is None
+    first, second, planes, _ = two_pictures(2 * FEWEST, wrong=2 * FEWEST - 6)
+    assert match_rigid(first, second, planes, FOCAL_PX) is None
