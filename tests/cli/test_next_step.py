@@ -29,6 +29,8 @@ def test_one_thing_after_the_other(tmp_path: Path) -> None:
     blind = without(observations=())
     assert step(tmp_path, recording=blind).endswith(" DIR --camera wrist")
     assert "which target the pictures show" in step(tmp_path, replace(MADE.cell, targets={}))
+    assert "calibrate" in step(tmp_path, replace(MADE.cell, targets={}))
+    assert step(tmp_path, replace(MADE.cell, targets={}, sees_scene=True)).startswith("next, what hand carries: ")
     assert "--camera NAME --on ROBOT" in step(tmp_path, replace(MADE.cell, cameras={}))
 
 

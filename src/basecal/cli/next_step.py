@@ -30,8 +30,9 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
         has_pictures = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
         there = quote_path(dropped) if has_pictures else "DIR"
         return f"next, its pictures: basecal import images {place} {there} --camera {camera}"
-    if not cell.targets:
-        return "next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md)"
+    if not cell.targets and not cell.sees_scene:
+        scene = f"basecal calibrate {place} --scene"
+        return f"next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md), or: {scene}"
     carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
     if idle := [name for name in cell.robots if name not in carriers]:
         return f"next, what {list_names(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
