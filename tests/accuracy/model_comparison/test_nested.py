@@ -6,6 +6,7 @@ from scipy.stats import chi2, f, norm
 
 from basecal.accuracy.model_comparison.nested import (
     ALONE,
+    FALSE_DISCOVERIES,
     compare_evidence,
     compare_nested,
     discoveries,
@@ -70,14 +71,15 @@ def test_very_strong_evidence_is_believed(gain, taken):
 ])  # fmt: skip
 def test_one_discovery_in_a_hundred_may_be_false(chances, found):
     """Of a family of ten the first counts at a thousandth, two at two each; one that counts counts those before it."""
-    np.testing.assert_array_equal(discoveries(np.log(chances).tolist(), 10), found)
+    np.testing.assert_array_equal(discoveries(np.log(chances).tolist(), 10, 0.01), found)
 
 
-def test_without_effects_one_family_in_a_hundred_has_a_discovery():
+@pytest.mark.parametrize("share", [0.01, FALSE_DISCOVERIES])
+def test_without_effects_so_large_a_share_of_families_has_a_discovery(share):
     """Of twelve tests that are uniform; three standard errors."""
     rng = np.random.default_rng(0)
-    alarms = np.mean([discoveries(np.log(rng.random(12)).tolist(), 12).any() for _ in range(20_000)])
-    assert alarms == pytest.approx(0.01, abs=3 * np.sqrt(0.01 / 20_000))
+    alarms = np.mean([discoveries(np.log(rng.random(12)).tolist(), 12, share).any() for _ in range(20_000)])
+    assert alarms == pytest.approx(share, abs=3 * np.sqrt(share / 20_000))
 
 
 def test_explanations_are_equal_within_e_cubed():

@@ -31,11 +31,16 @@ MOVED = 5e-3
 DISAGREES = 0.01
 """Chance of new samples below which a cause is looked for; `benchmarks.running_check` measures the alarms."""
 
+FALSE_DISCOVERIES = 0.0025
+"""Share of the effects found in a calibration that are not there.
+
+A quarter of the false alarms that all rules may raise in a hundred calibrations; `benchmarks.false_alarms` measures it.
+"""
+
 SUSPECTED = 0.02
 """Chance of a score below which an effect is solved for; `benchmarks.small_faults` measures what that misses."""
 
 _EQUAL = 6.0  # twice the log ratio of likelihoods: what is e^3 times less likely than the best is told from it
-_FALSE_DISCOVERIES = 0.01  # share of effects that are found and not there; `benchmarks.false_alarms` measures it
 _VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
 _LEAST = 1e-300  # a chance that is no number any more
 
@@ -76,18 +81,19 @@ def compare_evidence(rival: str, gain: float) -> Comparison:
     return Comparison(rival, gain, -0.5 * gain, decision)
 
 
-def discoveries(log_chances: Sequence[float], tests: int) -> BoolArray:
+def discoveries(log_chances: Sequence[float], tests: int, share: float = FALSE_DISCOVERIES) -> BoolArray:
     """Which of the effects with these chances are discovered, (n,), of a family of so many tests.
 
-    One in a hundred discoveries is false at most, on average (Benjamini & Hochberg 1995); if there is no effect at all,
-    one is found in one of a hundred families.
+    The share of false discoveries is `share` at most, on average (Benjamini & Hochberg 1995). If there is no effect at
+    all, it is the share of families in which one is found.
 
     Args:
         log_chances: (n,) of effects that may be there; the others of the family count as not discovered.
         tests: How many the family has.
+        share: Of discoveries that may be false.
     """
     order = np.argsort(log_chances)
-    limits = np.log(_FALSE_DISCOVERIES * np.arange(1, len(order) + 1) / max(tests, 1))
+    limits = np.log(share * np.arange(1, len(order) + 1) / max(tests, 1))
     below = np.flatnonzero(np.asarray(log_chances)[order] < limits)
     found = np.zeros(len(order), dtype=bool)
     found[order[: below[-1] + 1 if len(below) else 0]] = True

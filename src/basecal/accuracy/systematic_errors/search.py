@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.nested import SUSPECTED, discoveries, log_chance
+from basecal.accuracy.model_comparison.nested import DISAGREES, FALSE_DISCOVERIES, SUSPECTED, discoveries, log_chance
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, log_chance_of_gain, score, sums
@@ -147,7 +147,7 @@ def _first_confirmed(solution: Solution, situation: Situation, suspects: Sequenc
     suspect = next(_confirmed_suspects(situation, _tried(situation, suspects)), None)
     if suspect is None:
         return None
-    (is_certain,) = _discovered([suspect], [_log_chance(situation, suspect, solution)])
+    (is_certain,) = _discovered([suspect], [_log_chance(situation, suspect, solution)], DISAGREES)
     alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
@@ -168,9 +168,11 @@ def _reconciling(
     return None
 
 
-def _discovered(suspects: Sequence[_Suspect], log_chances: Sequence[float]) -> BoolArray:
-    """Which suspects of these chances are certain, (n,)."""
-    return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1))
+def _discovered(
+    suspects: Sequence[_Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERIES
+) -> BoolArray:
+    """Which suspects of these chances are certain, (n,), if so large a share may be false."""
+    return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1), share)
 
 
 def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float]) -> Situation:
