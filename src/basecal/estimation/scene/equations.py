@@ -76,12 +76,10 @@ class ReducedEquations:
     Attributes:
         gradient: (6 v + k,).
         information: (6 v + k, 6 v + k).
-        eliminated: By how much the cost decreases by the points alone.
     """
 
     gradient: Array
     information: Array
-    eliminated: float
 
 
 def reduced_equations(
@@ -107,7 +105,7 @@ def reduced_equations(
     information[: 6 * v, 6 * v :], information[6 * v :, : 6 * v] = beside, beside.T
     information[6 * v :, 6 * v :] = lens_information - across @ across.T
     gradient[6 * v :] = lens_gradient - across @ solved.ravel()
-    return ReducedEquations(gradient, information, float(np.sum(solved**2)))
+    return ReducedEquations(gradient, information)
 
 
 def point_steps(tracks: Tracks, equations: PixelEquations) -> Array:
