@@ -38,6 +38,7 @@ from basecal.cell.recording import (
     Recording,
     RobotState,
     Sample,
+    TrackObservation,
 )
 from basecal.cell.results.verification_file import MeasuredShift, PastVerification
 from basecal.cell.target import Target
@@ -81,6 +82,7 @@ __all__ = [
     "SampleResidual",
     "Target",
     "Tolerance",
+    "TrackObservation",
     "Unknown",
     "Validation",
 ]

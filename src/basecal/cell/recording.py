@@ -70,6 +70,21 @@ class PointObservation:
     sigma_m: Array | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class TrackObservation:
+    """Points of the static scene in an image, whose places nobody knows.
+
+    Attributes:
+        camera: Name of the camera.
+        tracks: (n,) numbers of the points, the same in all images and for all cameras.
+        pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).
+    """
+
+    camera: str
+    tracks: IntArray
+    pixels: Array
+
+
 Observation = PixelObservation | CandidateObservation | PoseObservation | PointObservation
 
 
@@ -84,6 +99,7 @@ class Sample:
         observations: What the cameras saw.
         images: Paths relative to the cell, by camera.
         background: Images with the light off, by camera.
+        tracks: What the cameras saw of the static scene.
     """
 
     sample: int
@@ -92,6 +108,7 @@ class Sample:
     observations: tuple[Observation, ...] = ()
     images: Mapping[str, str] = field(default_factory=dict)
     background: Mapping[str, str] = field(default_factory=dict)
+    tracks: tuple[TrackObservation, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

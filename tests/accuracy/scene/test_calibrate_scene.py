@@ -144,14 +144,11 @@ def test_few_views_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_recording_without_pictures_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither a recording of no folder nor one of no pictures is answered."""
+    """There is nothing to answer."""
     pictures = pictures_of_scene(made_scene(1, count=3, points=20))
     empty = replace(pictures, views=pictures.views.take(np.zeros(0, dtype=np.int64)), features=())
     with pytest.raises(InputError, match="pictures"):
         calibrated(monkeypatch, empty)
-    cell = cell_from_dict({"schema": "basecal/cell/1", "reference": "left", "robots": {"left": {}}})
-    with pytest.raises(InputError, match="folder"):
-        calibrate_scene(cell, Recording(), Settings())
 
 
 @pytest.mark.slow

@@ -48,8 +48,7 @@ def read(folder: Path) -> Pictures:
     """Its pictures."""
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
-    assert recording.folder is not None
-    return read_pictures(cell, recording, Path(recording.folder))
+    return read_pictures(cell, recording)
 
 
 def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
@@ -102,12 +101,30 @@ def test_joints_need_a_urdf(tmp_path: Path) -> None:
     cell = read_cell(tmp_path)
     recording = read_recording(tmp_path, cell)
     by_joints = replace(recording.samples[0], robots={"left": RobotState(joints_rad=np.zeros(6))})
-    assert recording.folder is not None
     with pytest.raises(InputError, match="'left' is recorded by joints and has no urdf"):
-        read_pictures(cell, replace(recording, samples=(by_joints,)), Path(recording.folder))
+        read_pictures(cell, replace(recording, samples=(by_joints,)))
 
 
 def test_distortion_terms_of_a_guess_are_those_asked_for() -> None:
     """Five unless stated; all zero."""
     assert len(guessed_lens(Intrinsics("free"), (640, 480)).parameters) == 9
     assert len(guessed_lens(Intrinsics("free", distortion_terms=8), (640, 480)).parameters) == 12
+
+
+def test_pictures_need_a_folder(tmp_path: Path) -> None:
+    """A recording of images that was not read from a cell is one clear error."""
+    write(tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}])
+    cell = read_cell(tmp_path)
+    with pytest.raises(InputError, match="read the recording from its cell's folder"):
+        read_pictures(cell, replace(read_recording(tmp_path, cell), folder=None))
+
+
+def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    """The others are used."""
+    write(
+        tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}, {"robots": LEFT, "images": {"left_eye": "b.png"}}]
+    )
+    (tmp_path / "recording" / "b.png").write_bytes(b"no picture")
+    found = read(tmp_path)
+    assert found.camera_views(0) == [0]
+    assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]

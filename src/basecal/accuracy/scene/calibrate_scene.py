@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from basecal.accuracy.scene.merging import merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
 from basecal.accuracy.scene.pictures import Pictures, read_pictures
 from basecal.accuracy.verdicts import judge_findings
-from basecal.cell import Calibration, Cell, Finding, Recording, Residuals
+from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual
 from basecal.errors import InputError
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
 from basecal.estimation.scene.fit import fit_scene
@@ -52,23 +51,21 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
 
     Args:
         cell: Cameras on robots; their mounts and the robots' bases are found.
-        recording: Samples with pictures and poses.
+        recording: Samples with pictures or tracks, and poses.
         settings: How to go about it.
 
     Raises:
         InputError: if the recording's folder is not known, or the reference carries no camera that took pictures.
     """
-    if recording.folder is None:
-        raise InputError("it is not known where the images are; read the recording from its cell's folder")
     with settings.stage("features"):
-        pictures = read_pictures(cell, recording, Path(recording.folder))
+        pictures = read_pictures(cell, recording)
     if not len(pictures.views):
-        raise InputError("no camera on a robot has pictures with poses: a scene is calibrated from these")
+        raise InputError("no camera on a robot has pictures or tracks with poses: a scene is calibrated from these")
     if cell.reference not in pictures.views.robots:
         raise InputError(
             f"robot {cell.reference!r}, the reference, has no camera with pictures: name another reference"
         )
-    report = _Report(list(recording.findings))
+    report = _Report([*recording.findings, *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     with settings.stage("tracks"):
         ones = [_solve_one(pictures, camera, stated, settings) for camera in range(len(pictures.views.cameras))]
@@ -222,7 +219,14 @@ def _lenses(fit: SceneFit, columns: Columns, covariance: Array) -> dict[str, tup
 def _residuals(fit: SceneFit) -> Residuals:
     residual = residuals_px(fit.views, fit.tracks, fit.state)
     median = float(np.median(np.linalg.norm(residual, axis=1)))
-    return Residuals(rms_px=float(np.sqrt(np.mean(residual**2))), median_px=median)
+    square, views = (residual**2).mean(1), fit.views
+    count = np.bincount(fit.tracks.view, minlength=len(views))
+    rms_px = np.sqrt(np.bincount(fit.tracks.view, square, len(views)) / np.maximum(count, 1))
+    own = tuple(
+        SampleResidual(int(views.sample[k]), views.cameras[views.camera[k]].name, "scene", float(rms_px[k]))
+        for k in np.flatnonzero(count)
+    )
+    return Residuals(rms_px=float(np.sqrt(np.mean(residual**2))), median_px=median, per_sample=own)
 
 
 def _robot_noise(fit: SceneFit) -> dict[str, dict[str, list[float]]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from basecal.cell import Cell, Intrinsics, PixelObservation, Recording, RobotState, Sample, Unknown
+from basecal.cell import Cell, Finding, Intrinsics, PixelObservation, Recording, RobotState, Sample, Unknown
 from basecal.errors import InputError
 from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.problem.stated_lens import with_usual_error
@@ -17,7 +17,7 @@ from basecal.estimation.scene.views import SceneCamera, SceneViews
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
-from basecal.vision.tracks.features import Features
+from basecal.vision.tracks.features import Features, named_features
 
 _USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated: 58 degrees wide
 
@@ -31,30 +31,35 @@ class Pictures:
         features: Of each.
         lenses: By camera, as stated or guessed.
         is_guessed: By camera, whether nothing of its lens is stated.
+        lost: What could not be read.
     """
 
     views: SceneViews
     features: tuple[Features, ...]
     lenses: tuple[Camera, ...]
     is_guessed: tuple[bool, ...]
+    lost: tuple[Finding, ...] = ()
 
     def camera_views(self, camera: int) -> list[int]:
         """The views of a camera."""
         return np.flatnonzero(self.views.camera == camera).tolist()
 
 
-def read_pictures(cell: Cell, recording: Recording, folder: Path) -> Pictures:
+def read_pictures(cell: Cell, recording: Recording) -> Pictures:
     """The pictures of all cameras that a robot carries.
 
     Args:
         cell: Its cameras and robots.
-        recording: Its samples, with pictures.
-        folder: From which the paths of pictures count, and where features are kept.
+        recording: Its samples, with pictures or tracks; features of pictures are kept in its folder.
+
+    Raises:
+        InputError: if it has pictures and its folder is not known.
     """
     names = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
     taken = [(name, sample) for sample in recording.samples for name in names if _has_pose(cell, name, sample)]
-    read = [(name, sample, _read(cell, name, sample, folder)) for name, sample in taken]
-    seen = [(name, sample, found) for name, sample, found in read if found is not None]
+    read = [(name, sample, _read(cell, name, sample, recording.folder)) for name, sample in taken]
+    seen = [(name, sample, found) for name, sample, found in read if not isinstance(found, str)]
+    lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]
     cameras = tuple(_scene_camera(cell, name) for name in names if any(name == each for each, _, _ in seen))
     by_name = {camera.name: k for k, camera in enumerate(cameras)}
     robots = list(dict.fromkeys(cell.cameras[camera.name].on for camera in cameras))
@@ -75,24 +80,43 @@ def read_pictures(cell: Cell, recording: Recording, folder: Path) -> Pictures:
     sizes = {name: size for name, _, (_, size) in seen}
     lenses = tuple(camera.lens.camera or guessed_lens(camera.lens, sizes[camera.name]) for camera in cameras)
     features = tuple(found for _, _, (found, _) in seen)
-    return Pictures(views, features, lenses, tuple(camera.lens.camera is None for camera in cameras))
+    return Pictures(views, features, lenses, tuple(camera.lens.camera is None for camera in cameras), tuple(lost))
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
-    """Whether a sample has a picture of a camera, and the pose of the robot that carries it."""
-    return camera in sample.images and cell.cameras[camera].on in sample.robots
+    """Whether a sample has a picture or tracks of a camera, and the pose of the robot that carries it."""
+    has_view = camera in sample.images or any(seen.camera == camera for seen in sample.tracks)
+    return has_view and cell.cameras[camera].on in sample.robots
 
 
-def _read(cell: Cell, camera: str, sample: Sample, folder: Path) -> tuple[Features, tuple[int, int]] | None:
-    """Features of a picture, and its width and height; None if it cannot be read."""
+def _read(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Features, tuple[int, int]] | str:
+    """Features of a view, which are its tracks if there are any, and its width and height; or why there are none."""
+    for seen in sample.tracks:
+        if seen.camera == camera:
+            size_px = cell.cameras[camera].size_px
+            return named_features(seen.tracks, seen.pixels), size_px or _extent(seen.pixels)
+    if home is None:
+        raise InputError("it is not known where the images are; read the recording from its cell's folder")
+    folder = Path(home)
     data = read_bytes(folder / sample.images[camera])
     if isinstance(data, str):
-        return None
+        return data
     image = grey_image(data, cell.cameras[camera].size_px)
     if isinstance(image, str):
-        return None
+        return image
     found = kept_features(folder, hashlib.sha256(data).hexdigest(), image, _moving_targets(cell, sample, camera))
     return found, (image.shape[1], image.shape[0])
+
+
+def _extent(pixels: Array) -> tuple[int, int]:
+    """Width and height of the least picture that holds these places."""
+    width, height = np.ceil(pixels.max(0, initial=1.0)).astype(int) + 1
+    return int(width), int(height)
+
+
+def _loss(camera: str, sample: Sample, reason: str) -> Finding:
+    what = f"The picture of {camera} in sample {sample.sample} is not used: {reason}."
+    return Finding("dropped-sample", "info", (str(sample.sample), camera), what)
 
 
 def _moving_targets(cell: Cell, sample: Sample, camera: str) -> list[Array]:

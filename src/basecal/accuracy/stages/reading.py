@@ -28,12 +28,14 @@ def place_task(case: Case) -> Case:
 
 
 def calibrate_from_scene(case: Case) -> Case:
-    """Calibrate from the static scene, if it is requested or the cell states no other target.
+    """Calibrate from the static scene, if it is requested, the cell states no other target, or tracks are all there is.
 
     Raises:
         InputError: if there are no pictures with poses.
     """
-    if case.settings.method != "scene" and not case.cell.sees_scene:
+    samples = case.recording.samples
+    has_tracks_alone = any(each.tracks for each in samples) and not any(each.observations for each in samples)
+    if case.settings.method != "scene" and not case.cell.sees_scene and not has_tracks_alone:
         return case
     from basecal.accuracy.scene.calibrate_scene import (
         calibrate_scene,

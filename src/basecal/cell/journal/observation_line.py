@@ -1,4 +1,4 @@
-"""An observation of `samples.jsonl`: pixels, candidates, a pose or 3-D points."""
+"""An observation of `samples.jsonl`: pixels, candidates, a pose, 3-D points, or tracks of the static scene."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from basecal.cell.recording import (
     PixelObservation,
     PointObservation,
     PoseObservation,
+    TrackObservation,
 )
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray
@@ -26,7 +27,27 @@ _FIELDS = {
     "camera_from_target": (*_BOTH_MESSAGE, "camera_from_target"),
     "points_in_camera_m": (*_BOTH_MESSAGE, "ids", "points_in_camera_m", "sigma_m"),
 }
+_TRACK_FIELDS = ("camera", "tracks", "pixels")
 _ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fields))
+
+
+def track_observation(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TrackObservation:
+    """What a camera saw of the static scene.
+
+    Raises:
+        DatasetError: if it cannot be read as written.
+    """
+    place.mapping(data, field, _TRACK_FIELDS)
+    camera = place.name(data.get("camera"), f"{field}.camera", "camera", cell.cameras)
+    if cell.cameras[camera].intrinsics is None:
+        raise place.error(f"{field}.camera", f"pixels of {camera!r} need its size_px and intrinsics in cell.yaml")
+    tracks = whole_numbers(place, f"{field}.tracks", data["tracks"])
+    pixels = numbers(place, f"{field}.pixels", data.get("pixels"), 2)
+    if len(tracks) != len(pixels):
+        raise place.error(f"{field}.tracks", f"{len(tracks)} tracks for {len(pixels)} pixels; expected one each")
+    if len(np.unique(tracks)) != len(tracks):
+        raise place.error(f"{field}.tracks", "a track is given twice in one image")
+    return TrackObservation(camera, tracks, pixels)
 
 
 class UnknownPoint(InputError):

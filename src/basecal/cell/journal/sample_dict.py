@@ -32,6 +32,10 @@ def sample_to_dict(sample: Sample, folder: str) -> dict[str, Any]:
     data["images"] = _paths(sample.images, folder)
     data["background"] = _paths(sample.background, folder)
     data["observations"] = [_observation(seen) for seen in sample.observations]
+    data["observations"] += [
+        {"camera": seen.camera, "tracks": seen.tracks.tolist(), "pixels": numbers(seen.pixels)}
+        for seen in sample.tracks
+    ]
     return {key: value for key, value in data.items() if value not in ({}, [])}
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from basecal.cell.cell import Cell
-from basecal.cell.journal.observation_line import UnknownPoint, observation
+from basecal.cell.journal.observation_line import UnknownPoint, observation, track_observation
 from basecal.cell.journal.sample_values import Where, number, numbers, pose
-from basecal.cell.recording import Observation, RobotState, Sample
+from basecal.cell.recording import Observation, RobotState, Sample, TrackObservation
 from basecal.errors import InputError
 from basecal.fields.problems import CAUSE_LENGTH, shorten
 
@@ -90,10 +90,10 @@ def sample_from_line(text: bytes, place: Where, context: Context) -> Sample | Dr
         states = {name: _state(value, f"robots.{name}", name, place, context.cell) for name, value in robots.items()}
         images, background = (_paths(data.get(key, {}), key, place, context) for key in ("images", "background"))
         try:
-            seen = _observations(data.get("observations", []), place, context)
+            seen, tracks = _observations(data.get("observations", []), place, context)
         except UnknownPoint as error:
             return Dropped(index, place.line, error)
-        return Sample(index, stamp, states, seen, images, background)
+        return Sample(index, stamp, states, seen, images, background, tracks)
     except RecursionError:
         raise place.error("", "nested too deeply; expected one JSON object a line") from None
 
@@ -150,14 +150,23 @@ def _paths(value: Any, field: str, place: Where, context: Context) -> dict[str, 
     return paths
 
 
-def _observations(value: Any, place: Where, context: Context) -> tuple[Observation, ...]:
+def _observations(
+    value: Any, place: Where, context: Context
+) -> tuple[tuple[Observation, ...], tuple[TrackObservation, ...]]:
     if not isinstance(value, list):
         raise place.error("observations", f"expected a list, got {shorten(value)}")
     seen: dict[tuple[str, str], Observation | None] = {}
+    tracks: dict[str, TrackObservation] = {}
     for index, item in enumerate(value):
         field = f"observations[{index}]"
+        if isinstance(item, dict) and "tracks" in item:
+            of_scene = track_observation(item, field, place, context.cell)
+            if of_scene.camera in tracks:
+                raise place.error(field, f"{of_scene.camera!r} has tracks twice in one sample; join them")
+            tracks[of_scene.camera] = of_scene
+            continue
         (camera, target), found = observation(item, field, place, context.cell, context.ids)
         if (camera, target) in seen:
             raise place.error(field, f"{camera!r} sees {target!r} twice in one sample; join them or give two samples")
         seen[camera, target] = found
-    return tuple(found for found in seen.values() if found is not None)
+    return tuple(found for found in seen.values() if found is not None), tuple(tracks.values())

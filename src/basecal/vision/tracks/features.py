@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from basecal.geometry import Array
+from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Image, eight_bit
 
 MOST = 2500  # of a picture
@@ -58,6 +58,18 @@ def find_features(image: Image, covered: Sequence[Array] = ()) -> Features:
     points, found = finder.compute(grey, [points[k] for k in kept])
     shares = np.sqrt(found / np.maximum(found.sum(1, keepdims=True), 1e-9))
     return Features(np.array([point.pt for point in points]), shares.astype(np.float32))
+
+
+def named_features(names: IntArray, pixels: Array) -> Features:
+    """Features whose points have names: the descriptor is a random direction that the name alone determines.
+
+    Args:
+        names: (n,) of the points.
+        pixels: (n, 2) [px].
+    """
+    looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR) for name in names])
+    looks = looks.reshape(-1, DESCRIPTOR)
+    return Features(pixels, (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32))
 
 
 def _mask(shape: tuple[int, ...], covered: Sequence[Array]) -> NDArray[np.uint8]:

@@ -1,0 +1,93 @@
+"""Tracks of a static scene in `samples.jsonl`, through the verb."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import read_cell, read_recording, write_recording
+from basecal.cli import main
+from basecal.geometry import SE3
+from scene_points import BASE, LENS, MOUNT, Scene, made_scene
+
+LENS_FIELDS = dict(zip(("fx", "fy", "cx", "cy"), LENS.parameters[:4].tolist(), strict=True))
+LENS_FIELDS["distortion"] = LENS.parameters[4:].tolist()
+CAMERA = {"model": "pinhole", "size_px": list(LENS.size_px or ()), "intrinsics": {"status": "fixed", **LENS_FIELDS}}
+
+
+def write_tracks(folder: Path, scene: Scene) -> None:
+    """A cell, and a line for each view."""
+    views, tracks = scene.views, scene.tracks
+    cameras = {camera.name: {"on": camera.robot, **CAMERA} for camera in views.cameras}
+    robots = {name: {} for name in views.robots}
+    cell = {"schema": "basecal/cell/1", "reference": "left", "robots": robots, "cameras": cameras}
+    (folder / "recording").mkdir()
+    (folder / "cell.yaml").write_text(json.dumps(cell))
+    lines = []
+    for view in range(len(views)):
+        mine, pose = tracks.view == view, views.base_from_flange[view]
+        seen = {"tracks": tracks.point[mine].tolist(), "pixels": tracks.pixels[mine].tolist()}
+        state = {"base_from_flange": {"t_m": pose.translation.tolist(), "q_xyzw": pose.quaternion.tolist()}}
+        camera, robot = views.cameras[views.camera[view]].name, views.robots[views.robot[view]]
+        lines.append({"sample": view, "robots": {robot: state}, "observations": [{"camera": camera, **seen}]})
+    (folder / "recording" / "samples.jsonl").write_text("\n".join(map(json.dumps, lines)) + "\n")
+
+
+def refused(folder: Path, observations: list[dict], capsys: pytest.CaptureFixture[str]) -> str:
+    """What the verb prints of a line that cannot be read."""
+    (folder / "recording" / "samples.jsonl").write_text(json.dumps({"sample": 0, "observations": observations}) + "\n")
+    assert main(["calibrate", str(folder)]) == 3
+    return capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_tracks_give_mounts_and_base(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Mounts and base are within their 99.99 % ellipsoids (27.9 of 6) and 3 mm; each view has its residual."""
+    write_tracks(tmp_path, made_scene(3, arms=2, count=12, points=220))
+    assert main(["calibrate", str(tmp_path), "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert {each["code"] for each in answer["findings"]} == {"not-validated", "scene-scale"}
+    names = "left_base_from_right_base", "left_flange_from_left_eye", "right_flange_from_right_eye"
+    for name, true in zip(names, (BASE, MOUNT, MOUNT), strict=True):
+        found = answer["transforms"][name]
+        off = (true.inverse() @ SE3.from_quaternion(found["q_xyzw"], found["t_m"])).log()
+        assert off @ np.linalg.solve(np.array(found["covariance"]), off) < 27.9
+        assert np.linalg.norm(off[:3]) < 3e-3
+    assert len(answer["residuals"]["per_sample"]) == 24
+
+
+def test_tracks_are_written_as_they_were_read(tmp_path: Path) -> None:
+    """A recording with tracks survives being written."""
+    write_tracks(tmp_path, made_scene(1, count=3, points=40))
+    cell = read_cell(tmp_path)
+    before = read_recording(tmp_path, cell)
+    (tmp_path / "recording" / "samples.jsonl").unlink()
+    write_recording(before, tmp_path)
+    after = read_recording(tmp_path, cell)
+    for one, other in zip(before.samples, after.samples, strict=True):
+        assert one.tracks[0].tracks.tolist() == other.tracks[0].tracks.tolist()
+        np.testing.assert_array_equal(one.tracks[0].pixels, other.tracks[0].pixels)
+
+
+@pytest.mark.parametrize(
+    ("observations", "reason"),
+    [
+        ([{"camera": "left_eye", "tracks": [1, 2], "pixels": [[0, 0]]}], "2 tracks for 1 pixels"),
+        ([{"camera": "left_eye", "tracks": [1, 1], "pixels": [[0, 0], [1, 1]]}], "given twice in one image"),
+        ([{"camera": "left_eye", "tracks": [1], "pixels": [[0, 0]], "target": "board"}], "target"),
+        ([{"camera": "left_eye", "tracks": [1.5], "pixels": [[0, 0]]}], "whole numbers"),
+        ([{"camera": "left_eye", "tracks": [1], "pixels": [[0, 0]]}] * 2, "tracks twice in one sample"),
+        ([{"camera": "nobody", "tracks": [1], "pixels": [[0, 0]]}], "nobody"),
+    ],
+)
+def test_a_wrong_line_is_one_clear_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], observations: list[dict], reason: str
+) -> None:
+    """Its place and the reason are printed."""
+    write_tracks(tmp_path, made_scene(1, count=3, points=40))
+    message = refused(tmp_path, observations, capsys)
+    assert reason in message
+    assert "samples.jsonl:1: observations[" in message
