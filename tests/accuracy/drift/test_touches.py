@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift.verify import verify
-from basecal.cell import Recording
+from basecal.cell import Recording, Unknown
 from basecal.cell.files import read_cell, recording_from_text
+from basecal.cli import main
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
 
@@ -68,6 +71,26 @@ def test_touches_alone_find_the_base(cell):
         off = (base.mean.inverse() @ TRUTH).log()
         found.append(off @ np.linalg.solve(base.covariance, off))
     assert np.mean(found) == pytest.approx(6.0, abs=3.5 * np.sqrt(12 / 60))
+
+
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_calibrate_says_good(tmp_path, capsys, seed):
+    """The verb finds the base from touches alone, exact (no seed) or with the noise that is stated."""
+    rng = np.random.default_rng(seed or 0)
+    exact = SimpleNamespace(uniform=rng.uniform, normal=rng.normal, standard_normal=np.zeros)
+    (tmp_path / "recording").mkdir()
+    (tmp_path / "cell.yaml").write_text(CELL)
+    (tmp_path / "recording" / "samples.jsonl").write_text(touches(exact if seed is None else rng, 12))
+    assert main(["calibrate", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.startswith(f"GOOD: {BASE} to ")
+
+
+def test_free_tips_have_no_rotation(cell):
+    """The mount of what sees points at its own origin has three unknowns, so that the base is found beside it."""
+    free = replace(cell, cameras={"eye_tip": replace(cell.cameras["eye_tip"], mount=Unknown())})
+    calibration = calibrate(free, recorded(free, touches(np.random.default_rng(2), 20)))
+    assert calibration.verdict == "good"
+    assert "eye_flange_from_eye_tip" in calibration.points
 
 
 def test_touches_check_a_calibration(cell):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,8 +39,7 @@ def of_views(target, change):
     (group,) = problem.groups
     measurement = change(group.measurement)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
-    distance = np.median(np.linalg.norm(state.camera_from_target(group, problem.stops).translation, axis=-1))
-    return off_views(problem, replace(group, measurement=measurement), state), distance
+    return off_views(problem, replace(group, measurement=measurement), state), group.reach_m
 
 
 def test_pixels_are_off_by_milliradians():
@@ -55,8 +55,8 @@ def test_pixels_are_off_by_milliradians():
     np.testing.assert_allclose(of_views("charuco", change)[0], [0, 5e-3 / np.sqrt(2), 0, 0], atol=1e-9)
 
 
-def test_3d_points_are_off_over_their_distance():
-    """Points of a view 3 cm off: a third of the square each coordinate, over how far points are."""
+def test_3d_points_are_off_over_the_reach_of_arms():
+    """Points of a view 3 cm off: a third of the square each coordinate, over how far flanges are, not points."""
 
     def change(of):
         points, seen = of.points_in_camera.copy(), of.seen.copy()
@@ -65,9 +65,9 @@ def test_3d_points_are_off_over_their_distance():
         seen[3, 0] = False
         return replace(of, points_in_camera=points, seen=seen)
 
-    off, distance = of_views("points3d", change)
+    off, reach = of_views("points3d", change)
     np.testing.assert_allclose(off[[0, 2, 3]], 0.0, atol=1e-9)
-    assert off[1] == pytest.approx(0.03 / np.sqrt(3) / distance, rel=0.25)
+    assert off[1] == pytest.approx(0.03 / np.sqrt(3) / reach, rel=1e-9)
 
 
 def test_robots_are_taken_as_recorded():
@@ -83,7 +83,8 @@ def measured(target, change):
     """The first three views of a recording without noise, all equal but for what is changed."""
     made = simulate(Scenario(samples=4, target=target, pixel_px=0.0, point_m=0.0, state_pixel_noise=False), 0)
     (group,) = build_problem(made.cell, made.recording)[0].groups
-    return change(group.take(np.array([0, 0, 0])).measurement)
+    views = group.take(np.array([0, 0, 0]))
+    return replace(views, measurement=change(views.measurement))
 
 
 def test_pixels_move_from_their_median():
@@ -98,15 +99,15 @@ def test_pixels_move_from_their_median():
 
     expected = np.sqrt((6.0**2 * np.arange(2) / 2).sum())
     moved = measured("charuco", change)
-    count = moved.seen.shape[1]
+    count = moved.measurement.seen.shape[1]
     first = np.sqrt(3.0**2 / (2 * count))  # of two views the median is between them
     others = np.sqrt((6.0**2 * (count - 1) + 3.0**2) / (2 * count))
     np.testing.assert_allclose(1e3 * moved_views(moved), [first, others, 0.0], atol=1e-9)
     assert others < expected + 1e-9
 
 
-def test_points_and_poses_move_over_their_distance():
-    """0.3 m aside: over the distance, of three coordinates or six numbers; poses by their angles too."""
+def test_points_move_over_the_reach_and_poses_over_their_distance():
+    """0.3 m aside: of three coordinates or six numbers; poses by their angles too."""
 
     def change(of):
         points = of.points_in_camera.copy()
@@ -114,12 +115,18 @@ def test_points_and_poses_move_over_their_distance():
         return replace(of, points_in_camera=points)
 
     points = measured("points3d", change)
-    distance = np.median(np.linalg.norm(points.points_in_camera, axis=-1)[points.seen])
-    np.testing.assert_allclose(moved_views(points), [0, 0.3 / np.sqrt(3) / distance, 0], atol=1e-12)
+    np.testing.assert_allclose(moved_views(points), [0, 0.3 / np.sqrt(3) / points.reach_m, 0], atol=1e-12)
     problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
     seen = SE3.exp(np.array([[0, 0, 2.0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0], [0.3, 0, 2.0, 0, 0, 0]]))
-    poses = replace(problem.groups[0].measurement, measured_camera_from_target=seen)
+    poses = views_of(problem, seen)
     np.testing.assert_allclose(moved_views(poses), [0, 0, 0.15 / np.sqrt(6)], atol=2e-3)
+
+
+def views_of(problem, camera_from_target):
+    """The views of a problem of poses, seen at these."""
+    (group,) = problem.groups
+    measurement = replace(group.measurement, measured_camera_from_target=camera_from_target)
+    return replace(group, measurement=measurement)
 
 
 def test_most_of_four_poses_tell_where_the_target_stands():
@@ -128,7 +135,7 @@ def test_most_of_four_poses_tell_where_the_target_stands():
     seen = np.tile([0.1, 0.2, 2.0, 0, 0, 0], (5, 1))
     seen[1, 0] += 0.3
     seen[3, 5] += 1e-3
-    poses = replace(problem.groups[0].measurement, measured_camera_from_target=SE3.exp(seen))
+    poses = views_of(problem, SE3.exp(seen))
     distance = np.median(np.linalg.norm(SE3.exp(seen).translation, axis=-1))
     expected = [0, 0.3 / distance / np.sqrt(6), 0, 0.8e-3 / np.sqrt(6), 0]
     np.testing.assert_allclose(moved_views(poses), expected, atol=1.5e-4)
@@ -150,4 +157,4 @@ def test_a_view_of_one_point_counts_that_point():
 def test_other_measurements_are_not_known():
     """What is neither pixels nor poses nor points has no place."""
     with pytest.raises(InputError, match="expected pixels, poses or points"):
-        moved_views(object())
+        moved_views(SimpleNamespace(measurement=object()))

@@ -21,7 +21,6 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start import first_state as module
 from basecal.estimation.start.first_state import (
     _Known,
-    _known_transforms,
     _light,
     _loop,
     _mount_of_points,
@@ -31,6 +30,7 @@ from basecal.estimation.start.first_state import (
     first_state,
     first_states,
     guessed_state,
+    known_transforms,
     light_states,
 )
 from basecal.estimation.start.pair_views import PairViews, pair_views
@@ -214,7 +214,7 @@ def test_what_is_given_is_fixed_or_has_a_narrow_prior():
         "guess": Unknown("free", mean),
         "free": Unknown(),
     }
-    assert _known_transforms(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
+    assert known_transforms(SimpleNamespace(unknowns=unknowns)) == {"fixed": mean, "narrow": mean}
 
 
 def test_a_thorough_start_takes_more_views_whose_poses_are_refined(monkeypatch):

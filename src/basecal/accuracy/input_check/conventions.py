@@ -41,7 +41,9 @@ from basecal.estimation.noise.robot_noise import stops_made
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
+from basecal.estimation.start.first_state import known_transforms
 from basecal.estimation.start.lens import lens_from_views
+from basecal.estimation.start.metric_points import has_metric_start
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Camera
@@ -266,9 +268,10 @@ def _screened(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
 def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
     """Some views of each pair of camera and target, as a reading has them; none if they cannot be made ready."""
     problem = reading.thinned(_SCREENED).problem
+    known = known_transforms(problem)
     try:
         pairs = []
-        for group in problem.groups:
+        for group in (g for g in problem.groups if not has_metric_start(problem, g, known)):
             some = views.of(group, _SCREENED)
             if some.candidates is None:  # a light, whose search is longer
                 some = views.of(group, _LIGHTS_SCREENED)

@@ -16,7 +16,7 @@ from basecal.cell import (
     PoseObservation,
     Recording,
 )
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths
@@ -108,6 +108,10 @@ def _of_views(recording: Recording) -> list[str]:
 
 
 def _of_places(p_in_camera: Array) -> list[str]:
+    """Of touches, which are at the origin of what sees them, nothing is impossible."""
+    p_in_camera = p_in_camera[np.any(p_in_camera, axis=-1)]
+    if not len(p_in_camera):
+        return []
     found = _outside("distance to the target", float(np.median(lengths(p_in_camera))), _DISTANCE_M)
     if np.mean(p_in_camera[:, 2] < 0) > _MOST:
         found.append("targets behind the camera")
@@ -139,7 +143,8 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
         if name in transforms and name in fit.solution.problem.columns:
             found += _outside(name, _length(transforms[name]), (0.0, most))
     state, problem = fit.solution.state, fit.solution.problem
-    views = [state.camera_from_target(g, problem.stops).translation for g in problem.groups if len(g)]
+    seen = [g for g in problem.groups if len(g) and not is_touch(g.measurement)]
+    views = [np.zeros((0, 3)), *(state.camera_from_target(g, problem.stops).translation for g in seen)]
     return (*found, *_of_places(np.concatenate(views)))
 
 

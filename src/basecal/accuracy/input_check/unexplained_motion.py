@@ -49,7 +49,7 @@ def unexplained_motion(problem: Problem, state: State) -> float:
     if not groups:
         return 0.0
     left = trimmed(np.concatenate([off_views(problem, group, state) for group in groups]), _AGREEING)
-    whole = trimmed(np.concatenate([moved_views(group.measurement) for group in groups]), _AGREEING)
+    whole = trimmed(np.concatenate([moved_views(group) for group in groups]), _AGREEING)
     return float(min(left / whole, 1.0)) if whole > _LEAST_MOTION else 0.0
 
 

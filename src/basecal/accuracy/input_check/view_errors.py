@@ -9,7 +9,6 @@ import numpy as np
 from basecal.errors import InputError
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
@@ -30,22 +29,22 @@ def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
     if isinstance(measurement, PointMeasurement):
         points = predicted.rotation[:, None] @ measurement.points_in_target[:, :, None]
         off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
-        return _rms(off, measurement.seen) / _distance(measurement)
+        return _rms(off, measurement.seen) / group.reach_m
     if not isinstance(measurement, PixelMeasurement):
         raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
     off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)
     return PIXEL_SCALE * _rms(off, measurement.seen)
 
 
-def moved_views(measurement: Measurement) -> Array:
+def moved_views(group: ViewGroup) -> Array:
     """How far each view is from one that stands where most do, whatever the robots' poses, (n,); see `off_views`."""
+    measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
         seen = measurement.measured_camera_from_target
         return _off_poses(seen, SE3(nearest_rotation(seen.rotation.sum(0)), np.median(seen.translation, axis=0)))
     if isinstance(measurement, PointMeasurement):
-        return _rms(_about_median(measurement.points_in_camera, measurement.seen), measurement.seen) / _distance(
-            measurement
-        )
+        about = _about_median(measurement.points_in_camera, measurement.seen)
+        return _rms(about, measurement.seen) / group.reach_m
     if isinstance(measurement, PixelMeasurement):
         return PIXEL_SCALE * _rms(_about_median(measurement.pixels, measurement.seen), measurement.seen)
     raise InputError(f"views are {type(measurement).__name__}s, expected pixels, poses or points")
@@ -59,12 +58,6 @@ def _about_median(values: Array, seen: BoolArray) -> Array:
     median[somewhere] = np.nanmedian(known[:, somewhere], axis=0)
     about: Array = values - median
     return about
-
-
-def _distance(measurement: PointMeasurement) -> float:
-    """The median distance of points to the camera [m]."""
-    distance = lengths(measurement.points_in_camera)[measurement.seen]
-    return max(float(np.median(distance)), _SHORTEST_M)
 
 
 def _off_poses(measured: SE3, predicted: SE3) -> Array:

@@ -37,6 +37,8 @@ def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int
         block = out[..., :6, at : at + len(where)]
         if link is None:
             block[...] = sign * np.eye(6, len(where))
+        elif len(where) == 3:  # a tip, which has no rotation
+            block[..., :3, :] = sign * link.rotation
         else:
             link.put_adjoint(block, sign)
         at += len(where)

@@ -15,6 +15,7 @@ from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.spectral import scaled_spectrum, spectrum
@@ -138,7 +139,12 @@ def _scales(problem: Problem, state: State, length: float) -> Array:
 
 
 def _length(problem: Problem, state: State) -> float:
-    """How far targets are from the cameras that see them, the median of a few views [m]."""
+    """How far targets are from the cameras that see them, of points in space how far arms reach: the median [m]."""
     few = [g.take(slice(None, None, -(-len(g) // _ENOUGH_VIEWS))) for g in problem.groups if len(g)]
-    distances = [np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1) for g in few]
+    distances = [
+        np.full(len(g), g.reach_m)
+        if isinstance(g.measurement, PointMeasurement)
+        else np.linalg.norm(state.camera_from_target(g, problem.stops).translation, axis=-1)
+        for g in few
+    ]
     return max(float(np.median(np.concatenate(distances))), 1e-3) if distances else 1.0

@@ -1,4 +1,4 @@
-"""Which targets are mere points, whose mounts have a place and no rotation."""
+"""Which targets and cameras are mere points, whose mounts have a place and no rotation."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from basecal.cell import Cell
 from basecal.errors import InputError
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.points import is_touch
 from basecal.estimation.view.poses import PoseMeasurement
 
 
@@ -26,4 +27,9 @@ def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
                 f"target {target!r} is one point, which has no orientation, and is observed by `camera_from_target`: "
                 "leave out its `kind` and state its mount with a rotation; what sees the point is another target"
             )
-    return frozenset(cell.mount_name(target) for target in points - posed)
+    return frozenset(map(cell.mount_name, (points - posed) | _tips(groups)))
+
+
+def _tips(groups: Sequence[ViewGroup]) -> set[str]:
+    """What sees points at its own origin only, as a tip does that touches them: no rotation of it matters."""
+    return {g.camera for g in groups} - {g.camera for g in groups if not is_touch(g.measurement)}

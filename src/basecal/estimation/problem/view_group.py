@@ -11,6 +11,7 @@ import numpy as np
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import SE3, Array, IntArray, Rows
+from basecal.geometry.rotation import lengths
 from basecal.numerics.batch import SHARED, take
 
 
@@ -89,6 +90,12 @@ class ViewGroup:
     def robots(self) -> tuple[str, ...]:
         """Names of the robots at the ends."""
         return tuple(end.robot for end in self.ends if end.robot is not None)
+
+    @cached_property
+    def reach_m(self) -> float:
+        """How far flanges are from their bases, the median of the arm that reaches farther [m]."""
+        places = [lengths(end.base_from_flange.translation) for end in self.ends if end.robot is not None]
+        return max((float(np.median(of)) for of in places if of.size), default=1.0)
 
     @property
     def frames(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.light_search import light_search
+from basecal.estimation.start.metric_points import has_metric_start, place_by_points
 from basecal.estimation.start.pair_views import PairViews, as_light, pair_views, umeyama
 from basecal.estimation.start.refinement import Refinement, Triple, pair_problem, refine_jointly
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -115,9 +116,11 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     most = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined, views' poses lead to a start from which a descent is no shorter.
     poses_of = view_poses if thorough else partial(view_poses, iterations=0)
-    waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in problem.groups if len(g)]
+    known = _Known(known_transforms(problem))
+    seen = [g for g in problem.groups if len(g)]
+    metric = [g for g in seen if has_metric_start(problem, g, known.transforms)]
+    waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
     sights = tuple(waiting)
-    known = _Known(_known_transforms(problem))
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
     unknown = {id(sight): _unknown(sight, known) for sight in waiting}
     by_name: dict[str, list[PairViews]] = defaultdict(list)
@@ -139,8 +142,9 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
         waiting.remove(sight)
         told = {*(known.transforms.keys() - before), *sight.group.frames}  # those of the pair have a relation, too
         unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
-    transforms = {name: known.transforms.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
-    transforms |= placed_by_pairs(problem, sights, transforms, _known_transforms(problem))
+    found = {**known.transforms, **place_by_points(problem, metric, known.transforms)}
+    transforms = {name: found.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
+    transforms |= placed_by_pairs(problem, sights, transforms, known_transforms(problem))
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
@@ -162,7 +166,7 @@ def lenses(problem: Problem, cell: Cell) -> dict[str, Camera]:
     return found
 
 
-def _known_transforms(problem: Problem) -> dict[str, SE3]:
+def known_transforms(problem: Problem) -> dict[str, SE3]:
     """Transforms known well enough beforehand to start from."""
     return {
         name: u.mean
@@ -241,8 +245,10 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
         cell: What exists and what is known.
         most: How many starts.
     """
-    cameras, known = lenses(problem, cell), _Known(_known_transforms(problem))
+    cameras, known = lenses(problem, cell), _Known(known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
+        return
+    if has_metric_start(problem, problem.groups[0], known.transforms):
         return
     sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
     as_point, light, starts = light_search(sight, _loop(sight, known), most)

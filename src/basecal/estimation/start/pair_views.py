@@ -145,13 +145,22 @@ def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
     return replace(sight, group=group, candidates=candidates)
 
 
+def holds_poses(measurement: PointMeasurement) -> bool:
+    """Whether enough views show points of a target, in space, that determine its pose."""
+    return bool(np.count_nonzero(_whole_views(measurement)) >= 3 and dimension(measurement.points_in_target) >= 2)
+
+
+def _whole_views(measurement: PointMeasurement) -> BoolArray:
+    return np.asarray(measurement.seen.sum(-1) >= 3, dtype=bool)
+
+
 def _point_views(group: ViewGroup, measurement: PointMeasurement, total: int) -> PairViews:
-    enough = np.flatnonzero(measurement.seen.sum(-1) >= 3)
-    if len(enough) < 3 or dimension(measurement.points_in_target) < 2:
+    if not holds_poses(measurement):
         p = measurement.points_in_camera
         unit = p / np.maximum(np.linalg.norm(p, axis=-1, keepdims=True), 1e-12)
         chords = BearingMeasurement(measurement.points_in_target, unit, measurement.seen / 1e-3)
         return PairViews(replace(group, measurement=chords), None, np.ones(len(group)), total)
+    enough = np.flatnonzero(_whole_views(measurement))
     few = measurement.take(enough)
     pose = umeyama(few.points_in_target, few.points_in_camera, few.seen.astype(np.float64))
     both = SE3(np.stack([pose.rotation] * 2, 1), np.stack([pose.translation] * 2, 1))

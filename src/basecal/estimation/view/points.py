@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from basecal.estimation.view.measurement import Noise, ViewInformation, sums_of_squares
+from basecal.estimation.view.measurement import Measurement, Noise, ViewInformation, sums_of_squares
 from basecal.estimation.view.moments import UPPER
 from basecal.estimation.view.seen_points import SeenPoints
 from basecal.geometry import SE3, Array, BoolArray, Camera
@@ -55,3 +55,8 @@ class PointMeasurement(SeenPoints):
     def with_noise(self, noise: Noise) -> Self:
         """See `Measurement`."""
         return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
+
+
+def is_touch(measurement: Measurement) -> bool:
+    """Whether points are seen at the origin of what sees them, as a tip does that touches them."""
+    return isinstance(measurement, PointMeasurement) and not np.any(measurement.points_in_camera)

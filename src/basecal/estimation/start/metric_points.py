@@ -1,0 +1,177 @@
+"""A start from points measured in 3-D of which a view shows too few for a pose: touches, and reflectors of a tracker.
+
+A view says that a point carried at one end of its loop coincides with one carried at the other. Each body (a base, or a
+tracker) alone gives its tips and the marks in its own axes, by linear least squares; marks that two bodies share, and
+points seen from both sides, place one body after another. Source: Horn 1987 (absolute orientation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.start.pair_views import holds_poses, umeyama
+from basecal.estimation.view.points import PointMeasurement
+from basecal.geometry import SE3, Array, IntArray
+
+_RIDGE = 1e-6  # share of an equation: what views leave open stays at the origin of its carrier
+
+Key = tuple[str, int]
+"""An unknown point: the name of its mount, and which of its points."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """Points at one end of views, (n,): `rotation @ unknown + offset` in the axes of a body.
+
+    Attributes:
+        body: Name of the base, or of the mount of a tracker; None for the world.
+        key: The unknown point; None if the points are known.
+        rotation: (n, 3, 3).
+        offset: (n, 3) [m].
+    """
+
+    body: str | None
+    key: Key | None
+    rotation: Array
+    offset: Array
+
+    @property
+    def is_mark(self) -> bool:
+        """Whether it is an unknown point in the world."""
+        return self.body is None and self.key is not None and bool(np.all(self.rotation == np.eye(3)))
+
+    def points(self, positions: Mapping[Key, Array]) -> Array:
+        """(n, 3) in the body's axes; a point that is not known yet is at the origin of its carrier."""
+        return self.offset if self.key is None else self.rotation @ positions.get(self.key, np.zeros(3)) + self.offset
+
+
+_Meeting = tuple[_Side, _Side]
+
+
+def has_metric_start(problem: Problem, group: ViewGroup, transforms: Mapping[str, SE3]) -> bool:
+    """Whether views are points in space without a pose, from a known place on a flange, a tip, or from the world."""
+    if not isinstance(group.measurement, PointMeasurement) or holds_poses(group.measurement):
+        return False
+    eye = group.eye
+    return eye.robot is None or eye.mount in transforms or eye.mount in problem.point_mounts
+
+
+def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+    """Transforms that views of points in space determine, by name; those that they leave open are close to identity.
+
+    Args:
+        problem: What they are of.
+        groups: Views for which `has_metric_start` holds.
+        transforms: Those that are known.
+    """
+    meetings = [meeting for group in groups for meeting in _meetings(problem, group, transforms)]
+    names = list(dict.fromkeys(side.body for meeting in meetings for side in meeting if side.body is not None))
+    placed: dict[str | None, SE3] = {None: SE3.identity()}
+    placed.update({name: transforms[name] for name in names if name in transforms})
+    local = {body: _local_points(meetings, body) for body in (None, *names)}
+    while waiting := [name for name in names if name not in placed]:
+        marks = {key: at @ point for body, at in placed.items() for key, point in local[body].items()}
+        pairs = {body: _pairs(meetings, local, placed, marks, body) for body in waiting}
+        body = max(pairs, key=lambda name: len(pairs[name][0]))
+        placed[body] = _align_points(*pairs[body])
+    points = {key: placed[body] @ at for body, of in local.items() for key, at in of.items() if _is_mark(meetings, key)}
+    points = {**{key: at for of in local.values() for key, at in of.items()}, **points}
+    bodies = {name: at for name, at in placed.items() if name is not None and name not in transforms}
+    return {**bodies, **_mounts(groups, points, transforms)}
+
+
+def _meetings(problem: Problem, group: ViewGroup, transforms: Mapping[str, SE3]) -> Iterable[_Meeting]:
+    """What the views of each point say."""
+    measurement = group.measurement
+    assert isinstance(measurement, PointMeasurement)
+    for row, point in enumerate(measurement.points_in_target):
+        views = np.flatnonzero(measurement.seen[:, row])
+        if len(views):
+            seen = measurement.points_in_camera[views, row]
+            eye = _side(problem, group.eye, transforms, views, seen, 0, is_camera=True)
+            yield eye, _side(problem, group.hand, transforms, views, np.broadcast_to(point, seen.shape), row)
+
+
+def _side(
+    problem: Problem,
+    end: End,
+    transforms: Mapping[str, SE3],
+    views: IntArray,
+    points: Array,
+    row: int,
+    is_camera: bool = False,
+) -> _Side:
+    """One end of views (n,), of points (n, 3) in what it carries, the target's of this row."""
+    base_from_flange, base = end.base_from_flange[views], end.base
+    if end.mount in transforms:
+        return _Side(base, None, base_from_flange.rotation, base_from_flange @ (transforms[end.mount] @ points))
+    if is_camera and end.mount not in problem.point_mounts:
+        return _Side(end.mount, None, base_from_flange.rotation, points)
+    if end.mount not in problem.point_mounts:
+        return _Side(base, (end.mount, row), base_from_flange.rotation, base_from_flange.translation)
+    return _Side(base, (end.mount, 0), base_from_flange.rotation, base_from_flange @ points)
+
+
+def _local_points(meetings: Sequence[_Meeting], body: str | None) -> dict[Key, Array]:
+    """Unknown points that one body carries, and marks, in its own axes, (3,) each, by what it alone says of them."""
+    own = [(a, b) for one, other in meetings for a, b in ((one, other), (other, one)) if a.body == body and b.is_mark]
+    keys = list(dict.fromkeys(side.key for pair in own for side in pair if side.key is not None))
+    information, right = _RIDGE * np.eye(3 * len(keys)), np.zeros(3 * len(keys))
+    for a, b in own:
+        by_points = np.zeros((len(a.offset), 3, 3 * len(keys)))
+        for side, sign in ((a, 1.0), (b, -1.0)):
+            if side.key is not None:
+                at = 3 * keys.index(side.key)
+                by_points[:, :, at : at + 3] += sign * side.rotation
+        information += np.einsum("nij,nik->jk", by_points, by_points)
+        right -= np.einsum("nij,ni->j", by_points, a.offset - b.offset)
+    return dict(zip(keys, np.linalg.solve(information, right).reshape(-1, 3), strict=True))
+
+
+def _pairs(
+    meetings: Sequence[_Meeting],
+    local: Mapping[str | None, Mapping[Key, Array]],
+    bodies: Mapping[str | None, SE3],
+    marks: Mapping[Key, Array],
+    body: str | None,
+) -> tuple[Array, Array]:
+    """Points in the axes of a body, and the same in the world by the bodies that are placed, (n, 3) each."""
+    shared = [key for key in local[body] if key in marks]
+    own, world = [local[body][key] for key in shared], [marks[key] for key in shared]
+    for one, other in meetings:
+        for a, b in ((one, other), (other, one)):
+            if a.body == body and b.body in bodies and not b.is_mark:
+                own += list(a.points(local[body]))
+                world += list(bodies[b.body] @ b.points(local[b.body]))
+    return np.array(own).reshape(-1, 3), np.array(world).reshape(-1, 3)
+
+
+def _align_points(points_in_body: Array, points_in_world: Array) -> SE3:
+    """`world_from_body` that brings points (n, 3) nearest to others; the identity without any."""
+    if not len(points_in_body):
+        return SE3.identity()
+    return umeyama(points_in_body, points_in_world[None], np.ones((1, len(points_in_body))))[0]
+
+
+def _is_mark(meetings: Sequence[_Meeting], key: Key) -> bool:
+    return any(side.key == key and side.is_mark for meeting in meetings for side in meeting)
+
+
+def _mounts(groups: Sequence[ViewGroup], points: Mapping[Key, Array], transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+    """Mounts of what carries the unknown points; of several points of one body by all of them."""
+    found = {}
+    for group in groups:
+        measurement = group.measurement
+        assert isinstance(measurement, PointMeasurement)
+        shapes = {group.eye.mount: np.zeros((1, 3)), group.hand.mount: measurement.points_in_target}
+        for name, shape in shapes.items():
+            rows = [row for row in range(len(shape)) if (name, row) in points]
+            if rows and name not in transforms:
+                at = np.array([points[name, row] for row in rows])
+                found[name] = SE3(np.eye(3), at[0]) if len(shape) == 1 else _align_points(shape[rows], at)
+    return found

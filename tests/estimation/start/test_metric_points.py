@@ -1,0 +1,37 @@
+"""A start from points measured in space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.cell import PointObservation, Recording, RobotState, Sample
+from basecal.cell.files import cell_from_dict
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.start.first_state import first_state
+from basecal.geometry import SE3
+
+FREE = {"status": "free"}
+TRACKER_CELL = {
+    "schema": "basecal/cell/1",
+    "reference": "arm",
+    "robots": {"arm": {}},
+    "cameras": {"tracker": {"on": "world", "mount": FREE}},
+    "targets": {"ball": {"on": "arm", "kind": "points", "points_m": [[0, 0, 0]], "mount": FREE}},
+}
+
+
+def test_a_tracker_that_sees_one_reflector():
+    """A tracker in the world starts within 0.3 rad of where it is, though no view holds a pose."""
+    rng, cell = np.random.default_rng(1), cell_from_dict(TRACKER_CELL)
+    tracker, reflector = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5)), np.array([0.05, 0.0, 0.1])
+    poses = SE3.from_rotvec(rng.normal(0, 0.7, (15, 3)), np.array([0.4, 0.0, 0.5]) + rng.uniform(-0.5, 0.5, (15, 3)))
+    points = tracker.inverse() @ (poses @ np.broadcast_to(reflector, (15, 3)))
+    samples = (
+        Sample(
+            k, None, {"arm": RobotState(poses[k])}, (PointObservation("tracker", "ball", np.array([0]), points[[k]]),)
+        )
+        for k in range(15)
+    )
+    problem, _ = build_problem(cell, Recording(tuple(samples)))
+    found = first_state(problem, cell, thorough=False).transforms["arm_base_from_tracker"]
+    assert np.linalg.norm((found.inverse() @ tracker).rotvec) < 0.3
