@@ -15,22 +15,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple, Protocol
 
-import cv2
-import numpy as np
-
 from basecal.geometry import SE3
-from basecal.geometry.rotation import nearest_rotation
+from basecal.vision.robot_world import METHODS, robot_world
 from benchmarks.peers.task import DesignName, Task
 
-_HAND_EYE = {
-    "TSAI": cv2.CALIB_HAND_EYE_TSAI,
-    "PARK": cv2.CALIB_HAND_EYE_PARK,
-    "HORAUD": cv2.CALIB_HAND_EYE_HORAUD,
-    "ANDREFF": cv2.CALIB_HAND_EYE_ANDREFF,
-    "DANIILIDIS": cv2.CALIB_HAND_EYE_DANIILIDIS,
-}
-_ROBOT_WORLD = {"SHAH": cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH, "LI": cv2.CALIB_ROBOT_WORLD_HAND_EYE_LI}
-METHODS = (*_HAND_EYE, *_ROBOT_WORLD)
 CHAINS = (", by the camera", ", by the target")
 
 
@@ -58,38 +46,8 @@ def one_arm(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneA
     For a camera beside the arm give `flange_from_base` for `base_from_flange`: the mount is then `base_from_camera`,
     and the other end `flange_from_target`.
     """
-    try:
-        by = _by_robot_world if method in _ROBOT_WORLD else _by_hand_eye
-        found = by(method, base_from_flange, camera_from_target)
-    except cv2.error:
-        return None
-    return found if all(np.all(np.isfinite(each.matrix)) for each in found) else None
-
-
-def _by_hand_eye(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm:
-    parts = (*_lists(base_from_flange), *_lists(camera_from_target))
-    flange_from_camera = _rigid(*cv2.calibrateHandEye(*parts, method=_HAND_EYE[method]))
-    return OneArm(flange_from_camera, _mean(base_from_flange @ flange_from_camera @ camera_from_target))
-
-
-def _by_robot_world(method: str, base_from_flange: SE3, camera_from_target: SE3) -> OneArm:
-    parts = (*_lists(camera_from_target), *_lists(base_from_flange.inverse()))
-    found = cv2.calibrateRobotWorldHandEye(*parts, method=_ROBOT_WORLD[method])
-    return OneArm(_rigid(*found[2:]).inverse(), _rigid(*found[:2]).inverse())
-
-
-def _lists(transforms: SE3) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    return list(transforms.rotation), list(transforms.translation)
-
-
-def _rigid(rotation: np.ndarray, translation: np.ndarray) -> SE3:
-    """The nearest rotation: TSAI and ANDREFF give matrices that are none."""
-    finite = np.all(np.isfinite(rotation))
-    return SE3(nearest_rotation(rotation) if finite else np.full((3, 3), np.nan), translation.ravel())
-
-
-def _mean(transforms: SE3) -> SE3:
-    return SE3(nearest_rotation(transforms.rotation.sum(0)), transforms.translation.mean(0))
+    found = robot_world(camera_from_target, base_from_flange.inverse(), method)
+    return None if found is None else OneArm(found.first.inverse(), found.last)
 
 
 class Moved(Protocol):

@@ -12,6 +12,10 @@ from basecal.methods import METHODS
 
 TYPE_CHECKING = False  # not from `typing`, whose import is most of what a command does before it can be interrupted
 if TYPE_CHECKING:
+    from basecal.accuracy.arrays.array_calibration import ArrayCalibration as ArrayCalibration
+    from basecal.accuracy.arrays.functions import base_to_base as base_to_base
+    from basecal.accuracy.arrays.functions import hand_eye as hand_eye
+    from basecal.accuracy.arrays.functions import robot_world as robot_world
     from basecal.accuracy.calibrate import calibrate as calibrate
     from basecal.accuracy.compare import compare as compare
     from basecal.accuracy.drift.verify import verify as verify
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
     from basecal.exchange.exporters.exporter import export as export
     from basecal.exchange.exporters.exporter import pasteable as pasteable
     from basecal.exchange.exporters.registry import export_kinds as export_kinds
+    from basecal.exchange.importers.arrays import read_array_file as read_array_file
     from basecal.exchange.importers.bag import read_bag as read_bag
     from basecal.exchange.importers.camera_info import read_camera_info as read_camera_info
     from basecal.exchange.importers.colmap import read_colmap as read_colmap
@@ -63,6 +68,7 @@ if TYPE_CHECKING:
     from basecal.vision.detect import detect as detect
 
 _HOME = {
+    "ArrayCalibration": "accuracy.arrays.array_calibration",
     "BasecalError": "errors",
     "Calibration": "cell",
     "Camera": "geometry",
@@ -77,16 +83,19 @@ _HOME = {
     "SimulatedCell": "simulation.scenario",
     "Solution": "estimation.solve",
     "Stages": "estimation.stages",
+    "base_to_base": "accuracy.arrays.functions",
     "calibrate": "accuracy.calibrate",
     "calibration_to_dict": "cell.files",
     "compare": "accuracy.compare",
     "detect": "vision.detect",
     "export": "exchange.exporters.exporter",
     "export_kinds": "exchange.exporters.registry",
+    "hand_eye": "accuracy.arrays.functions",
     "html_summary": "reporting.notebook",
     "import_into": "accuracy.input_screening.importing",
     "latest_run": "cell.files",
     "pasteable": "exchange.exporters.exporter",
+    "read_array_file": "exchange.importers.arrays",
     "read_bag": "exchange.importers.bag",
     "read_calibration": "cell.files",
     "read_camera_info": "exchange.importers.camera_info",
@@ -105,6 +114,7 @@ _HOME = {
     "read_poses": "exchange.importers.poses",
     "read_recording": "cell.files",
     "read_truth": "cell.files",
+    "robot_world": "accuracy.arrays.functions",
     "simulate": "simulation.testbed",
     "solve": "estimation.solve",
     "text_report": "reporting.text",

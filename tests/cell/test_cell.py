@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Intrinsics, Robot, Unknown
-from basecal.errors import FrameNotFound
+from basecal.errors import FrameNotFound, InputError
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
@@ -80,3 +80,17 @@ def test_one_transform_may_be_known_otherwise():
         assert {n: u.status for n, u in changed.transforms.items() if u.status != cell.transforms[n].status} == {
             name: "fixed"
         }
+
+
+def test_names_that_disagree_are_refused_at_once():
+    """A key that is not the name, a carrier and a reference that are no robots."""
+    eye, wrist = {"eye": Robot("eye")}, {"wrist": CellCamera("wrist", "eye")}
+    for wrong, told in (
+        (lambda: Cell("eye", {"eye": Robot("left")}), "'eye' is the name under which 'left' is given"),
+        (lambda: Cell("eye", {"eyes": Robot("eyes")}), "reference: no robot 'eye'.*did you mean 'eyes'"),
+        (lambda: Cell("eye", eye, cameras={"wrist": CellCamera("wrist", "hand")}), "wrist: no robot 'hand'"),
+        (lambda: Cell("eye", eye, bases={"hand": FIXED}, cameras=wrist), "hand: no robot 'hand'"),
+    ):
+        with pytest.raises(InputError, match=told):
+            wrong()
+    assert repr(Cell("eye", eye, cameras=wrist)) == "<cell of eye: wrist on eye>"

@@ -259,3 +259,17 @@ def test_the_worst_of_many_quaternions_is_told():
     q = np.eye(4)[[3, 3, 3]] * [[1.0], [0.5], [1.2]]
     with pytest.raises(InputError, match=r"has norm 0\.5, expected 1 within 0\.001"):
         SE3.from_quaternion(q, np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.1, "is not a rotation"), (-1.0, "is a reflection")])
+def test_what_is_no_rotation_is_refused_at_once(factor, told):
+    """A scaled rotation and a reflection are InputErrors; a state beyond numbers is none."""
+    with pytest.raises(InputError, match=told):
+        SE3(factor * SE3.exp([0, 0, 0, 0.3, 0.2, 0.1]).rotation, np.zeros(3))
+    assert np.all(np.isnan(SE3(np.full((3, 3), np.nan), np.zeros(3)).rotation))
+
+
+def test_one_line_names_a_transform():
+    """Translation and rotation vector of one, the number of many."""
+    assert repr(SE3.exp([1, 2, 3, 0, 0, 0])) == "SE3(t = [1, 2, 3] m, rotvec = [0, 0, 0] rad)"
+    assert repr(SE3.identity((2, 5))) == "SE3(2 x 5 transforms)"

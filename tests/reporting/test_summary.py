@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import BudgetEntry, Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Validation
+from basecal.cell import BudgetEntry, Calibration, Cell, CellCamera, CellTarget, Finding, Rival, Robot, Validation
 from basecal.geometry import SE3, PoseEstimate
 from basecal.reporting.summary import LINE_WIDTH, summary
 
@@ -118,3 +118,13 @@ def test_the_task_has_a_line() -> None:
     assert (
         "error at the task 5.5 mm rms, of its variance source 0 83 %, source 1 13 %, source 2 3 %" in told.splitlines()
     )
+
+
+def test_rivals_have_a_line_each() -> None:
+    """Held-out errors of other methods stand below ours, and one that fails says so."""
+    rivals = (Rival("basecal", 1e-3, 0.01), Rival("OpenCV LI"))
+    lines = summary(
+        Cell("a", {"a": Robot("a")}), Calibration("good", validation=Validation("k-fold", 5, rivals=rivals))
+    )
+    assert "basecal                1.000 mm    0.5730 deg, held out" in lines
+    assert "OpenCV LI          fails" in lines

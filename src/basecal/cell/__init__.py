@@ -41,6 +41,7 @@ from basecal.cell.recording import (
     TrackObservation,
 )
 from basecal.cell.results.verification_file import MeasuredShift, PastVerification
+from basecal.cell.rival import Rival
 from basecal.cell.target import Target
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.fields.parameters import Parameters
@@ -74,6 +75,7 @@ __all__ = [
     "PoseObservation",
     "Recording",
     "Residuals",
+    "Rival",
     "Robot",
     "RobotParameters",
     "RobotState",

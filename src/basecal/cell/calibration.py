@@ -12,6 +12,7 @@ from pydantic import Field, GetPydanticSchema
 
 from basecal.cell.cell import Cell
 from basecal.cell.frames import base_between, frame_between
+from basecal.cell.rival import Rival
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.fields.written import (
@@ -144,6 +145,7 @@ class Validation:
         target_rad: Likewise its rms angle [rad].
         base_change: Mean over folds of the squared change of the requested transforms, in units of its expectation by
             the covariance: 1 where that is true; None if nothing asked is free.
+        rivals: The answer and other methods on the same views; none if they were not requested.
     """
 
     kind: str
@@ -152,6 +154,7 @@ class Validation:
     target_m: Annotated[ErrorInMm, Field(alias="target_mm")] = None
     target_rad: Annotated[ErrorInDeg, Field(alias="target_deg")] = None
     base_change: Error = None
+    rivals: tuple[Rival, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -356,6 +359,11 @@ class Calibration:
                 if point.endswith(f"_from_{frame}"):
                     raise InputError(f"{frame!r} is a point and has no rotation: see {point} in calibration.json")
         return frame_between(placed, self.order, self.joint_covariance, parent, child)
+
+    def __repr__(self) -> str:
+        """One line."""
+        told = "; ".join(f"{name} {estimate.words()}" for name, estimate in self.transforms.items())
+        return f"<{self.verdict} calibration: {told or 'no transform'}>"
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""

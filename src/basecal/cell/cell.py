@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from basecal.cell.target import Target
-from basecal.errors import FrameNotFound
+from basecal.errors import FrameNotFound, InputError, list_names, nearest
 from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.lenses.registry import model_lenses
@@ -232,6 +232,31 @@ class Cell:
     keep_out: Mapping[str, KeepOut] = field(default_factory=dict)
     sees_scene: bool = False
 
+    def __post_init__(self) -> None:
+        """Refuse names that disagree.
+
+        Raises:
+            InputError: if a thing goes by another name than its own, or something names a robot that is not there.
+        """
+        given: dict[str, Robot | CellCamera | CellTarget] = {**self.robots, **self.cameras, **self.targets}
+        for name, thing in given.items():
+            if thing.name != name:
+                raise InputError(f"{name!r} is the name under which {thing.name!r} is given: expected one name")
+        carriers = {thing.name: thing.on for thing in self._things if thing.on != WORLD}
+        for about, robot in {"reference": self.reference, **{name: name for name in self.bases}, **carriers}.items():
+            if robot not in self.robots:
+                there = list_names(list(self.robots))
+                raise InputError(f"{about}: no robot {robot!r}{nearest(robot, self.robots)}; there are: {there}")
+
+    def __repr__(self) -> str:
+        """One line."""
+        carried = [f"{thing.name} on {thing.on}" for thing in self._things]
+        return f"<cell of {list_names(list(self.robots))}: {list_names(carried)}>"
+
+    @property
+    def _things(self) -> list[CellCamera | CellTarget]:
+        return [*self.cameras.values(), *self.targets.values()]
+
     def base_name(self, robot: str) -> str:
         """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""
         return f"{self.reference}_base_from_{robot}_base"
@@ -253,8 +278,7 @@ class Cell:
         """Every unknown transform by name: bases, then mounts of cameras, then of targets."""
         others = [robot for robot in self.robots if robot != self.reference]
         named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in others}
-        things: list[CellCamera | CellTarget] = [*self.cameras.values(), *self.targets.values()]
-        for thing in things:
+        for thing in self._things:
             named[self.mount_name(thing.name)] = thing.mount
         return named
 

@@ -124,3 +124,8 @@ class Recording:
     samples: tuple[Sample, ...] = ()
     findings: tuple[Finding, ...] = ()
     folder: str | None = None
+
+    def __repr__(self) -> str:
+        """One line."""
+        views = sum(len(sample.observations) for sample in self.samples)
+        return f"<recording of {len(self.samples)} samples, {views} views>"

@@ -30,6 +30,7 @@ def calibrate(
     task_box: Box | None = None,
     station_choice: Literal["nearest", "weighted"] = "nearest",
     certify: bool = False,
+    against: Literal["opencv"] | None = None,
     robot_noise: Literal["estimated", "stated"] = "estimated",
     tolerance: str | None = None,
     json: bool = False,
@@ -51,6 +52,7 @@ def calibrate(
         basecal calibrate mycell --task-point 0.8 0.1 0.3
         basecal calibrate mycell --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
         basecal calibrate mycell --certify
+        basecal calibrate mycell --against opencv
         basecal calibrate mycell --scene
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
@@ -66,6 +68,7 @@ def calibrate(
             middle, and the box calibrated separately, too, with whether that predicts held-out samples in it better.
         station_choice: With a task point, its nearest station, or all of them weighted by distance.
         certify: Prove that no other answer fits better, or say why that cannot be proven.
+        against: Print how well OpenCV's methods predict held-out views, beside ours.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are assumed exact.
         tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
         json: Print calibration.json instead of words, and the verdict on the tolerance.
@@ -84,17 +87,22 @@ def calibrate(
         task_box=task_box,
         station_choice=station_choice,
         certify=certify,
+        against=against,
         robot_noise=robot_noise,
     )
     made = calibrate_folder(cell, described, settings, verbose, needed_m)
     if json:
         print_json(calibration_to_dict(made.calibration))
     else:
-        show(described, made.calibration, verbose)
-        print_page_path(made.run)
-        if made.calibration.verdict == "refused":
-            say_next_step(described, cell)
+        _say_all(made, described, cell, verbose)
     return exit_code(made.calibration)
+
+
+def _say_all(result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool) -> None:
+    show(cell, result.calibration, verbose)
+    print_page_path(result.run)
+    if result.calibration.verdict == "refused":
+        say_next_step(cell, folder)
 
 
 def say_next_step(cell: Cell, folder: Path) -> None:

@@ -14,6 +14,7 @@ Method = Literal["maximum-likelihood", "axis-shift", "scene"]
 Start = Literal["closed", "thorough", "guess", "axis-shift"]
 StationChoice = Literal["nearest", "weighted"]
 RobotNoise = Literal["stated", "estimated"]
+Against = Literal["opencv"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Settings:
             are exact.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
+        against: Other methods whose predictions of held-out views are reported beside the answer's; None for none.
         stages: Where the time of each stage is counted; no part of what is asked.
     """
 
@@ -46,6 +48,7 @@ class Settings:
     station_choice: StationChoice = "nearest"
     robot_noise: RobotNoise = "estimated"
     certify: bool = False
+    against: Against | None = None
     stages: Stages | None = field(default=None, compare=False)
 
     def as_dict(self) -> dict[str, Any]:

@@ -33,6 +33,19 @@ class PoseEstimate:
         """A transform known without error."""
         return cls(mean, np.zeros((6, 6)))
 
+    def words(self) -> str:
+        """Translation [mm] and rotation vector [deg], each with its sigma per axis."""
+        mean = self.mean
+        halves = (
+            (mean.translation * 1e3, self.sigma_t * 1e3, "mm"),
+            (np.degrees(mean.rotvec), np.degrees(self.sigma_r), "deg"),
+        )
+        return ", ".join(f"{_row(values)} ± {_row(sigmas)} {unit}" for values, sigmas, unit in halves)
+
+    def __repr__(self) -> str:
+        """One line."""
+        return f"PoseEstimate({self.words()})"
+
     def inverse(self) -> PoseEstimate:
         """`b_from_a` of an `a_from_b`: the perturbation changes its side by the adjoint."""
         ad = self.mean.adjoint()
@@ -63,3 +76,7 @@ class PoseEstimate:
     def sigma_norms(self) -> tuple[float, float]:
         """Standard deviation of the translation [m] and the rotation [rad], 3-D norms: roots of the traces."""
         return float(np.linalg.norm(self.sigma_t)), float(np.linalg.norm(self.sigma_r))
+
+
+def _row(values: Array) -> str:
+    return f"[{', '.join(f'{value:.4g}' for value in values)}]"

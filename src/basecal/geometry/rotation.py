@@ -149,6 +149,19 @@ def nearest_rotation(matrix: Array) -> Array:
     return rotation
 
 
+def check_rotation(rotation: Array, name: str = "rotation") -> None:
+    """Refuse finite matrices, (..., 3, 3), that are no rotations within 1e-3.
+
+    Raises:
+        InputError: if one is scaled, sheared or a reflection.
+    """
+    off = np.abs(rotation.mT @ rotation - np.eye(3)).max(initial=0.0)  # NaN where a state is beyond numbers
+    if off > 2 * ROTATION_TOLERANCE:
+        raise InputError(f"{name} is not a rotation: R' R is off the identity by {off:.2g}")
+    if np.any(np.einsum("...i,...i->...", cross(rotation[..., 0], rotation[..., 1]), rotation[..., 2]) < 0):
+        raise InputError(f"{name} is a reflection: its determinant is -1, its axes are left-handed")
+
+
 def checked_rotation(rotation: Array, name: str = "rotation") -> Array:
     """The nearest rotation of a matrix within 1e-3 of one, (..., 3, 3).
 

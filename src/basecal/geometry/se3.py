@@ -17,6 +17,7 @@ from basecal.errors import InputError
 from basecal.geometry.array import Array, read_only
 from basecal.geometry.rotation import (
     ROTATION_TOLERANCE,
+    check_rotation,
     checked_rotation,
     cross_matrix,
     exp_coefficients,
@@ -59,14 +60,14 @@ def _rotate(rotation: Array, vectors: Array) -> Array:
 class SE3:
     """One rigid transform or a batch of them.
 
-    The arrays are read-only copies of what was given; that a rotation is one is checked by `from_matrix`.
+    The arrays are read-only copies of what was given.
 
     Attributes:
         rotation: (..., 3, 3).
         translation: (..., 3) [m], its leading axes those of the rotation.
 
     Raises:
-        InputError: if the shapes are others.
+        InputError: if the shapes are others, or a finite rotation is none.
     """
 
     rotation: Array
@@ -80,6 +81,7 @@ class SE3:
                 f"rotation has shape {rotation.shape} and translation {translation.shape}, "
                 "expected (..., 3, 3) and (..., 3) with the same leading axes"
             )
+        check_rotation(rotation)
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "translation", translation)
 
@@ -235,6 +237,13 @@ class SE3:
     def spread(self) -> SE3:
         """(..., 1): with a last axis more, over which it broadcasts."""
         return SE3.adopt(self.rotation[..., None, :, :], self.translation[..., None, :])
+
+    def __repr__(self) -> str:
+        """One line: translation [m] and rotation vector [rad], or the shape of a batch."""
+        if self.shape:
+            return f"SE3({' x '.join(map(str, self.shape))} transforms)"
+        t, w = (", ".join(f"{value:.5g}" for value in values) for values in (self.translation, self.rotvec))
+        return f"SE3(t = [{t}] m, rotvec = [{w}] rad)"
 
     @property
     def matrix(self) -> Array:

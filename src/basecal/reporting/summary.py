@@ -10,7 +10,14 @@ import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding, Validation
 from basecal.geometry import Array
-from basecal.reporting.text import local_rows, sigma_norms, sort_by_severity, task_sentence, tolerance_sentence
+from basecal.reporting.text import (
+    local_rows,
+    rival_lines,
+    sigma_norms,
+    sort_by_severity,
+    task_sentence,
+    tolerance_sentence,
+)
 
 LINE_WIDTH = 100
 """Characters of a line at most: what terminals show, and mails keep, unbroken."""
@@ -110,7 +117,8 @@ def _validation(validation: Validation | None) -> list[str]:
         errors.append(f"{_digits(validation.target_m * 1e3)} mm and {_digits(degrees)} deg at the target")
     if validation.rms_px is not None:
         errors.append(f"{_digits(validation.rms_px)} px")
-    return wrap_text(f"cross-validation error, rms: {', '.join(errors)}") if errors else []
+    lines = wrap_text(f"cross-validation error, rms: {', '.join(errors)}") if errors else []
+    return [*lines, *rival_lines(validation)]
 
 
 def _digits(value: float) -> str:

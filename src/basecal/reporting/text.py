@@ -223,6 +223,16 @@ def validation_sentences(calibration: Calibration) -> Iterator[str]:
         yield f"cross-validation error ({validation.kind}, {validation.folds} folds): {', '.join(errors)}, rms"
     if validation.base_change is not None:
         yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}"
+    yield from rival_lines(validation)
+
+
+def rival_lines(validation: Validation) -> Iterator[str]:
+    """Held-out errors of the answer and of other methods, a line each."""
+    for rival in validation.rivals:
+        if rival.target_m is None or rival.target_rad is None:
+            yield f"  {rival.name:<18} fails"
+        else:
+            yield f"  {rival.name:<18}{1e3 * rival.target_m:10.3f} mm {np.degrees(rival.target_rad):9.4f} deg, held out"
 
 
 def outlier_sentences(calibration: Calibration) -> Iterator[str]:

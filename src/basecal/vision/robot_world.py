@@ -1,15 +1,31 @@
-"""OpenCV's own way from pixels to a robot's place in the world, to compare with."""
+"""OpenCV's own ways from pixels to a robot's place in the world, to compare with."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.geometry.rotation import nearest_rotation
 
 _LEAST_AXIS_COSINE = 0.05  # cosine of the angle from the axis, of what a flat image can hold
+_HAND_EYE: Mapping[str, int] = {
+    "TSAI": cv2.CALIB_HAND_EYE_TSAI,
+    "PARK": cv2.CALIB_HAND_EYE_PARK,
+    "HORAUD": cv2.CALIB_HAND_EYE_HORAUD,
+    "ANDREFF": cv2.CALIB_HAND_EYE_ANDREFF,
+    "DANIILIDIS": cv2.CALIB_HAND_EYE_DANIILIDIS,
+}
+_ROBOT_WORLD: Mapping[str, int] = {
+    "SHAH": cv2.CALIB_ROBOT_WORLD_HAND_EYE_SHAH,
+    "LI": cv2.CALIB_ROBOT_WORLD_HAND_EYE_LI,
+}
+METHODS = (*_HAND_EYE, *_ROBOT_WORLD)
+"""The five of `calibrateHandEye`, and the two of `calibrateRobotWorldHandEye`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,26 +57,48 @@ def camera_from_target(camera: Camera, points: Array, pixels: Array, visible: Bo
     return SE3.from_rotvec(turn[:, 0], shift[:, 0]) if found and np.isfinite(turn).all() else None
 
 
-def robot_world(outer: SE3, inner: SE3) -> RobotWorld | None:
-    """`calibrateRobotWorldHandEye` (the method of Shah) of (n,) poses; None if it finds nothing.
+def robot_world(outer: SE3, inner: SE3, method: str = "SHAH") -> RobotWorld | None:
+    """The two unknowns of (n,) poses by one of `METHODS`; None if it finds nothing.
 
     OpenCV has a camera on a gripper and a world that stands: `cam_from_world == cam_from_gripper @
     gripper_from_base @ base_from_world`. Any other chain of one moving transform between two unknowns is that one too.
     """
-    given = [(*pose.rotation,) for pose in (outer, inner)], [(*pose.translation,) for pose in (outer, inner)]
-    (outer_turns, inner_turns), (outer_shifts, inner_shifts) = given
     try:
-        base_turn, base_shift, gripper_turn, gripper_shift = cv2.calibrateRobotWorldHandEye(
-            outer_turns, outer_shifts, inner_turns, inner_shifts
-        )
-        world_from_base = SE3.from_matrix(_matrix(base_turn, base_shift))
-        cam_from_gripper = SE3.from_matrix(_matrix(gripper_turn, gripper_shift))
+        found = (_solve_robot_world if method in _ROBOT_WORLD else _solve_hand_eye)(outer, inner, method)
     except (cv2.error, ValueError):
         return None
-    return RobotWorld(cam_from_gripper, world_from_base.inverse())
+    is_finite = all(np.all(np.isfinite(each.matrix)) for each in (found.first, found.last))
+    return found if is_finite else None
 
 
-def _matrix(turn: Array, shift: Array) -> Array:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = turn, shift[:, 0]
-    return matrix
+def _solve_robot_world(outer: SE3, inner: SE3, method: str) -> RobotWorld:
+    base_turn, base_shift, gripper_turn, gripper_shift = cv2.calibrateRobotWorldHandEye(
+        *_lists(outer), *_lists(inner), method=_ROBOT_WORLD[method]
+    )
+    return RobotWorld(_rigid(gripper_turn, gripper_shift), _rigid(base_turn, base_shift).inverse())
+
+
+def _solve_hand_eye(outer: SE3, inner: SE3, method: str) -> RobotWorld:
+    """The last is the mean of what the views say of it."""
+    base_from_gripper = inner.inverse()
+    turn, shift = cv2.calibrateHandEye(*_lists(base_from_gripper), *_lists(outer), method=_HAND_EYE[method])
+    gripper_from_cam = _rigid(turn, shift)
+    last = base_from_gripper @ gripper_from_cam @ outer
+    mean = SE3(nearest_rotation(last.rotation.sum(0)), last.translation.mean(0))
+    return RobotWorld(gripper_from_cam.inverse(), mean)
+
+
+def _lists(poses: SE3) -> tuple[list[Array], list[Array]]:
+    return list(poses.rotation), list(poses.translation)
+
+
+def _rigid(rotation: ArrayLike, translation: ArrayLike) -> SE3:
+    """The nearest rotation: TSAI and ANDREFF give matrices that are none.
+
+    Raises:
+        ValueError: if it is not finite.
+    """
+    matrix = np.asarray(rotation, dtype=np.float64)
+    if not np.all(np.isfinite(matrix)):
+        raise ValueError("no rotation")
+    return SE3(nearest_rotation(matrix), np.ravel(translation))

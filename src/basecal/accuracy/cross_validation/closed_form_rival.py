@@ -70,14 +70,14 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
     return ClosedFormRival(ratio, _moved(solution.problem, solution.state, group, whole))
 
 
-def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, used: BoolArray) -> Triple | None:
-    """X, Y and Z by the used views; None where their rotations are not determined."""
-    rows = np.flatnonzero(used)
+def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, mask: BoolArray) -> Triple | None:
+    """X, Y and Z by the views of a mask; None where their rotations are not determined."""
+    rows = np.flatnonzero(mask)
     if len(rows) < _FEWEST_FITTED:
         return None
-    bases = [SE3.identity() if end.base is None else _fixed(problem, end.base) for end in group.ends]
+    bases = [SE3.identity() if end.base is None else _fixed_mean(problem, end.base) for end in group.ends]
     y = None if bases[0] is None or bases[1] is None else bases[0].inverse() @ bases[1]
-    x, z = (_fixed(problem, end.mount) for end in group.ends)
+    x, z = (_fixed_mean(problem, end.mount) for end in group.ends)
     a, c = (end.base_from_flange[rows] for end in group.ends)
     loop = Loop(a, alone[rows], c, x, y, z, np.ones(len(rows)))
     if not loop.unknown:
@@ -89,7 +89,7 @@ def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, used: BoolArray
         return None
 
 
-def _fixed(problem: Problem, name: str) -> SE3 | None:
+def _fixed_mean(problem: Problem, name: str) -> SE3 | None:
     unknown = problem.unknowns[name]
     return unknown.mean if unknown.status == "fixed" else None
 

@@ -16,6 +16,7 @@ from scipy.sparse import csc_array
 
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
 from basecal.accuracy.cross_validation.folds import Samples, splits
+from basecal.accuracy.cross_validation.opencv_rivals import opencv_rivals
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.model_comparison.comparison import Comparison
 from basecal.accuracy.model_comparison.nested import compare_nested
@@ -136,6 +137,7 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
     if not fitted:
         return CrossValidation(None, None, HeldOutErrors(), HeldOutErrors(), skipped)
     used, predicted = _errors(solution, fitted)
+    kept = [fold.fit for fold in fitted]
     spread = _spread(solution, fitted, free, chosen)
     summary = Validation(
         kind="k-fold" if any(len(fold.fit.held) > 1 for fold in fitted) else "leave-one-out",
@@ -144,8 +146,9 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
         target_m=root_mean(predicted.square_m, predicted.count_poses),
         target_rad=root_mean(predicted.square_rad, predicted.count_poses),
         base_change=None if spread is None else spread.mean_square,
+        rivals=opencv_rivals(solution, kept) if settings.against == "opencv" else (),
     )
-    rival = closed_form_rival(solution, [fold.fit for fold in fitted])
+    rival = closed_form_rival(solution, kept)
     return CrossValidation(summary, spread, used, predicted, skipped, rival)
 
 

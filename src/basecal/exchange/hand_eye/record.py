@@ -1,4 +1,4 @@
-"""What a hand-eye program recorded with one robot and one camera."""
+"""What a hand-eye program recorded with one robot and one camera, or with a second robot that carries the target."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ class HandEyeRecord:
         target_mount: Likewise the target.
         lens: What `cell.yaml` says of the camera's lens; nothing if the file does not.
         target: What it says of the target's kind and sizes; likewise.
+        hand_base_from_flange: (n,) poses of a second robot, which carries the target; None if there is one robot.
     """
 
     path: str
@@ -39,3 +40,4 @@ class HandEyeRecord:
     target_mount: SE3 | None = None
     lens: Mapping[str, Any] = field(default_factory=dict)
     target: Mapping[str, Any] = field(default_factory=dict)
+    hand_base_from_flange: SE3 | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from basecal.exchange.importers.arrays import read_array_file
 from basecal.exchange.importers.bag import read_bag
 from basecal.exchange.importers.camera_info import read_camera_info
 from basecal.exchange.importers.colmap import read_colmap
@@ -27,6 +28,7 @@ IMPORTERS: Mapping[str, Callable[..., Imported]] = {
     "lerobot": read_lerobot,
     "bag": read_bag,
     "pixels": read_pixels,
+    "arrays": read_array_file,
     "easy-handeye": read_easy_handeye,
     "moveit-samples": read_moveit_samples,
     "industrial-calibration": read_data_set,

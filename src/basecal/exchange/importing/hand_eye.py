@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,11 +21,12 @@ CameraOn = Literal["robot", "world"]
 
 @dataclass(frozen=True)
 class Names:
-    """What a cell calls the robot, the camera and the target of a hand-eye recording."""
+    """What a cell calls the robot, the camera, the target and a second robot of a hand-eye recording."""
 
     robot: str
     camera: str
     target: str
+    hand: str = "hand"
 
 
 def hand_eye_of_file(
@@ -36,6 +37,7 @@ def hand_eye_of_file(
     camera: str | None,
     target: str | None,
     is_linked: bool = False,
+    hand: str | None = None,
 ) -> Imported:
     """A hand-eye recording, for the cell in a folder.
 
@@ -47,6 +49,7 @@ def hand_eye_of_file(
         camera: Likewise.
         target: Likewise.
         is_linked: Whether pictures are linked instead of copied.
+        hand: Name of a second robot, which carries the target.
 
     Raises:
         InputError: if it cannot be read, or does not fit the cell.
@@ -54,7 +57,7 @@ def hand_eye_of_file(
     cell = known_cell(folder)
     record = read(is_camera_on_robot(cell, camera) if camera_on is None else camera_on == "robot")
     names = chosen_names(cell, robot, camera, target, record.camera_on_robot)
-    return imported_hand_eye(cell, record, names, is_linked)
+    return imported_hand_eye(cell, record, replace(names, hand=hand or names.hand), is_linked)
 
 
 def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
@@ -104,6 +107,8 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is
         is_linked: Whether pictures are linked instead of copied.
     """
     carriers = (names.robot, WORLD) if record.camera_on_robot else (WORLD, names.robot)
+    if record.hand_base_from_flange is not None:
+        carriers = (names.robot, names.hand)
     known_camera = None if cell is None else cell.cameras.get(names.camera)
     known_target = None if cell is None else cell.targets.get(names.target)
     camera: dict[str, Any] = {
@@ -122,7 +127,8 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is
     robot: dict[str, Any] = {}
     if known_robot is None or not known_robot.frames:
         robot = {"frames": dict(record.frames)} if record.frames else {}
-    data = {"robots": {names.robot: robot}, "cameras": {names.camera: camera}, "targets": {names.target: target}}
+    robots = {names.robot: robot, **{carrier: {} for carrier in carriers if carrier not in (names.robot, WORLD)}}
+    data = {"robots": robots, "cameras": {names.camera: camera}, "targets": {names.target: target}}
     rows = _rows(record, names)
     return Imported(record.path, record.what, rows, data, is_linked=is_linked, advice="check --camera-on")
 
@@ -143,7 +149,10 @@ def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:
         seen = () if poses is None else (PoseObservation(names.camera, names.target, poses[i]),)
         pictures = {names.camera: record.pictures[i]} if record.pictures else {}
         image = record.pictures[i].name if record.pictures else None
-        rows.append(Row({names.robot: RobotState(record.base_from_flange[i])}, seen, pictures, image))
+        robots = {names.robot: RobotState(record.base_from_flange[i])}
+        if record.hand_base_from_flange is not None:
+            robots[names.hand] = RobotState(record.hand_base_from_flange[i])
+        rows.append(Row(robots, seen, pictures, image))
     return tuple(rows)
 
 

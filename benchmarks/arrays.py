@@ -1,0 +1,104 @@
+"""Arrays of poses with noise: our calls beside OpenCV's seven methods, and what the covariance promises.
+
+Command: python -m benchmarks.arrays [--draws 200] [--samples 20].
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+import basecal
+from basecal.geometry import SE3
+from basecal.vision.robot_world import METHODS, robot_world
+from benchmarks.common import on_one_core, table, write
+
+DRAWS, SAMPLES = 200, 20
+HOLD = 0.95
+MOST_OF_BEST = 0.85
+
+
+class Noise(NamedTuple):
+    """Sigmas per axis of a robot's poses and of a camera's [m, rad]: a still arm and marker poses, or the reverse."""
+
+    robot: tuple[float, float] = (2e-4, 3e-4)
+    camera: tuple[float, float] = (1e-3, 4e-3)
+
+
+class Draw(NamedTuple):
+    """Recorded poses, and the truth."""
+
+    base_from_gripper: SE3
+    cam_from_target: SE3
+    gripper_from_cam: SE3
+
+
+def draw(seed: int, samples: int, noise: Noise) -> Draw:
+    """An arm that looks at a target from about half a metre."""
+    rng = np.random.default_rng(seed)
+    gripper_from_cam = SE3.exp(np.r_[rng.normal(0, 0.05, 3), rng.normal(0, 0.5, 3)])
+    base_from_target = SE3.exp(np.r_[rng.normal(0, 0.5, 3), rng.normal(0, 1, 3)])
+    places = np.c_[rng.normal(0, 0.1, (samples, 2)), rng.normal(0.5, 0.1, samples)]
+    cam_from_target = SE3.exp(np.c_[places, rng.normal(0, 0.35, (samples, 3))])
+    base_from_gripper = base_from_target @ cam_from_target.inverse() @ gripper_from_cam.inverse()
+    recorded = [
+        pose @ SE3.exp(rng.normal(size=(samples, 6)) * np.repeat(sigma, 3))
+        for pose, sigma in ((base_from_gripper, noise.robot), (cam_from_target, noise.camera))
+    ]
+    return Draw(recorded[0], recorded[1], gripper_from_cam)
+
+
+def trial(seed: int, samples: int, noise: Noise) -> dict[str, Any]:
+    """Errors [m, rad] of all by name, our verdict, and the squared error of ours in sigmas."""
+    made = draw(seed, samples, noise)
+    robot, seen = made.base_from_gripper, made.cam_from_target
+    found = basecal.hand_eye(robot.rotation, robot.translation, seen.rotation, seen.translation)
+    off = (found["cam2gripper"].mean.inverse() @ made.gripper_from_cam).log()
+    errors = {"basecal": off}
+    for method in METHODS:
+        theirs = robot_world(seen, robot.inverse(), method)
+        errors[method] = np.full(6, np.nan) if theirs is None else (theirs.first @ made.gripper_from_cam).log()
+    square = float(off @ np.linalg.solve(found["cam2gripper"].covariance, off))
+    codes = [each.code for each in found.findings if each.severity != "info"]
+    return {"errors": errors, "square": square, "verdict": found.verdict, "codes": codes}
+
+
+def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """Rms of lengths [m] and angles [rad] by name, share of errors within the 95 % ellipsoid, and verdicts."""
+    rms = {}
+    for name in trials[0]["errors"]:
+        squares = np.square([each["errors"][name] for each in trials])
+        rms[name] = [float(np.sqrt(np.mean(half.sum(1)))) for half in (squares[:, :3], squares[:, 3:])]
+    best = [min(value[k] for name, value in rms.items() if name != "basecal") for k in range(2)]
+    squares = np.array([each["square"] for each in trials])
+    return {
+        "rms": rms,
+        "of_best": [rms["basecal"][k] / best[k] for k in range(2)],
+        "held": float(np.mean(squares < chi2.ppf(HOLD, 6))),
+        "mean_square": float(np.mean(squares) / 6),
+        "not_good": [each["codes"] for each in trials if each["verdict"] != "good"],
+    }
+
+
+def main(arguments: list[str]) -> None:
+    """Run, print, and write results/arrays.json of as many draws as are usual."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.arrays", description=__doc__)
+    parser.add_argument("--draws", type=int, default=DRAWS)
+    parser.add_argument("--samples", type=int, default=SAMPLES)
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    found = summary([trial(seed, asked.samples, Noise()) for seed in range(asked.draws)])
+    rows = [(name, f"{1e3 * m:.3f}", f"{1e3 * rad:.3f}") for name, (m, rad) in found["rms"].items()]
+    print(table(("method", "rms mm", "rms mrad"), rows))
+    told = {key: value for key, value in found.items() if key != "rms"}
+    print(told)
+    if asked.draws >= DRAWS:
+        write("arrays", {"draws": asked.draws, "samples": asked.samples, "noise": Noise()._asdict(), **found})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,1 @@
+"""Calibrations of arrays under OpenCV's names."""

@@ -1,0 +1,89 @@
+"""A calibration of arrays, whose transforms go by OpenCV's names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.errors import FrameNotFound, NotObservable
+from basecal.geometry import Array, PoseEstimate
+
+
+@dataclass(frozen=True)
+class Alias:
+    """A transform of the cell, or its inverse, by another name."""
+
+    transform: str
+    is_inverse: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayCalibration:
+    """What came out of arrays.
+
+    `found["cam2gripper"]` is a transform with its covariance (6, 6) [m, rad]; `found.R_cam2gripper` (3, 3) and
+    `found.t_cam2gripper` (3, 1) [m] are its mean as OpenCV has it. `a2b` is `b_from_a`.
+
+    Attributes:
+        calibration: All that came out, with verdict and findings.
+        cell: What was calibrated.
+        recording: What was given, as a recording.
+        aliases: Transforms of the cell by OpenCV's names.
+    """
+
+    calibration: Calibration
+    cell: Cell
+    recording: Recording
+    aliases: Mapping[str, Alias]
+
+    @property
+    def verdict(self) -> str:
+        """`good`, `doubtful` or `refused`."""
+        return self.calibration.verdict
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the user should know."""
+        return self.calibration.findings
+
+    def __getitem__(self, name: str) -> PoseEstimate:
+        """The estimate of a transform by OpenCV's name.
+
+        Raises:
+            FrameNotFound: if there is no such name.
+            NotObservable: if the arrays do not determine it.
+        """
+        if name not in self.aliases:
+            raise FrameNotFound(name, list(self.aliases))
+        alias = self.aliases[name]
+        found = self.calibration.transforms.get(alias.transform)
+        if found is None:
+            raise NotObservable(f"{name} was not found: {' '.join(f.message for f in self.findings[:1])}")
+        return found.inverse() if alias.is_inverse else found
+
+    def __getattr__(self, name: str) -> Any:
+        """`R_...` and `t_...` of each name."""
+        letter, _, alias = name.partition("_")
+        if letter not in ("R", "t") or alias not in self.__dict__.get("aliases", {}):
+            raise AttributeError(f"a calibration of arrays has no {name!r}")
+        return self[alias].mean.rotation if letter == "R" else _column(self[alias])
+
+    def __dir__(self) -> list[str]:
+        """Those of `R_...` and `t_...` too."""
+        return [*super().__dir__(), *(f"{letter}_{name}" for name in self.aliases for letter in "Rt")]
+
+    def __repr__(self) -> str:
+        """One line."""
+        known = [name for name, alias in self.aliases.items() if alias.transform in self.calibration.transforms]
+        told = "; ".join(f"{name} {self[name].words()}" for name in known)
+        return f"<{self.verdict}: {told or 'no transform'}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return self.calibration._repr_html_()
+
+
+def _column(estimate: PoseEstimate) -> Array:
+    return estimate.mean.translation[:, None].copy()

@@ -1,0 +1,147 @@
+"""Calibrations of arrays by the calls that OpenCV's users know: each gives covariance, a verdict and findings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from basecal.accuracy.arrays.array_calibration import Alias, ArrayCalibration
+from basecal.accuracy.calibrate import calibrate
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, PoseObservation, Recording, Robot, RobotState, Sample
+from basecal.estimation.settings import DEFAULT, Settings
+from basecal.exchange.hand_eye.arrays import record_of_arrays
+from basecal.exchange.hand_eye.record import HandEyeRecord
+
+
+def hand_eye(
+    R_gripper2base: ArrayLike,
+    t_gripper2base: ArrayLike,
+    R_target2cam: ArrayLike,
+    t_target2cam: ArrayLike,
+    *,
+    camera_on: Literal["robot", "world"] = "robot",
+    settings: Settings = DEFAULT,
+) -> ArrayCalibration:
+    """`cam2gripper` and `target2base`, as of `cv2.calibrateHandEye`; `cam2base` and `target2gripper` of a still camera.
+
+    Args:
+        R_gripper2base: (n, 3, 3), or rotation vectors (n, 3) [rad]; arrays or lists of arrays.
+        t_gripper2base: (n, 3) or (n, 3, 1) [m].
+        R_target2cam: As of the gripper.
+        t_target2cam: Likewise.
+        camera_on: What carries the camera. The poses of the gripper are the same for both: none are inverted.
+        settings: How to solve.
+
+    Raises:
+        InputError: if they are no poses, or not as many.
+    """
+    arrays = {
+        "R_gripper2base": R_gripper2base,
+        "t_gripper2base": t_gripper2base,
+        "R_target2cam": R_target2cam,
+        "t_target2cam": t_target2cam,
+    }
+    record = record_of_arrays(arrays, "hand_eye", camera_on == "robot")
+    if camera_on == "robot":
+        names = {"cam2gripper": Alias("eye_flange_from_camera"), "target2base": Alias("eye_base_from_target")}
+    else:
+        names = {"cam2base": Alias("hand_base_from_camera"), "target2gripper": Alias("hand_flange_from_target")}
+    return _calibrate_record(record, names, settings)
+
+
+def robot_world(
+    R_world2cam: ArrayLike,
+    t_world2cam: ArrayLike,
+    R_base2gripper: ArrayLike,
+    t_base2gripper: ArrayLike,
+    *,
+    settings: Settings = DEFAULT,
+) -> ArrayCalibration:
+    """`base2world` and `gripper2cam`, as of `cv2.calibrateRobotWorldHandEye`.
+
+    Args:
+        R_world2cam: (n, 3, 3), or rotation vectors (n, 3) [rad]; arrays or lists of arrays.
+        t_world2cam: (n, 3) or (n, 3, 1) [m].
+        R_base2gripper: As of the camera.
+        t_base2gripper: Likewise.
+        settings: How to solve.
+
+    Raises:
+        InputError: if they are no poses, or not as many.
+    """
+    arrays = {
+        "R_world2cam": R_world2cam,
+        "t_world2cam": t_world2cam,
+        "R_base2gripper": R_base2gripper,
+        "t_base2gripper": t_base2gripper,
+    }
+    names = {"base2world": Alias("eye_base_from_target", True), "gripper2cam": Alias("eye_flange_from_camera", True)}
+    return _calibrate_record(record_of_arrays(arrays, "robot_world"), names, settings)
+
+
+def base_to_base(
+    R_eye_gripper2base: ArrayLike,
+    t_eye_gripper2base: ArrayLike,
+    R_hand_gripper2base: ArrayLike,
+    t_hand_gripper2base: ArrayLike,
+    R_target2cam: ArrayLike,
+    t_target2cam: ArrayLike,
+    *,
+    settings: Settings = DEFAULT,
+) -> ArrayCalibration:
+    """`hand_base2eye_base`, `cam2eye_gripper` and `target2hand_gripper` of two arms, of which both may move.
+
+    Args:
+        R_eye_gripper2base: Of the arm that carries the camera: (n, 3, 3), or rotation vectors (n, 3) [rad].
+        t_eye_gripper2base: (n, 3) or (n, 3, 1) [m].
+        R_hand_gripper2base: Likewise of the arm that carries the target.
+        t_hand_gripper2base: Likewise.
+        R_target2cam: Likewise of the target in the camera.
+        t_target2cam: Likewise.
+        settings: How to solve.
+
+    Raises:
+        InputError: if they are no poses, or not as many.
+    """
+    arrays = {
+        "R_eye_gripper2base": R_eye_gripper2base,
+        "t_eye_gripper2base": t_eye_gripper2base,
+        "R_hand_gripper2base": R_hand_gripper2base,
+        "t_hand_gripper2base": t_hand_gripper2base,
+        "R_target2cam": R_target2cam,
+        "t_target2cam": t_target2cam,
+    }
+    names = {
+        "hand_base2eye_base": Alias("eye_base_from_hand_base"),
+        "cam2eye_gripper": Alias("eye_flange_from_camera"),
+        "target2hand_gripper": Alias("hand_flange_from_target"),
+    }
+    return _calibrate_record(record_of_arrays(arrays, "base_to_base"), names, settings)
+
+
+def _calibrate_record(record: HandEyeRecord, names: Mapping[str, Alias], settings: Settings) -> ArrayCalibration:
+    """The calibration of a record as a cell, whose robots are the eye that carries the camera and the hand."""
+    poses = {"eye": record.base_from_flange} if record.camera_on_robot else {"hand": record.base_from_flange}
+    if record.hand_base_from_flange is not None:
+        poses["hand"] = record.hand_base_from_flange
+    carriers = [name if name in poses else WORLD for name in ("eye", "hand")]
+    cell = Cell(
+        reference=next(iter(poses)),
+        robots={name: Robot(name) for name in poses},
+        cameras={"camera": CellCamera("camera", carriers[0])},
+        targets={"target": CellTarget("target", carriers[1])},
+    )
+    seen = record.camera_from_target
+    assert seen is not None
+    samples = [
+        Sample(
+            k,
+            robots={name: RobotState(pose[k]) for name, pose in poses.items()},
+            observations=(PoseObservation("camera", "target", seen[k]),),
+        )
+        for k in range(len(seen))
+    ]
+    recording = Recording(tuple(samples))
+    return ArrayCalibration(calibrate(cell, recording, settings), cell, recording, names)

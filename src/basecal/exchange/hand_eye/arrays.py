@@ -1,0 +1,114 @@
+"""Arrays under OpenCV's names: `calibrateHandEye`, `calibrateRobotWorldHandEye`, and the same of two arms.
+
+`R_gripper2base` and `t_gripper2base` are base_from_flange, `R_target2cam` and `t_target2cam` camera_from_target, in
+metres. A world is a target, and `R_base2gripper` is flange_from_base. Of two arms the eye carries the camera and the
+hand the target. Rotations are matrices or rotation vectors [rad].
+Source: OpenCV's documentation of calib3d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from basecal.errors import DatasetError, InputError, list_names
+from basecal.exchange.fields import read_fields
+from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.npz import read_arrays
+from basecal.geometry import SE3, Array
+from basecal.geometry.rotation import checked_rotation, rotation_exp
+
+HAND_EYE = ("gripper2base", "target2cam")
+"""What `calibrateHandEye` takes."""
+ROBOT_WORLD = ("base2gripper", "world2cam")
+"""What `calibrateRobotWorldHandEye` takes."""
+BASE_TO_BASE = ("eye_gripper2base", "hand_gripper2base", "target2cam")
+"""Poses of two arms, and what the camera of the first sees of the target of the second."""
+
+_LARGEST = 2**24  # bytes of JSON: twenty thousand samples
+
+
+def record_of_arrays(
+    arrays: Mapping[str, ArrayLike], source: str, camera_on_robot: bool = True, metres: float = 1.0
+) -> HandEyeRecord:
+    """The recording that arrays hold.
+
+    Args:
+        arrays: `R_...` (n, 3, 3) or (n, 3) [rad] and `t_...` (n, 3), an axis of one among theirs or not, of one of
+            `HAND_EYE`, `ROBOT_WORLD` and `BASE_TO_BASE`.
+        source: Where they are from.
+        camera_on_robot: Whether the robot carries the camera, and not the target.
+        metres: Of a unit of the translations.
+
+    Raises:
+        InputError: if one is missing, or is no rotation or translation, or their lengths differ.
+    """
+    wanted = next((kind for kind in (BASE_TO_BASE, ROBOT_WORLD, HAND_EYE) if _holds(arrays, kind)), None)
+    if wanted is None:
+        keys = " or ".join(list_names(_keys(kind)) for kind in (HAND_EYE, ROBOT_WORLD, BASE_TO_BASE))
+        raise InputError(f"{source}: holds {list_names(list(arrays))}, expected {keys}")
+    poses = [_poses(arrays, name, metres) for name in wanted]
+    counts = {f"R_{name}": len(pose) for name, pose in zip(wanted, poses, strict=True)}
+    if len(set(counts.values())) > 1:
+        told = ", ".join(f"{name} has {count}" for name, count in counts.items())
+        raise InputError(f"{source}: {told}: expected as many of each, a pose a sample")
+    what = f"{len(poses[0])} samples under OpenCV's names: {list_names(_keys(wanted))}"
+    if wanted == BASE_TO_BASE:
+        return HandEyeRecord(source, what, True, poses[0], poses[2], hand_base_from_flange=poses[1])
+    base_from_flange = poses[0].inverse() if wanted == ROBOT_WORLD else poses[0]
+    return HandEyeRecord(source, what, camera_on_robot, base_from_flange, poses[1])
+
+
+def read_record_of_arrays(path: str | Path, camera_on_robot: bool | None, metres: float) -> HandEyeRecord:
+    """The recording that an archive of NumPy (`.npz`) or a JSON file holds, as of `record_of_arrays`.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    name = str(path)
+    if name.lower().endswith(".npz"):
+        name, found = read_arrays(name)
+        arrays: dict[str, ArrayLike] = dict(found)
+    else:
+        root = read_fields(path, _LARGEST)
+        if not isinstance(root.data, dict):
+            raise DatasetError(name, "expected a mapping of arrays by OpenCV's names, such as R_gripper2base")
+        arrays = root.data
+    return record_of_arrays(arrays, name, camera_on_robot is not False, metres)
+
+
+def _keys(kind: tuple[str, ...]) -> list[str]:
+    return [f"{letter}_{name}" for name in kind for letter in "Rt"]
+
+
+def _holds(arrays: Mapping[str, ArrayLike], kind: tuple[str, ...]) -> bool:
+    return all(key in arrays for key in _keys(kind))
+
+
+def _poses(arrays: Mapping[str, ArrayLike], name: str, metres: float) -> SE3:
+    """(n,) transforms."""
+    rotations = _numbers(arrays, f"R_{name}", ((3, 3), (3,)))
+    rotation = checked_rotation(rotations, f"R_{name}") if rotations.ndim == 3 else rotation_exp(rotations)
+    translation = _numbers(arrays, f"t_{name}", ((3,),)) * metres
+    if len(rotation) != len(translation):
+        raise InputError(f"R_{name} has {len(rotation)} entries and t_{name} {len(translation)}, expected as many")
+    return SE3(rotation, translation)
+
+
+def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int, ...], ...]) -> Array:
+    """Finite numbers (n, *shape) of one of the shapes; a row or a column of three is three numbers."""
+    try:
+        values = np.asarray(arrays[key], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
+    if values.ndim == 3 and 1 in values.shape[1:]:
+        values = values.reshape(len(values), -1)
+    if values.ndim < 2 or values.shape[1:] not in shapes:
+        expected = " or ".join(f"(n, {', '.join(map(str, shape))})" for shape in shapes)
+        raise InputError(f"{key} has shape {values.shape}, expected {expected}")
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{key} holds NaN or infinity")
+    return values

@@ -1,0 +1,68 @@
+"""Arrays under OpenCV's names, in archives and JSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import InputError
+from basecal.exchange.hand_eye.arrays import read_record_of_arrays, record_of_arrays
+from basecal.geometry import SE3
+
+POSES = SE3.exp(np.random.default_rng(0).normal(size=(3, 5, 6)))
+
+
+def _arrays(*names: str) -> dict[str, np.ndarray]:
+    made = {}
+    for name, pose in zip(names, POSES, strict=False):
+        made[f"R_{name}"], made[f"t_{name}"] = pose.rotation, pose.translation[..., None]
+    return made
+
+
+def test_archive_in_millimetres(tmp_path: Path) -> None:
+    """An archive gives its poses in metres."""
+    arrays = _arrays("gripper2base", "target2cam")
+    np.savez(tmp_path / "poses.npz", **{key: 1e3 * a if key[0] == "t" else a for key, a in arrays.items()})
+    found = read_record_of_arrays(tmp_path / "poses.npz", None, 1e-3)
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].matrix, atol=1e-12)
+    np.testing.assert_allclose(found.camera_from_target.matrix, POSES[1].matrix, atol=1e-12)
+
+
+def test_json_of_a_robot_and_a_world(tmp_path: Path) -> None:
+    """`base2gripper` is turned about."""
+    data = {key: value.tolist() for key, value in _arrays("base2gripper", "world2cam").items()}
+    (tmp_path / "poses.json").write_text(json.dumps(data))
+    found = read_record_of_arrays(tmp_path / "poses.json", True, 1.0)
+    np.testing.assert_allclose(found.base_from_flange.matrix, POSES[0].inverse().matrix, atol=1e-12)
+
+
+def test_two_arms() -> None:
+    """The second carries the target."""
+    found = record_of_arrays(_arrays("eye_gripper2base", "hand_gripper2base", "target2cam"), "test")
+    np.testing.assert_allclose(found.hand_base_from_flange.matrix, POSES[1].matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"R_target2cam": None}, "R_target2cam is no array of numbers|R_target2cam has shape"),
+        ({"R_target2cam": POSES[1].matrix}, r"R_target2cam has shape \(5, 4, 4\), expected \(n, 3, 3\) or \(n, 3\)"),
+        ({"t_target2cam": POSES[1].translation[1:]}, "R_target2cam has 5 entries and t_target2cam 4"),
+        ({"R_target2cam": POSES[1].rotation * [1, 1, -1]}, "R_target2cam is not a rotation"),
+        ({"t_gripper2base": np.full((5, 3), np.nan)}, "t_gripper2base holds NaN"),
+        ({"R_gripper2base": [[1.0], [1.0, 2.0]]}, "R_gripper2base is no array of numbers"),
+    ],
+)
+def test_what_is_wrong_is_named(change: dict[str, object], told: str) -> None:
+    """An array of another shape, length or kind is refused by its name."""
+    with pytest.raises(InputError, match=told):
+        record_of_arrays({**_arrays("gripper2base", "target2cam"), **change}, "test")
+
+
+def test_other_names() -> None:
+    """Arrays under other names are refused with those that are known."""
+    with pytest.raises(InputError, match="holds R_a, t_a, expected R_gripper2base, t_gripper2base, R_target2cam"):
+        record_of_arrays(_arrays("a"), "test")
