@@ -47,9 +47,8 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
 
 def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what was covered and how well the base is known, after reports; nothing where a program reads."""
-    line = (
-        "camera wrist: pictures arrive late\n   1/9 sample 3: taken, 100 % of the picture; base +-1.00 mm 0.057 deg\n"
-    )
+    late = "camera wrist: pictures arrive late\n"
+    line = late + "   4/9 sample 3: taken, 100 % of the picture; base known to 1.0 mm and 0.057 deg (1 sigma)\n"
     assert shown(io.StringIO(), monkeypatch, rig()) == line
     assert shown(io.StringIO(), monkeypatch, rig(), quiet=True) == ""
 
@@ -58,4 +57,4 @@ def test_a_terminal_has_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
     """Instead of lines, unless a robot's driver asks on that terminal."""
     monkeypatch.setenv("TERM", "xterm")
     assert "4 taken, 9 planned" in shown(Terminal(), monkeypatch, rig())
-    assert shown(Terminal(), monkeypatch, rig(is_live=False)).splitlines()[1].startswith("   1/9 sample 3: taken")
+    assert shown(Terminal(), monkeypatch, rig(is_live=False)).splitlines()[1].startswith("   4/9 sample 3: taken")

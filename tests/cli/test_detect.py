@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -59,4 +60,15 @@ def test_summary(
     text = "".join(line(number, *kind) for number, kind in enumerate(samples))
     (tmp_path / "recording" / "samples.jsonl").write_text(text)
     assert main(["detect", str(tmp_path)]) == code
-    assert capsys.readouterr().out.splitlines()[0] == said
+    first, *_, last = capsys.readouterr().out.splitlines()
+    assert first == said
+    assert last.startswith("next")
+
+
+def test_a_camera_without_a_lens_is_not_searched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It is named, with what to add; a search that did not take place is no success."""
+    (tmp_path / "cell.yaml").write_text(re.sub(r", intrinsics: \{[^}]*\}", "", CELL))
+    write_png(tmp_path / "recording" / "images" / "0.png", scene(TARGETS["charuco"]))
+    (tmp_path / "recording" / "samples.jsonl").write_text(line(0, True, False))
+    assert main(["detect", str(tmp_path)]) == 1
+    assert "the lens of wrist: add `intrinsics: {status: free}`" in capsys.readouterr().out

@@ -35,11 +35,18 @@ def test_out_of_reach(cell, capsys):
     """Exit 1, and the source that forbids it."""
     asked = ["plan", str(cell), "--tolerance", "1um", "--task-point", "-0.3", "0.7", "0.1"]
     assert main(asked) == 5
-    assert "cannot be reached: " in capsys.readouterr().out
+    assert "cannot be reached. " in capsys.readouterr().out
     assert main([*asked, "--json"]) == 5
     found = json.loads(capsys.readouterr().out)
     assert (found["needed"], found["reachable"]) == (None, False)
     assert found["forbidden_by"] == found["budget"][0]["source"]
+
+
+def test_what_is_reached_already(cell, capsys):
+    """Without a sample more, with what is recorded."""
+    assert main(["plan", str(cell), "--tolerance", "10cm", "--task-point", "-0.3", "0.7", "0.1"]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("100 mm at the task is already reached (95 %: ")
 
 
 def test_a_file_for_capture(cell, tmp_path, capsys):

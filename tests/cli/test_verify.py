@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from basecal.cell.files import read_calibration
 from basecal.cli import main
 
 
@@ -75,6 +76,17 @@ def test_samples_join_where_nothing_moved(cell: Path, tmp_path: Path, capsys: py
     assert told["added"] == list(range(20, 26))
     assert [json.loads(line)["sample"] for line in journal.read_text().splitlines()] == list(range(26))
     assert (copy / "runs" / told["run"] / "calibration.json").is_file()
+
+
+def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> None:
+    """Nobody asked for anything else, and `compare` reports nothing else."""
+    copy = Path(shutil.copytree(cell, tmp_path / "cell"))
+    shutil.rmtree(copy / "runs")
+    assert main(["calibrate", str(copy), "--task-point", "0.5", "0", "0.5", "--tolerance", "1cm"]) == 0
+    assert main(["verify", str(copy), str(copy / "new.jsonl"), "--recalibrate"]) == 0
+    first, second = (read_calibration(run) for run in sorted((copy / "runs").iterdir()))
+    assert second.settings == first.settings
+    assert second.tolerance is not None
 
 
 def test_what_is_to_be_verified_is_asked_for(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from xml.etree.ElementTree import fromstring
 
-from basecal.cell import Calibration, Finding
+import pytest
+
+from basecal.cell import Calibration, Finding, Tolerance
 from basecal.reporting.notebook import html_summary
 from export_example import BASE, CALIBRATION, FIXED, POINT
 
@@ -19,7 +21,7 @@ def test_each_transform_is_a_row():
     """With the digits of its sigma; what is fixed has none, and a point no rotation."""
     rows = table_of(html_summary(CALIBRATION))
     assert list(rows) == list(CALIBRATION.transforms)
-    assert rows[BASE][:2] == ["812.346, -400.000, 50.000", "0.200, 0.300, 0.500"]
+    assert rows[BASE][:2] == ["812.35, -400.00, 50.00", "0.20, 0.30, 0.50"]
     assert rows[BASE][4] == "free"
     assert rows[FIXED][1] == rows[FIXED][3] == ""
     assert rows[POINT][2:4] == ["", ""]
@@ -28,8 +30,16 @@ def test_each_transform_is_a_row():
 def test_verdict_and_findings_are_said_as_text():
     """Whatever they hold."""
     html = html_summary(replace(CALIBRATION, findings=(Finding("poor-fit", "warning", (), "<b>x</b> & y"),)))
-    assert "<b>GOOD</b>" in html
+    assert ">GOOD</b>" in html
     assert "<code>poor-fit</code> &lt;b&gt;x&lt;/b&gt; &amp; y" in html
+
+
+@pytest.mark.parametrize(("expected_m", "word"), [(2e-4, "PASS"), (2e-3, "FAIL")])
+def test_a_tolerance_comes_first(expected_m: float, word: str) -> None:
+    """One word, with the expected error beside it."""
+    html = html_summary(replace(CALIBRATION, tolerance=Tolerance(1e-3, expected_m, word == "PASS")))
+    assert html.index(f">{word}</b> expected error {1e3 * expected_m:.2g}") < html.index("<table>")
+    assert "GOOD" not in html
 
 
 def test_what_is_refused_has_no_table():

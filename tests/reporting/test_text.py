@@ -20,7 +20,8 @@ from basecal.cell import (
     Validation,
 )
 from basecal.geometry import SE3, Camera, PoseEstimate
-from basecal.reporting.text import frame_names, text_report, verdict_sentence
+from basecal.reporting.statement.verdict import headline
+from basecal.reporting.text import frame_names, text_report
 
 BASE = "eye_base_from_hand_base"
 
@@ -53,19 +54,19 @@ def a_calibration() -> Calibration:
 def test_verdict_comes_first() -> None:
     """The first line says the verdict and how well what was asked is known, from the covariance's traces."""
     first = text_report(a_cell(), a_calibration()).splitlines()[0]
-    assert first == f"GOOD: {BASE} to 0.5 mm and 0.29 deg (1 sigma)."
+    assert first == f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma)."
 
 
 def test_numbers_are_those_of_the_calibration() -> None:
     """Translation in mm, angles in deg, sigmas per axis, lens, residuals and noise are all told."""
     text = " ".join(text_report(a_cell(), a_calibration()).split())
     for said in (
-        "t 1250.0000 -500.0000 0.0000 mm sigma 0.3000 0.4000 0.0000 mm norm 0.5000 mm",
-        "rpy 0.0000 0.0000 90.0000 deg sigma 0.1719 0.0000 0.2292 deg norm 0.2865 deg",
+        "t 1250.00 -500.00 0.00 mm sigma 0.30 0.40 0.00 mm norm 0.50 mm",
+        "rpy 0.00 0.00 90.00 deg sigma 0.17 0.00 0.23 deg norm 0.29 deg",
         "fx 900.00000 sigma 2.00000 px",
-        "reprojection error 0.200 px rms per coordinate, median 0.100 px",
-        "pose consistency error 0.400 mm and 0.050 deg rms over 1 views",
-        "worst view: sample 3 by wrist, 0.400 px rms",
+        "reprojection error 0.20 px rms per coordinate, median 0.10 px",
+        "pose consistency error 0.40 mm and 0.050 deg rms over 1 views",
+        "worst view: sample 3 by wrist, 0.40 px rms",
         "measurement noise, 1 sigma per axis: 0.21 px",
         "pose noise of robot eye, 1 sigma per axis: 0.3 0.1 0.3 mm, 0.5 mrad",
     ):
@@ -94,8 +95,8 @@ def test_doubt_says_number_and_reason() -> None:
     """A doubtful answer gives its number together with the warning."""
     warning = Finding("intrinsics", "warning", ("wrist",), "the lens moved far from its prior.")
     doubtful = replace(a_calibration(), verdict="doubtful", findings=(warning,))
-    assert verdict_sentence(a_cell(), doubtful) == (
-        f"DOUBTFUL: {BASE} to 0.5 mm and 0.29 deg (1 sigma), but: {warning.message}"
+    assert str(headline(a_cell(), doubtful)) == (
+        f"DOUBTFUL: {BASE} to 0.50 mm and 0.29 deg (1 sigma), but: {warning.message}"
     )
 
 
@@ -124,11 +125,12 @@ def test_good_says_what_it_predicts() -> None:
     """The verdict tells the cross-validation error: at the target, or in pixels where there is no pose."""
     at_target = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 1.0)
     good = replace(a_calibration(), validation=at_target)
-    assert verdict_sentence(a_cell(), good) == (
-        f"GOOD: {BASE} to 0.5 mm and 0.29 deg (1 sigma); cross-validation error 0.41 mm and 0.052 deg rms."
+    assert str(headline(a_cell(), good)) == (
+        f"GOOD: {BASE} to 0.50 mm and 0.29 deg (1 sigma); "
+        "cross-validation error, rms: 0.41 mm and 0.052 deg at the target."
     )
     in_pixels = replace(good, validation=Validation("k-fold", 5, 0.25))
-    assert verdict_sentence(a_cell(), in_pixels).endswith("; cross-validation error 0.25 px rms.")
+    assert str(headline(a_cell(), in_pixels)).endswith("; cross-validation error, rms: 0.25 px.")
 
 
 def test_the_cause_comes_before_what_follows_from_it() -> None:
@@ -137,11 +139,11 @@ def test_the_cause_comes_before_what_follows_from_it() -> None:
     cause = Finding("outlier-samples", "warning", ("3",), "sample 3 is off: leave it out.")
     aside = Finding("dropped-sample", "info", ("7",), "sample 7 was cut short.")
     doubtful = replace(a_calibration(), verdict="doubtful", findings=(aside, follows, cause))
-    assert verdict_sentence(a_cell(), doubtful).endswith(", but: sample 3 is off: leave it out (and 1 more finding)")
+    assert str(headline(a_cell(), doubtful)).endswith(", but: sample 3 is off: leave it out (and 1 more finding)")
     error = Finding("unobservable-direction", "error", (), "the data do not see any turn of hand_base: move it")
     lost = Finding("not-converged", "error", (), "the iteration ended away from an optimum")
     refused = Calibration("refused", findings=(lost, follows, error))
-    assert verdict_sentence(a_cell(), refused) == f"REFUSED: {error.message} (and 2 more findings)"
+    assert str(headline(a_cell(), refused)) == f"REFUSED: {error.message} (and 2 more findings)"
 
 
 def test_validation_and_outliers_are_told() -> None:
@@ -153,7 +155,7 @@ def test_validation_and_outliers_are_told() -> None:
     validation = Validation("k-fold", 5, 0.25, 4.1e-4, np.radians(0.052), 6.25)
     text = text_report(a_cell(), replace(a_calibration(), validation=validation, outliers=left_out))
     for said in (
-        "cross-validation error (k-fold, 5 folds): 0.250 px per coordinate, 0.410 mm and 0.052 deg at the",
+        "cross-validation error (k-fold, 5 folds), rms: 0.41 mm and 0.052 deg at the target, 0.25 px",
         "fold spread over predicted sigma: 2.50",
         "outlier: sample 3, led by wrist, points 4, 5: 8 px off",
         "outlier: sample 7, led by wrist, the whole view: the arm was 12 sigmas off",
@@ -167,7 +169,7 @@ def test_the_worst_view_is_one_that_was_used() -> None:
     left_out = (Outlier(3, "wrist", "led", (), "bumped"), Outlier(4, "wrist", "led", (2,), "8 px off"))
     told = replace(a_calibration(), residuals=Residuals(0.2, 0.1, 4e-4, 1e-3, views), outliers=left_out)
     text = text_report(a_cell(), told)
-    assert "worst view: sample 4 by wrist, 0.700 px rms" in text
+    assert "worst view: sample 4 by wrist, 0.70 px rms" in text
     assert "rms over 2 views" in text
 
 

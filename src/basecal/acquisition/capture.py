@@ -43,9 +43,9 @@ class Step:
 
     Attributes:
         sample: Its number.
-        reason: Why it was given up, in words; empty if it was taken.
-        samples: How many samples there are now.
-        planned_count: How many the plan has.
+        why_not: Why it was given up, in words; empty if it was taken.
+        taken: How many samples there are now.
+        planned: How many there are to be in the end.
         coverage: Of all of them.
         sigma: Of the requested transform, 3-D norms [m] and [rad] as in the report; None while a direction is open.
         doubts: What disagrees, as far as it was not reported before.
@@ -195,6 +195,7 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
     if not taker.rig.cameras:
         raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
     recording = Recording(_recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
+    planned_count += len(recording.samples)
     return _Captured(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
 
 

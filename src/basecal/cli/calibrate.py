@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from basecal.estimation.settings import Settings
 
 
+_EXIT_CODES = {"REFUSED": 4, "FAIL": 5, "DOUBTFUL": 1}
+
+
 def calibrate(
     cell: Path,
     /,
@@ -195,12 +198,7 @@ def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
 
 
 def exit_code(calibration: Calibration) -> int:
-    """4 if it is refused, 5 if a tolerance is missed, 1 if it is doubtful, else 0.
+    """4 if it is refused, 5 if a tolerance is missed, 1 if it is doubtful, else 0."""
+    from basecal.reporting.statement.verdict import verdict_word
 
-    A doubtful calibration within its tolerance proves nothing, and is doubtful.
-    """
-    if calibration.verdict == "refused":
-        return 4
-    if calibration.tolerance is not None and not calibration.tolerance.is_within:
-        return 5
-    return 1 if calibration.verdict == "doubtful" else 0
+    return _EXIT_CODES.get(verdict_word(calibration), 0)

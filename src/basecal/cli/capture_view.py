@@ -98,10 +98,12 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
 
 def say_step(step: Step, place: int) -> None:
     """Print what has become of a sample."""
-    sigma = "" if step.sigma is None else f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
+    from basecal.reporting.statement.verdict import error_text
+
+    sigma = "" if step.sigma is None else f"; base known to {error_text(*step.sigma)} (1 sigma)"
     said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the picture"
     advice = step.coverage.advice(step.taken)
-    say(f"{place:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
+    say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
     for doubt in step.doubts:
         say(f"  {'WARNING' if doubt.is_lasting else 'check'}: {doubt.message}")
     if sys.stdout is not None:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.detected import detected_recording
-from basecal.cli.terminal import print_json, say
+from basecal.cli.next_step import cameras_without_lens, next_step
+from basecal.cli.terminal import print_json, quote_path, say
 
 if TYPE_CHECKING:
     from basecal.cell import Recording
@@ -22,7 +23,7 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
     which detects if needed. Images without a target and
     images that cannot be used are listed.
 
-    Ends with 0 if every image shows what it should, else with 1.
+    Ends with 0 if every image was searched and shows what it should, else with 1.
 
     For example:
 
@@ -42,7 +43,8 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
         print_json({"samples": samples, "findings": [finding_to_dict(finding) for finding in recording.findings]})
     else:
         _print_summary(recording)
-    return 1 if recording.findings else 0
+        say(next_step(described, recording, cell) or f"next: basecal calibrate {quote_path(cell)}")
+    return 1 if recording.findings or cameras_without_lens(described, recording) else 0
 
 
 def _print_summary(recording: Recording) -> None:

@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from basecal.cell import Cell, Recording
 
 
+def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
+    """Cameras whose images are not searched, as nothing is said of their lens."""
+    lensless = [name for name, camera in cell.cameras.items() if camera.intrinsics is None]
+    return [name for name in lensless if any(name in sample.images for sample in recording.samples)]
+
+
 def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated."""
     from basecal.exchange.pictures import ENDINGS
@@ -30,6 +36,8 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
         has_pictures = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
         there = quote_path(dropped) if has_pictures else "DIR"
         return f"next, its pictures: basecal import images {place} {there} --camera {camera}"
+    if unread := cameras_without_lens(cell, recording):
+        return f"next, the lens of {list_names(unread)}: add `intrinsics: {{status: free}}` to it in cell.yaml"
     if not cell.targets and not cell.sees_scene:
         scene = f"basecal calibrate {place} --scene"
         return f"next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md), or: {scene}"

@@ -214,18 +214,19 @@ def _find_calibration(folder: Path, cell: Cell, recording: Recording) -> Calibra
 def _words(plan_result: Plan, tolerance_mm: float | None) -> str:
     expected = "an unknown error" if plan_result.expected_m is None else f"{1e3 * plan_result.expected_m:.2g} mm"
     needed = "" if tolerance_mm is None else f"{tolerance_mm:.3g} mm"
-    many = f"{len(plan_result.samples)} samples" + (
-        f" beside the {plan_result.recorded} recorded" if plan_result.recorded else ""
-    )
+    count = len(plan_result.samples)
+    many = f"{count} more samples" if plan_result.recorded else f"{count} samples"
+    outcome = f"Expected error with {many}: {expected} (95 %)."
     if plan_result.reachable is False:
-        source = f": {plan_result.budget[0].source} forbids it" if plan_result.budget else ""
-        lines = [f"{needed} cannot be reached{source}; {many} leave 95 % of errors below {expected}"]
+        source = f" {plan_result.budget[0].source} forbids it." if plan_result.budget else ""
+        lines = [f"{needed} at the task cannot be reached.{source}", outcome]
+    elif tolerance_mm is not None and plan_result.needed == 0:
+        lines = [f"{needed} at the task is already reached (95 %: {expected} with {plan_result.recorded} samples)."]
+        lines += [outcome] if count else []
     elif tolerance_mm is not None:
-        lines = [
-            f"{needed} at the task: {plan_result.needed} samples reach it; {many} leave 95 % of errors below {expected}"
-        ]
+        lines = [f"{needed} at the task: {plan_result.needed} samples reach it.", outcome]
     else:
-        lines = [f"{many} leave 95 % of errors at the task below {expected}"]
+        lines = [outcome]
     for entry in plan_result.budget:
         halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
         lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")

@@ -68,7 +68,7 @@ def verify(
         found = _verify(cell, described, run, new)
         data, text, code = verification_dict(found), [verification_text(found)], int(found.moved is not False)
         if recalibrate:
-            data["recalibration"], code = _recalibrate(cell, described, new, found)
+            data["recalibration"], code = _recalibrate(cell, described, run, new, found)
             text.append(_recalibration_words(data["recalibration"]))
     if history:
         past, words = _history(cell)
@@ -110,13 +110,17 @@ def _verify(cell: Path, described: Cell, run: Path, new: Recording) -> Verificat
 
 
 def _recalibrate(
-    cell: Path, described: Cell, new: Recording, verification: Verification
+    cell: Path, described: Cell, run: Path, new: Recording, verification: Verification
 ) -> tuple[dict[str, Any] | None, int]:
-    """The run made of old and new samples, and its exit code; nothing if something moved, or that is not known."""
+    """The run made of old and new samples by the settings of the verified one, and its exit code.
+
+    Nothing is made if something moved, or that is not known.
+    """
     from dataclasses import replace
 
-    from basecal.cell.files import append_samples, read_recording
+    from basecal.cell.files import append_samples, read_calibration, read_recording
     from basecal.cli.calibrate import calibrate_folder, exit_code
+    from basecal.estimation.settings import Settings
 
     if verification.moved is not False:
         return None, 1
@@ -124,7 +128,8 @@ def _recalibrate(
     kept = [sample for sample in new.samples if sample.observations and sample.sample not in verification.outliers]
     added = [replace(s, sample=first + k, images={}, background={}) for k, s in enumerate(kept)]
     append_samples(cell, added)
-    made = calibrate_folder(cell, described)
+    asked = read_calibration(run).settings
+    made = calibrate_folder(cell, described, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
     told = {"run": made.run.name, "verdict": made.calibration.verdict, "added": [s.sample for s in added]}
     return told, exit_code(made.calibration)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
@@ -54,6 +55,12 @@ class Settings:
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain values, for files."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "stages"}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Settings:
+        """The settings of `as_dict`, as a file holds them; what else it holds is left aside."""
+        known: dict[str, Any] = {f.name: values[f.name] for f in fields(cls) if f.name in values}
+        return cls(**known | {name: tuple(each) for name, each in known.items() if isinstance(each, list)})
 
     def stage(self, name: StageName) -> AbstractContextManager[None]:
         """A part of the work: it is logged as it begins, and its time is counted where that is requested."""

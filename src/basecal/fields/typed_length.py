@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from basecal.errors import InputError
+from basecal.errors import UsageError
 
 _UNITS_M = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _LENGTH = re.compile(r"\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]*)\s*")
@@ -16,13 +16,13 @@ def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", per
     """The length that an option states [m], or per second, "/s", the speed [m/s]; the example shows how one is written.
 
     Raises:
-        InputError: if it is no positive number with a unit of length.
+        UsageError: if it is no positive number with a unit of length.
     """
     found = _LENGTH.fullmatch(text.removesuffix(per)) if text.endswith(per) else None
     unit = _UNITS_M.get(found[2]) if found else None
     length = float(found[1]) * unit if found and unit else 0.0
     if not (length > 0 and math.isfinite(length)):
-        raise InputError(
+        raise UsageError(
             f"{option} {text!r}: expected a {'speed' if per else 'length'} above zero with its unit, such as {example}"
         )
     return length
@@ -32,9 +32,9 @@ def columns_rows(text: str, option: str) -> tuple[int, int]:
     """The columns and rows that an option states.
 
     Raises:
-        InputError: if it is no two numbers.
+        UsageError: if it is no two numbers.
     """
     found = _COUNTS.fullmatch(text)
     if found is None:
-        raise InputError(f"{option} {text!r}: expected columns and rows, such as 5x7")
+        raise UsageError(f"{option} {text!r}: expected columns and rows, such as 5x7")
     return int(found[1]), int(found[2])

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 
-import numpy as np
-
 from basecal.cell import Calibration
-from basecal.exchange.exports.digits import angle_decimals, format_fixed, length_decimals
-from basecal.geometry import Array
+from basecal.exchange.exports.digits import format_fixed
+from basecal.reporting.statement.verdict import sort_by_severity, tolerance_sentence, verdict_word
+from basecal.reporting.text import transform_rows
 
-_MILLIMETRE = 1e-3
-_DEGREE = float(np.radians(1))
+_COLOURS = {"PASS": "#1a7f45", "GOOD": "#1a7f45", "DOUBTFUL": "#a55b00"}
+_OTHER_COLOUR = "#b3261e"
 
 
 def html_summary(calibration: Calibration) -> str:
@@ -21,22 +21,24 @@ def html_summary(calibration: Calibration) -> str:
         calibration: What came out.
     """
     rows = ""
-    for name, estimate in calibration.transforms.items():
-        mean, status = estimate.mean, calibration.status.get(name, "free")
-        is_point, is_fixed = name in calibration.points, status == "fixed"
-        mm, deg = length_decimals(estimate, _MILLIMETRE), angle_decimals(estimate, _DEGREE)
-        place = [
-            _numbers(mean.translation / _MILLIMETRE, mm),
-            "" if is_fixed else _numbers(estimate.sigma_t / _MILLIMETRE, mm),
-        ]
-        turn = [_numbers(mean.rpy / _DEGREE, deg), "" if is_fixed else _numbers(estimate.sigma_r / _DEGREE, deg)]
-        row = [escape(name), *place, *(["", ""] if is_point else turn), escape(status)]
-        rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>"
-    head = "".join(f"<th>{cell}</th>" for cell in ("transform", "t [mm]", "sigma", "rpy [deg]", "sigma", "status"))
+    for name in calibration.transforms:
+        status, cells = calibration.status.get(name, "free"), []
+        for row in transform_rows(name, calibration):
+            sigmas = "" if status == "fixed" else _numbers(row.sigmas, row.decimals)
+            cells += [_numbers(row.values, row.decimals), sigmas]
+        row_cells = [escape(name), *cells, *[""] * (4 - len(cells)), escape(status)]
+        rows += f"<tr>{''.join(f'<td>{cell}</td>' for cell in row_cells)}</tr>"
+    titles = ("transform", "t [mm]", "1 sigma per axis", "rpy [deg]", "1 sigma per axis", "status")
+    head = "".join(f"<th>{cell}</th>" for cell in titles)
     table = f"<table><tr>{head}</tr>{rows}</table>" if calibration.transforms else ""
-    found = [f"<li><code>{escape(f.code)}</code> {escape(f.message)}</li>" for f in calibration.findings]
-    return f"<p><b>{escape(calibration.verdict.upper())}</b></p>{table}<ul>{''.join(found)}</ul>"
+    found = [
+        f"<li><code>{escape(f.code)}</code> {escape(f.message)}</li>" for f in sort_by_severity(calibration.findings)
+    ]
+    word, tolerance = verdict_word(calibration), calibration.tolerance
+    why = "" if tolerance is None or word == "REFUSED" else f" {escape(tolerance_sentence(tolerance))}"
+    style = f"color:#fff;background:{_COLOURS.get(word, _OTHER_COLOUR)};padding:0.1em 0.5em;border-radius:4px"
+    return f'<p><b style="{style}">{word}</b>{why}</p>{table}<ul>{"".join(found)}</ul>'
 
 
-def _numbers(values: Array, decimals: int) -> str:
-    return ", ".join(format_fixed(values.tolist(), decimals))
+def _numbers(values: Iterable[float], decimals: int) -> str:
+    return ", ".join(format_fixed(values, decimals))

@@ -11,7 +11,7 @@ from typing import Any
 from basecal.accuracy.fit_details import FitDetails
 from basecal.accuracy.sample_use import sample_use
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording
-from basecal.reporting.text import tolerance_sentence
+from basecal.reporting.statement.digits import two_digits
 
 _LENS_PHRASES = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
 
@@ -26,23 +26,17 @@ class Overview:
     Attributes:
         answer: What came out: a name and a few words each.
         cell: What it is of, likewise.
-        tolerance: `PASS` or `FAIL`, and why; None if no tolerance is stated.
     """
 
     answer: Rows
     cell: Rows
-    tolerance: tuple[str, str] | None
 
 
 def overview(
     cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, time: datetime | None
 ) -> Overview:
     """The overview of a calibration that was made at some time, UTC."""
-    rows = tuple(_answer(cell, recording, calibration, details, time)), tuple(_cell_parts(cell))
-    if calibration.tolerance is None:
-        return Overview(*rows, None)
-    word, _, why = tolerance_sentence(calibration.tolerance).partition(": ")
-    return Overview(*rows, (word, why))
+    return Overview(tuple(_answer(cell, recording, calibration, details, time)), tuple(_cell_parts(cell)))
 
 
 def _answer(
@@ -56,7 +50,7 @@ def _answer(
         yield "Asked for", f"where {child} is, seen from {parent}"
     for error in details.errors:
         of = f" ({error.transform})" if len(details.errors) > 1 else ""
-        yield "Expected error", f"95 % below {1e3 * error.length_m:.3g} mm where the arms worked{of}"
+        yield "Expected error", f"95 % below {two_digits(1e3 * error.length_m)} mm where the arms worked{of}"
     use = sample_use(recording, calibration)
     left_out = use.views - use.views_used
     also = f"; {left_out} of {use.views} views left out" if left_out else ""

@@ -35,6 +35,7 @@ from basecal.reporting.figures.workspace import workspace
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
+from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity
 from basecal.reporting.svg import three_digits
 from basecal.reporting.templates.environment import environment, own_file, policy
 from basecal.reporting.text import (
@@ -43,10 +44,8 @@ from basecal.reporting.text import (
     lens_parameters,
     noise_sentences,
     outlier_sentences,
-    sort_by_severity,
     task_rows,
     validation_sentences,
-    verdict_sentence,
 )
 from basecal.reporting.transforms import transform_view
 
@@ -152,11 +151,11 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
     pasted = pasteable(calibration, cell, run)
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
-    word, _, rest = verdict_sentence(cell, calibration).partition(": ")
+    first = headline(cell, calibration)
     return {
         "verdict": calibration.verdict,
-        "word": word,
-        "sentence": rest,
+        "first": first,
+        "colour": COLOURS[first.word],
         "asked": [transform_view(name, cell, calibration, pasted) for name in asked],
         "lacking": [name for name in cell.asked if name not in calibration.transforms],
         "others": [transform_view(name, cell, calibration, pasted) for name in others],

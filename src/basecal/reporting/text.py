@@ -8,22 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
-from basecal.cell import Calibration, Cell, Finding, LocalFit, Tolerance, Validation
+from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.exchange.exports.choice import frame_names
+from basecal.exchange.exports.digits import format_fixed
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
-from basecal.geometry import Array, Camera, PoseEstimate
+from basecal.geometry import Array, Camera
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.robots import robot_blocks
+from basecal.reporting.statement.digits import shown_decimals, two_digits
+from basecal.reporting.statement.verdict import error_text, headline, held_out_errors, sigma_norms, sort_by_severity
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
-_SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
-# What follows from something else is listed after it.
-_CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
-# What leaves too few samples comes before that there are too few.
-_LOSS_CODES = ("few-images", "dropped-sample")
 _SHOWN_IDS = 10
 _SHOWN_SOURCES = 3  # of a budget, in one line
 
@@ -37,9 +35,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     """
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
-    blocks = [[verdict_sentence(cell, calibration)]]
-    if calibration.tolerance is not None:
-        blocks[0].insert(0, tolerance_sentence(calibration.tolerance))
+    blocks = [[str(headline(cell, calibration))]]
     for name in asked:
         blocks.append(_transform(name, calibration))
         if name not in calibration.points:
@@ -63,94 +59,44 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     return "\n\n".join("\n".join(block) for block in blocks if block)
 
 
-def verdict_sentence(cell: Cell, calibration: Calibration) -> str:
-    """The verdict in one sentence: how well the requested transforms are known, or why they are not and what to do."""
-    asked = [name for name in cell.asked if name in calibration.transforms]
-    known = []
-    for name in asked:
-        sigma_mm, sigma_deg = sigma_norms(calibration[name])
-        known.append(
-            f"{name} to {sigma_mm:.3g} mm" + ("" if name in calibration.points else f" and {sigma_deg:.2g} deg")
-        )
-    reason = _first_reason(calibration.findings)
-    if calibration.verdict == "refused":
-        return f"REFUSED: {reason or 'the transforms asked for are unobservable.'}"
-    answer = f"{'; '.join(known)} (1 sigma)" if known else "no transform is requested, all are fixed"
-    error = _cross_validation_error(calibration.validation)
-    answer = f"{answer}; cross-validation error {error} rms" if error else answer
-    return f"DOUBTFUL: {answer}, but: {reason}" if calibration.verdict == "doubtful" else f"GOOD: {answer}."
-
-
-def tolerance_sentence(check: Tolerance) -> str:
-    """Whether what was requested is known as well as is needed, and how well."""
-    needed = f"tolerance {1e3 * check.asked_m:.3g} mm"
-    if check.expected_95_m is None:
-        return f"FAIL: not everything requested is known, {needed}"
-    expected = f"expected error {1e3 * check.expected_95_m:.3g} mm (95 %), {needed}"
-    if check.met or not check.is_within:
-        return f"{'PASS' if check.met else 'FAIL'}: {expected}"
-    return f"FAIL: {expected}, but only a good calibration proves it"
-
-
-def _cross_validation_error(validation: Validation | None) -> str:
-    """How far off held-out samples are predicted at the target, or else in the image; empty if it is not known."""
-    if validation is None:
-        return ""
-    if validation.target_m is None or validation.target_rad is None:
-        return "" if validation.rms_px is None else f"{validation.rms_px:.2g} px"
-    return f"{validation.target_m * 1e3:.2g} mm and {np.degrees(validation.target_rad):.2g} deg"
-
-
-def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
-    """Root of the trace of both halves of the covariance, [mm] and [deg]."""
-    sigma_m, sigma_rad = estimate.sigma_norms
-    return sigma_m * 1e3, float(np.degrees(sigma_rad))
-
-
-def _first_reason(findings: Iterable[Finding]) -> str:
-    """The most important finding, and how many more there are that count."""
-    messages = [f.message for f in sort_by_severity(findings) if f.severity != "info"]
-    if len(messages) < 2:
-        return "".join(messages)
-    others = len(messages) - 1
-    return f"{messages[0].rstrip('.')} (and {others} more finding{'s' if others > 1 else ''})"
-
-
-def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
-    """Errors, then warnings, then the rest; what follows from others after them."""
-    found = list(findings)
-    too_few = any(f.code == "too-few-samples" for f in found)
-
-    def weight(f: Finding) -> tuple[int, bool]:
-        """The place of a finding: the less, the earlier."""
-        is_cause = too_few and f.severity == "warning" and f.code in _LOSS_CODES
-        return _SEVERITY_RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCE_CODES
-
-    return sorted(found, key=weight)
-
-
-def _row(values: Array, digits: int) -> str:
-    return "".join(f"{round(float(value), digits) + 0.0:13.{digits}f}" for value in values)
+def number_row(values: Array, decimals: int) -> str:
+    """Numbers side by side, in columns."""
+    return "".join(f" {number:>13}" for number in format_fixed(values, decimals))
 
 
 def _transform(name: str, calibration: Calibration) -> list[str]:
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
-    sigma_mm, sigma_deg = sigma_norms(estimate)
     heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
     verdict = calibration.verdicts.get(name, calibration.verdict)
-    lines = [
-        f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}",
-        f"  t      {_row(estimate.mean.translation * 1e3, 4)} mm",
-    ]
-    if status != "fixed":
-        lines.append(f"  sigma  {_row(estimate.sigma_t * 1e3, 4)} mm    norm {sigma_mm:.4f} mm")
-    if is_point:
-        return lines
-    lines += [f"  rpy    {_row(np.degrees(estimate.mean.rpy), 4)} deg"]
-    if status != "fixed":
-        lines.append(f"  sigma  {_row(np.degrees(estimate.sigma_r), 4)} deg   norm {sigma_deg:.4f} deg")
-    return [*lines, f"  q_xyzw {_row(estimate.mean.quaternion, 9)}"]
+    lines = [f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}"]
+    norms = zip(transform_rows(name, calibration), sigma_norms(estimate), strict=False)
+    for (what, unit, values, sigmas, decimals), norm in norms:
+        lines.append(f"  {what:<6}{number_row(values, decimals)} {unit}")
+        if status != "fixed":
+            lines.append(f"  sigma {number_row(sigmas, decimals)} {unit:<3}   norm {two_digits(norm)} {unit}")
+    return lines if is_point else [*lines, f"  q_xyzw{number_row(estimate.mean.quaternion, 9)}"]
+
+
+class TransformRow(NamedTuple):
+    """Three numbers along x, y, z and their sigmas in one unit, and the decimals that the sigmas justify."""
+
+    name: str
+    unit: str
+    values: Array
+    sigmas: Array
+    decimals: int
+
+
+def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow]:
+    """Translation and, but of a point, angles about fixed x, y, z; sigmas along the axes of the frame on the right."""
+    estimate = calibration[name]
+    halves = [("t", "mm", estimate.mean.translation * 1e3, estimate.sigma_t * 1e3)]
+    if name not in calibration.points:
+        halves.append(("rpy", "deg", np.degrees(estimate.mean.rpy), np.degrees(estimate.sigma_r)))
+    is_fixed = calibration.status.get(name) == "fixed"
+    for what, unit, values, sigmas in halves:
+        yield TransformRow(what, unit, values, sigmas, shown_decimals(0 * sigmas if is_fixed else sigmas))
 
 
 class LensParameter(NamedTuple):
@@ -189,20 +135,19 @@ def fit_sentences(calibration: Calibration) -> Iterator[str]:
     left_out = {(view.sample, view.camera, view.target) for view in calibration.outliers or () if not view.ids}
     used = [view for view in residuals.per_sample if (view.sample, view.camera, view.target) not in left_out]
     if residuals.rms_px is not None:
-        median = "" if residuals.median_px is None else f", median {residuals.median_px:.3f} px"
-        yield f"reprojection error {residuals.rms_px:.3f} px rms per coordinate{median}"
+        median = "" if residuals.median_px is None else f", median {two_digits(residuals.median_px)} px"
+        yield f"reprojection error {two_digits(residuals.rms_px)} px rms per coordinate{median}"
     if residuals.loop_rms_m is not None:
-        angle = "" if residuals.loop_rms_rad is None else f" and {np.degrees(residuals.loop_rms_rad):.3f} deg"
-        error = f"{residuals.loop_rms_m * 1e3:.3f} mm{angle}"
+        error = error_text(residuals.loop_rms_m, residuals.loop_rms_rad)
         yield f"pose consistency error {error} rms over {len(used)} views"
     if len(residuals.loops) > 1:
         for loop in residuals.loops:
-            error = f"{loop.rms_m * 1e3:.3f} mm and {np.degrees(loop.rms_rad):.3f} deg over {loop.views} views"
-            yield f"pose consistency error of {' - '.join(loop.path)}: {error}"
+            error = error_text(loop.rms_m, loop.rms_rad)
+            yield f"pose consistency error of {' - '.join(loop.path)}: {error} over {loop.views} views"
     in_pixels = [view for view in used if view.rms_px is not None]
     if in_pixels:
         worst = max(in_pixels, key=lambda view: view.rms_px or 0.0)
-        yield f"worst view: sample {worst.sample} by {worst.camera}, {worst.rms_px:.3f} px rms"
+        yield f"worst view: sample {worst.sample} by {worst.camera}, {two_digits(worst.rms_px or 0.0)} px rms"
     proof = calibration.certificate
     if proof is not None and proof.is_global:
         yield f"certificate: global optimum proven; relative duality gap of the rotations {proof.gap or 0.0:.1g}"
@@ -215,12 +160,8 @@ def validation_sentences(calibration: Calibration) -> Iterator[str]:
     validation = calibration.validation
     if validation is None:
         return
-    target_m, target_rad = validation.target_m, validation.target_rad
-    errors = [] if validation.rms_px is None else [f"{validation.rms_px:.3f} px per coordinate"]
-    if target_m is not None and target_rad is not None:
-        errors.append(f"{target_m * 1e3:.3f} mm and {np.degrees(target_rad):.3f} deg at the target")
-    if errors:
-        yield f"cross-validation error ({validation.kind}, {validation.folds} folds): {', '.join(errors)}, rms"
+    if errors := held_out_errors(validation):
+        yield f"cross-validation error ({validation.kind}, {validation.folds} folds), rms: {', '.join(errors)}"
     if validation.base_change is not None:
         yield f"fold spread over predicted sigma: {float(np.sqrt(validation.base_change)):.2f}"
     yield from rival_lines(validation)

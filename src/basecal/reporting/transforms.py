@@ -6,30 +6,26 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from basecal.cell import Calibration, Cell
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import frame_names
+from basecal.exchange.exports.digits import format_fixed
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
-from basecal.geometry import Array
-from basecal.reporting.text import sigma_norms
+from basecal.reporting.text import TransformRow, transform_rows
 
-_SIGNIFICANT_DIGITS = 4
 Pasted = Mapping[str, Mapping[str, str]]
 """Texts by transform, and then by kind."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Three numbers along x, y, z in one unit, their sigmas and the sigmas' norm; None if given as fixed."""
+    """Three numbers along x, y, z in one unit, and their sigmas; None if given as fixed."""
 
     name: str
     unit: str
     values: tuple[str, ...]
     sigmas: tuple[str, ...] | None
-    norm: str | None
 
 
 @dataclass(frozen=True)
@@ -78,12 +74,7 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Past
     """How the page shows a transform that the calibration has, with what is pasted of all transforms."""
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
-    given = status == "fixed"
-    norm_mm, norm_deg = sigma_norms(estimate)
-    rows = [_row("t", "mm", estimate.mean.translation * 1e3, None if given else (estimate.sigma_t * 1e3, norm_mm))]
-    if not is_point:
-        sigma_deg = np.degrees(estimate.sigma_r)
-        rows.append(_row("rpy", "deg", np.degrees(estimate.mean.rpy), None if given else (sigma_deg, norm_deg)))
+    rows = [_row(row, status == "fixed") for row in transform_rows(name, calibration)]
     parent, _, child = name.partition("_from_")
     copies = () if is_point else tuple(_copies(name, cell, calibration, pasted))
     return TransformView(
@@ -98,13 +89,9 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Past
     )
 
 
-def _row(name: str, unit: str, values: Array, sigma: tuple[Array, float] | None) -> Row:
-    shown = tuple(numbers(values, _SIGNIFICANT_DIGITS).split())
-    if sigma is None:
-        return Row(name, unit, shown, None, None)
-    return Row(
-        name, unit, shown, tuple(numbers(sigma[0], _SIGNIFICANT_DIGITS).split()), f"{sigma[1]:.{_SIGNIFICANT_DIGITS}f}"
-    )
+def _row(row: TransformRow, is_fixed: bool) -> Row:
+    values, sigmas = (tuple(format_fixed(each, row.decimals)) for each in (row.values, row.sigmas))
+    return Row(row.name, row.unit, values, None if is_fixed else sigmas)
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> Iterator[ToCopy]:

@@ -14,6 +14,7 @@ from basecal.accuracy.residuals.without_samples import without_samples
 from basecal.cell import Recording
 from basecal.errors import InputError
 from basecal.estimation.solve import solve
+from basecal.geometry import SE3, PoseEstimate
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -52,6 +53,9 @@ def test_noise_that_was_estimated_is_that_of_the_calibration():
     found = without_samples(made.cell, made.recording, calibration, {5})
     before, after = (np.sqrt(np.diag(of.covariance)) for of in (calibration[BASE], found.transforms[BASE]))
     assert np.all(np.abs(np.log(after / before)) < 0.4)
+    assert np.all(after > before)
+    whole = without_samples(made.cell, made.recording, calibration, ())
+    assert whole.transforms[BASE] is calibration[BASE]
 
 
 def test_it_begins_where_the_calibration_is_and_holds_its_noise(made, monkeypatch):
@@ -66,13 +70,13 @@ def test_it_begins_where_the_calibration_is_and_holds_its_noise(made, monkeypatc
         """The start itself."""
         given.append((problem, start, settings))
         seen = SimpleNamespace(unobservable={cell.cell.mount_name("wrist")})
-        transforms = {name: name for name in problem.unknowns}
+        transforms = {name: PoseEstimate(SE3.identity(), np.eye(6)) for name in problem.unknowns}
         return SimpleNamespace(transforms=transforms, observability=seen, converged=False)
 
     monkeypatch.setattr(module, "solve_from", solve)
     monkeypatch.setattr(module, "residuals", lambda solution: "residuals")
     found = without_samples(bare, cell.recording, known, {3})
-    ((problem, start, settings),) = given
+    (problem, start, settings), _ = given
     assert problem.held
     assert settings.robot_noise == "stated"
     assert set(problem.stops.robot) == {"eye"}

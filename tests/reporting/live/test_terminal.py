@@ -34,11 +34,11 @@ def test_what_was_seen_is_full():
 
 def test_bars_fall_with_the_sigma():
     """The first is the highest, the last is told in numbers."""
-    bars, mm, deg = sigma_row([Sigma(k, 1e-3 / k, 1e-3) for k in range(1, 9)]).split("\n")
+    bars, size, word = sigma_row([Sigma(k, 1.2e-3 / k, 1e-3) for k in range(1, 9)]).split("\n")
     assert bars[0] == "█"
     assert bars[-1] == "▁"
     assert list(bars) == sorted(bars, reverse=True)
-    assert (mm, deg) == ("+-0.12 mm", "+-0.057 deg")
+    assert (size, word) == ("0.15 mm and 0.057 deg", "(1 sigma)")
 
 
 def test_the_view_says_all_of_it():

@@ -22,7 +22,7 @@ def made():
 def test_views_of_a_sample() -> None:
     """Those of this sample alone, with what is known of them."""
     views = [SampleResidual(1, "wrist", "board", 0.214, 1.5e-3, 0.01), SampleResidual(2, "wrist", "board")]
-    assert sample_words(1, views, ()) == "sample 1\nboard seen by wrist: 0.21 px, 1.50 mm, 0.573 deg"
+    assert sample_words(1, views, ()) == "sample 1\nboard seen by wrist: 0.21 px, 1.5 mm and 0.57 deg"
     assert sample_words(2, views, {2}) == "sample 2, left out\nboard seen by wrist: no residual"
 
 
@@ -33,11 +33,11 @@ def test_the_answer_beside_the_run(made) -> None:
     first, base, *_ = answer_words(cell.cell, calibration, whole, ()).splitlines()
     assert first == "run: good; with all samples"
     assert re.match(r"eye_base_from_hand_base to [\d.]+ mm and [\d.]+ deg \(1 sigma\); ", base)
-    assert base.endswith("0.000 mm and 0.0000 deg from the run")
+    assert base.endswith("0 mm and 0 deg from the run")
     less = without_samples(cell.cell, cell.recording, calibration, {2})
     first, base, *_ = answer_words(cell.cell, calibration, less, {2}).splitlines()
     assert first == "run: good; without 1 sample"
-    assert not base.endswith("0.000 mm and 0.0000 deg from the run")
+    assert not base.endswith("0 mm and 0 deg from the run")
 
 
 def test_what_is_not_there_is_said(made) -> None:

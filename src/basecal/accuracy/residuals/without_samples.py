@@ -16,7 +16,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import STATED
-from basecal.estimation.solve import solve_from
+from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import PoseEstimate
 
 
@@ -40,6 +40,8 @@ def without_samples(
 ) -> WithoutSamples:
     """The calibration without samples of these numbers.
 
+    Its covariance is that of the calibration, and what the samples contributed to it by the noise that was found.
+
     Args:
         cell: What was calibrated.
         recording: What it was made from.
@@ -49,11 +51,28 @@ def without_samples(
     Raises:
         InputError: if no sample is left that the calibration knows the transforms of.
     """
+    if not excluded:
+        known = {name: calibration[name] for name in cell.asked if name in calibration.transforms}
+        return WithoutSamples(known, calibration.residuals, True)
     kept = Recording(tuple(s for s in recording.samples if s.sample not in excluded))
-    known = known_views(cell, kept, calibration)
+    solution, whole = (_solve_again(cell, each, calibration) for each in (kept, recording))
+    seen = {n: solution.transforms[n] for n in cell.asked if n in _observable_names(solution)}
+    for name in seen.keys() & calibration.transforms.keys() & _observable_names(whole):
+        lost = seen[name].covariance - whole.transforms[name].covariance
+        seen[name] = replace(seen[name], covariance=calibration[name].covariance + lost)
+    return WithoutSamples(seen, residuals(solution), solution.converged)
+
+
+def _observable_names(solution: Solution) -> set[str]:
+    return solution.transforms.keys() - solution.observability.unobservable
+
+
+def _solve_again(cell: Cell, recording: Recording, calibration: Calibration) -> Solution:
+    """The optimum near a calibration, with the noise that it found."""
+    known = known_views(cell, recording, calibration)
     if not known.problem.groups:
         raise InputError("no sample is left: keep some, or choose a run that found something")
-    problem, _ = build_problem(cell, kept)
+    problem, _ = build_problem(cell, recording)
     views = {(group.camera, group.target) for group in known.problem.groups}
     groups = [with_noise_of(g, calibration) for g in problem.groups if (g.camera, g.target) in views]
     found = calibration.noise.get("robots", {})
@@ -67,7 +86,4 @@ def without_samples(
     start = State({**transforms, **known.state.transforms}, known.state.cameras, np.zeros((0, 6)), known.state.robots)
     start = without_errors(problem, start)
     problem, _ = choose_correspondence(problem, start)
-    solution = solve_from(replace(problem, held=True), start, STATED)
-    seen = [name for name in cell.asked if name in solution.transforms]
-    told = {name: solution.transforms[name] for name in seen if name not in solution.observability.unobservable}
-    return WithoutSamples(told, residuals(solution), solution.converged)
+    return solve_from(replace(problem, held=True), start, STATED)

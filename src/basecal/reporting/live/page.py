@@ -14,6 +14,7 @@ from basecal.cell import Cell, Target
 from basecal.reporting.live.arms import ArmsView
 from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
 from basecal.reporting.live.serving import serving
+from basecal.reporting.statement.verdict import error_text
 from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
@@ -65,7 +66,7 @@ def _build(ui: Any, extra: Any, watch: Watch, cell: Cell) -> None:
             share = 100 * step.coverage.share
             counted.text = f"{step.taken} taken, {step.planned} planned; {share:.0f} % of the picture"
             if step.sigma is not None:
-                counted.text += f"; base +-{1e3 * step.sigma[0]:.2f} mm {57.2958 * step.sigma[1]:.3f} deg"
+                counted.text += f"; base known to {error_text(*step.sigma)} (1 sigma)"
             covered.content, sigma.content = coverage_drawing(step.coverage), sigma_drawing(glance.sigmas)
         arms.renew(dict(glance.states))
         for name, grey in glance.pictures:

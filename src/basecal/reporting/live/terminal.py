@@ -12,6 +12,7 @@ from rich.text import Text
 
 from basecal.acquisition.coverage import Coverage
 from basecal.acquisition.watching import Sigma, Snapshot
+from basecal.reporting.statement.verdict import error_text
 
 _BARS = "▁▂▃▄▅▆▇█"
 _WIDEST_ROW = 40  # of a row of bars
@@ -29,7 +30,7 @@ def terminal_view(snapshot: Snapshot) -> RenderableType:
         for robot, angles in snapshot.step.coverage.turned_rad.items()
     )
     table = Table.grid(padding=(0, 3))
-    table.add_row(Text("covered"), Text(f"{'base, mm' if snapshot.sigmas else ''}"), Text("turned, deg"))
+    table.add_row(Text("covered"), Text("base" if snapshot.sigmas else ""), Text("turned, deg"))
     table.add_row(Text(coverage_rows(snapshot.step.coverage)), Text(sigma_row(snapshot.sigmas)), Text(turned))
     title = f"{snapshot.step.taken} taken, {snapshot.step.planned} planned"
     parts: list[RenderableType] = [Panel(table, title=title, expand=False), said]
@@ -54,4 +55,4 @@ def sigma_row(sigmas: Sequence[Sigma]) -> str:
     heights = np.rint((levels - levels.min()) / extent * (len(_BARS) - 1)).astype(int)
     last = sigmas[-1]
     bars = "".join(_BARS[k] for k in heights)
-    return f"{bars}\n+-{1e3 * last.t_m:.2f} mm\n+-{np.degrees(last.r_rad):.3f} deg"
+    return f"{bars}\n{error_text(last.t_m, last.r_rad)}\n(1 sigma)"

@@ -49,6 +49,11 @@ class _Choice:
     calibration: Calibration
     left_out: set[int] = field(default_factory=set)
 
+    @property
+    def state(self) -> tuple[Calibration, frozenset[int]]:
+        """What is looked at now, as it stays."""
+        return self.calibration, frozenset(self.left_out)
+
 
 @contextmanager
 def serve_view(view: Viewed, port: int = 0) -> Iterator[str]:
@@ -73,8 +78,10 @@ def _build(ui: Any, extra: Any, view: Viewed) -> None:
     numbers = [sample.sample for sample in view.recording.samples]
 
     async def renew() -> None:
-        """Say what comes out now."""
-        answer.text = await extra(_answer, view, choice.calibration, frozenset(choice.left_out))
+        """Say what comes out of the latest choice: an answer to an earlier one may come after it."""
+        asked = choice.state
+        words = await extra(_answer, view, *asked)
+        answer.text = words if asked == choice.state else answer.text
 
     async def look(place: float) -> None:
         """Show a sample."""
@@ -94,15 +101,13 @@ def _build(ui: Any, extra: Any, view: Viewed) -> None:
         await renew()
 
     with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
-        label = f"run of {view.folder.resolve().name}"
-        ui.select(list(view.runs), value=choice.run, label=label, on_change=lambda e: choose(e.value))
+        name = view.folder.resolve().name
+        ui.select(list(view.runs), value=choice.run, label=f"run of {name}", on_change=lambda e: choose(e.value))
         answer = ui.label().style("white-space: pre-line; font-size: 1.1rem; overflow-wrap: anywhere")
-        ui.label("sample").style("color: #555")
         slider = ui.slider(min=0, max=max(len(numbers) - 1, 1), value=0, on_change=lambda e: look(e.value))
         said = ui.label().style("white-space: pre-line; overflow-wrap: anywhere")
         with ui.row().style("width: 100%"):
             pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in view.cell.cameras}
-        ui.label("samples that count").style("color: #555")
         with ui.row().style("gap: 0 0.6rem"):
             for number in numbers[:_MOST_BOXES]:
                 box = ui.checkbox(str(number), value=True)

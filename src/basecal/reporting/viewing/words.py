@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from basecal.accuracy.residuals.without_samples import WithoutSamples
 from basecal.cell import Calibration, Cell, SampleResidual
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import error_text
 
 
 def sample_words(number: int, residuals: Sequence[SampleResidual], excluded: Collection[int]) -> str:
@@ -17,9 +18,9 @@ def sample_words(number: int, residuals: Sequence[SampleResidual], excluded: Col
     for each in residuals:
         if each.sample != number:
             continue
-        parts = [] if each.rms_px is None else [f"{each.rms_px:.2f} px"]
+        parts = [] if each.rms_px is None else [f"{two_digits(each.rms_px)} px"]
         if each.loop_m is not None and each.loop_rad is not None:
-            parts += [f"{1e3 * each.loop_m:.2f} mm", f"{math.degrees(each.loop_rad):.3f} deg"]
+            parts.append(error_text(each.loop_m, each.loop_rad))
         lines.append(f"{each.target} seen by {each.camera}: {', '.join(parts) or 'no residual'}")
     return "\n".join(lines)
 
@@ -33,12 +34,11 @@ def answer_words(cell: Cell, calibration: Calibration, result: WithoutSamples, e
             lines.append(f"{name}: not every direction of it is seen")
             continue
         estimate = result.transforms[name]
-        sigma_mm, sigma_deg = (float(np.linalg.norm(each)) for each in (1e3 * estimate.sigma_t, estimate.sigma_r))
-        line = f"{name} to {sigma_mm:.2g} mm and {math.degrees(sigma_deg):.2g} deg (1 sigma)"
+        line = f"{name} to {error_text(*estimate.sigma_norms)} (1 sigma)"
         if name in calibration.transforms:
             apart = (calibration[name].mean.inverse() @ estimate.mean).log()
-            moved_mm, moved_deg = 1e3 * np.linalg.norm(apart[:3]), np.degrees(np.linalg.norm(apart[3:]))
-            line += f"; {moved_mm:.3f} mm and {moved_deg:.4f} deg from the run"
+            moved_m, moved_rad = (float(np.linalg.norm(each)) for each in (apart[:3], apart[3:]))
+            line += f"; {error_text(moved_m, moved_rad)} from the run"
         lines.append(line)
     loop = result.residuals.loop_rms_m
-    return "\n".join([*lines, *([] if loop is None else [f"loops close to {1e3 * loop:.2f} mm rms"])])
+    return "\n".join([*lines, *([] if loop is None else [f"loops close to {error_text(loop, None)} rms"])])

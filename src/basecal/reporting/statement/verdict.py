@@ -1,0 +1,129 @@
+"""The verdict of a calibration as every surface gives it: one word, and one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell, Finding, Tolerance, Validation
+from basecal.geometry import PoseEstimate
+from basecal.reporting.statement.digits import two_digits
+
+Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
+
+COLOURS = {"PASS": "good", "GOOD": "good", "DOUBTFUL": "doubtful", "FAIL": "refused", "REFUSED": "refused"}
+"""Of words: the colour of the verdict that they are shown in."""
+
+_SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
+# What follows from something else is listed after it.
+_CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
+# What leaves too few samples comes before that there are too few.
+_LOSS_CODES = ("few-images", "dropped-sample")
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The verdict in one word, and why in one sentence."""
+
+    word: Word
+    sentence: str
+
+    def __str__(self) -> str:
+        return f"{self.word}: {self.sentence}"
+
+
+def verdict_word(calibration: Calibration) -> Word:
+    """`REFUSED`, else `PASS` or `FAIL` if a tolerance is stated, else the verdict.
+
+    A doubtful calibration within its tolerance proves nothing, and is `DOUBTFUL`.
+    """
+    tolerance = calibration.tolerance
+    if calibration.verdict == "refused":
+        return "REFUSED"
+    if tolerance is not None and not tolerance.is_within:
+        return "FAIL"
+    if calibration.verdict == "doubtful":
+        return "DOUBTFUL"
+    return "GOOD" if tolerance is None else "PASS"
+
+
+def headline(cell: Cell, calibration: Calibration) -> Headline:
+    """How well the requested transforms are known, or why they are not."""
+    word, reason = verdict_word(calibration), _first_reason(calibration.findings)
+    if word == "REFUSED":
+        return Headline(word, reason or "the transforms asked for are unobservable.")
+    tolerance = calibration.tolerance
+    answer = _answer(cell, calibration) if tolerance is None else tolerance_sentence(tolerance)
+    if calibration.verdict == "doubtful":
+        return Headline(word, f"{answer}, but: {reason}" if word == "DOUBTFUL" else f"{answer}; doubtful: {reason}")
+    return Headline(word, answer if tolerance else f"{answer}.")
+
+
+def tolerance_sentence(check: Tolerance) -> str:
+    """The expected error beside the tolerance."""
+    needed = f"tolerance {1e3 * check.asked_m:.3g} mm"
+    if check.expected_95_m is None:
+        return f"not everything requested is known, {needed}"
+    return f"expected error {two_digits(1e3 * check.expected_95_m)} mm (95 %), {needed}"
+
+
+def transform_sentence(name: str, calibration: Calibration) -> str:
+    """How well a transform is known."""
+    sigma_m, sigma_rad = calibration[name].sigma_norms
+    return f"{name} to {error_text(sigma_m, None if name in calibration.points else sigma_rad)} (1 sigma)"
+
+
+def error_text(length_m: float, angle_rad: float | None) -> str:
+    """A length in mm and, where there is one, an angle in degrees."""
+    angle = "" if angle_rad is None else f" and {two_digits(float(np.degrees(angle_rad)))} deg"
+    return f"{two_digits(1e3 * length_m)} mm{angle}"
+
+
+def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
+    """Root of the trace of both halves of the covariance, [mm] and [deg]."""
+    sigma_m, sigma_rad = estimate.sigma_norms
+    return sigma_m * 1e3, float(np.degrees(sigma_rad))
+
+
+def held_out_errors(validation: Validation | None) -> list[str]:
+    """How far off held-out samples are predicted: at the target, and in the image."""
+    if validation is None:
+        return []
+    errors = []
+    if validation.target_m is not None and validation.target_rad is not None:
+        errors.append(f"{error_text(validation.target_m, validation.target_rad)} at the target")
+    if validation.rms_px is not None:
+        errors.append(f"{two_digits(validation.rms_px)} px")
+    return errors
+
+
+def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
+    """Errors, then warnings, then the rest; what follows from others after them."""
+    found = list(findings)
+    too_few = any(f.code == "too-few-samples" for f in found)
+
+    def weight(f: Finding) -> tuple[int, bool]:
+        """The place of a finding: the less, the earlier."""
+        is_cause = too_few and f.severity == "warning" and f.code in _LOSS_CODES
+        return _SEVERITY_RANK["error" if is_cause else f.severity], f.code in _CONSEQUENCE_CODES
+
+    return sorted(found, key=weight)
+
+
+def _answer(cell: Cell, calibration: Calibration) -> str:
+    known = [transform_sentence(name, calibration) for name in cell.asked if name in calibration.transforms]
+    errors = held_out_errors(calibration.validation)[:1]
+    answer = "; ".join(known) or "no transform is requested, all are fixed"
+    return "; ".join([answer, *(f"cross-validation error, rms: {error}" for error in errors)])
+
+
+def _first_reason(findings: Iterable[Finding]) -> str:
+    """The most important finding, and how many more there are that count."""
+    messages = [f.message for f in sort_by_severity(findings) if f.severity != "info"]
+    if len(messages) < 2:
+        return "".join(messages)
+    others = len(messages) - 1
+    return f"{messages[0].rstrip('.')} (and {others} more finding{'s' if others > 1 else ''})"

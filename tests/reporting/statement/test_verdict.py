@@ -1,0 +1,59 @@
+"""One verdict: its word, its sentence, and the exit code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Tolerance
+from basecal.cell.calibration import Verdict
+from basecal.cli.calibrate import exit_code
+from basecal.geometry import SE3, PoseEstimate
+from basecal.reporting.statement.verdict import headline
+from basecal.reporting.summary import summary
+from basecal.reporting.text import text_report
+
+CELL = Cell(
+    "eye",
+    {name: Robot(name) for name in ("eye", "hand")},
+    cameras={"wrist": CellCamera("wrist", "eye")},
+    targets={"board": CellTarget("board", "hand")},
+)
+DOUBT = Finding("overfit", "warning", (), "residuals are 6 times too small")
+KNOWN = {"eye_base_from_hand_base": PoseEstimate(SE3.identity(), 1e-8 * np.eye(6))}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "expected_m", "word", "code"),
+    [
+        ("good", None, "GOOD", 0),
+        ("good", 4.38e-4, "PASS", 0),
+        ("good", 4.38e-3, "FAIL", 5),
+        ("doubtful", None, "DOUBTFUL", 1),
+        ("doubtful", 4.38e-4, "DOUBTFUL", 1),
+        ("doubtful", 4.38e-3, "FAIL", 5),
+        ("refused", None, "REFUSED", 4),
+        ("refused", 4.38e-4, "REFUSED", 4),
+        ("refused", 4.38e-3, "REFUSED", 4),
+    ],
+)
+def test_one_word_and_its_code(verdict: Verdict, expected_m: float | None, word: str, code: int) -> None:
+    """The first word of terminal and report, and no other verdict beside it."""
+    tolerance = None if expected_m is None else Tolerance(1e-3, expected_m, verdict == "good" and expected_m < 1e-3)
+    found = () if verdict == "good" else (replace(DOUBT, severity="error" if verdict == "refused" else "warning"),)
+    made = Calibration(verdict, KNOWN, tolerance=tolerance, findings=found)
+    for said in (str(headline(CELL, made)), summary(CELL, made), text_report(CELL, made)):
+        assert said.startswith(f"{word}: ")
+        assert not {"PASS:", "FAIL:", "GOOD:", "DOUBTFUL:", "REFUSED:"} - {f"{word}:"} & set(said.split())
+    assert exit_code(made) == code
+    if word in ("PASS", "FAIL") and expected_m is not None:
+        error = {4.38e-4: "0.44", 4.38e-3: "4.4"}[expected_m]
+        assert headline(CELL, made).sentence.startswith(f"expected error {error} mm (95 %), tolerance 1 mm")
+
+
+def test_what_is_not_known_fails() -> None:
+    """A tolerance on something that was not found."""
+    made = Calibration("good", KNOWN, tolerance=Tolerance(1e-3, None, False))
+    assert str(headline(CELL, made)) == "FAIL: not everything requested is known, tolerance 1 mm"
