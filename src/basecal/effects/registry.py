@@ -16,7 +16,10 @@ from basecal.effects import (
     gear_ratio,
     joint_offsets,
     length_scale,
+    lens_sag,
     link_parameters,
+    mount_bend,
+    mount_play,
     principal_point,
     row_time,
     smooth,
@@ -45,6 +48,9 @@ EFFECTS: Mapping[str, Effect] = {
         clock_offset,
         clock_drift,
         row_time,
+        mount_bend,
+        mount_play,
+        lens_sag,
         step,
         drift,
         bending,
@@ -69,6 +75,11 @@ RANDOM_EFFECTS: Mapping[str, RandomEffect] = {
     name: effect.random for name, effect in EFFECTS.items() if effect.random is not None
 }
 """Errors that a robot's stops share, by name."""
+
+CONTAINED = tuple(
+    name for name, effect in EFFECTS.items() if effect.expected is not None and not effect.expected.is_stated
+)
+"""Effects that every answer contains, as large as they are expected to be, given the data."""
 
 
 def describe_effect(effect: FoundEffect) -> Words:

@@ -8,13 +8,13 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.expected_size import ExpectedSize
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
-from basecal.effects.faces.stated_number import StatedNumber
 from basecal.effects.faces.views import Views
 from basecal.geometry import Array
 
 NAME = "target_size"
-STATED = StatedNumber(5e-4, "assumed: a print measured by a caliper, to 0.1 mm over 200 mm")
+EXPECTED = ExpectedSize(5e-4, 1.0, "assumed: a print measured by a caliper, to 0.1 mm over 200 mm", is_stated=True)
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
@@ -44,13 +44,12 @@ def words(effect: FoundEffect) -> Words:
 
 EFFECT = Effect(
     NAME,
-    stated=STATED,
+    expected=EXPECTED,
     candidates=candidates,
     words=words,
     elsewhere={"statement": "basecal.cell.targets: the lengths of each kind"},
     absent={
         "unknown": "a ruler measures it better than views of arms whose lengths err as much",
-        "random": "each target has one",
         "map": "what it moves is contained in the widening of the answer",
         "fault": "link-errors of both arms looks the same; `study` varies the stated size",
     },

@@ -41,7 +41,7 @@ def test_the_covariance_covers_each_effect(monkeypatch):
     sigma = np.sqrt(np.diag(solution.covariance))
     small, large = (k * sigma * (np.arange(width) == k) for k in (1, 2))
     effect = SimpleNamespace(moved=small)
-    monkeypatch.setattr(judging, "moved_by_sizes", lambda *given: [large])
+    monkeypatch.setattr(judging, "with_expected_sizes", lambda _, solution, found: judging.widen(solution, large))
     case = Case(MADE.cell, MADE.recording, Settings(), weighed=evidence_of(MADE.cell, solution))
     fitted, covered = judging.cover_effects(case.weighing(lens_structures=(effect,))).answers
     assert fitted is solution

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.effects.mount_play import slide
 from basecal.errors import InputError
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.faults import read_faults
@@ -74,6 +75,19 @@ def test_something_is_pushed_after_some_moves(fault, robot):
             arrive(running, robot, world.home[robot] + 0.01 * moves)
         away = float(np.linalg.norm(spot(off) - spot(sound)))
         assert (away > 3) == (moves == 2)
+
+
+@pytest.mark.parametrize(("fault", "is_turn"), [("mount-bend=5", True), ("mount-play=5", False)])
+def test_mounts_give_way_to_gravity(fault, is_turn):
+    """By the size where gravity is across the flange's axis: of both arms, whatever else is in the picture."""
+    off, sound = plant(fault), plant()
+    for name, on in (("wrist", "eye"), ("light", "hand")):
+        bent, straight = (running._pose_in_world(name, on, 0.0) for _, running in (off, sound))
+        flange = sound[1]._carrier(on, 0.0)
+        moved = (flange.inverse() @ bent @ straight.inverse() @ flange).log()
+        down = -flange.rotation[2]
+        expected = np.append(np.zeros(3), np.cross([0, 0, 5e-3], down)) if is_turn else slide(5e-3, down)
+        np.testing.assert_allclose(moved, expected, atol=1e-12)
 
 
 def test_what_it_does_follows_from_what_it_is_asked():

@@ -7,9 +7,9 @@ from basecal.accuracy.findings.robot_model import robot_model
 from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection, joint_offsets
-from basecal.effects.registry import describe_effect
+from basecal.effects.registry import CONTAINED, describe_effect
 
-_EXCLUDED_SENTENCE = "The answer excludes it, and its covariance is wider."
+_COVERED_SENTENCE = "The answer {} it, and its covariance is wider."
 _CHANCE_SENTENCE = "It is perhaps chance; the covariance covers it."
 
 
@@ -23,7 +23,8 @@ def systematic_error(evidence: Evidence) -> list[Finding]:
     if found is None or (all(each.effect == joint_offsets.NAME for each in named) and robot_model(evidence)):
         return []
     words = describe_effect(found)
-    why = [words.why, _EXCLUDED_SENTENCE if found.is_certain else _CHANCE_SENTENCE]
+    covered = _COVERED_SENTENCE.format("contains" if found.effect in CONTAINED else "excludes")
+    why = [words.why, covered if found.is_certain else _CHANCE_SENTENCE]
     if found.effect == deflection.NAME:
         why.append(describe_gravity(evidence.cell, evidence.solution, (found.about,)))
     about = [each.about for each in named]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from basecal.accuracy.certify import certified
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
 from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
@@ -14,11 +16,12 @@ from basecal.accuracy.findings.registry import ANSWER_CHECKS
 from basecal.accuracy.lens_structure import LensStructure, lens_structures
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stated_sigmas import contradicted_sigmas, without_contradicted
+from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
-from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
 from basecal.accuracy.widening import largest_shift, widen
 from basecal.effects.faces.found import FoundEffect
+from basecal.effects.registry import CONTAINED
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 
@@ -74,19 +77,19 @@ def list_findings(case: Case) -> Case:
 
 
 def cover_effects(case: Case) -> Case:
-    """Widen the covariance by effects that are no noise."""
+    """Move the answer by effects that it contains, and widen its covariance by all that are no noise."""
     evidence = case.evidence
     fitted = solution = evidence.solution
     rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
     for other in (evidence.systematic_error, rival, *evidence.lens_structures):
         solution = solution if other is None else widen(solution, _effect_shift(solution, other))
-    for moved in moved_by_sizes(case.cell, fitted, evidence.systematic_error):
-        solution = widen(solution, moved)
+    solution = with_expected_sizes(case.cell, solution, evidence.systematic_error)
     return replace(case, answers=(fitted, solution))
 
 
 def _effect_shift(solution: Solution, other: FoundEffect | ClosedFormRival | LensStructure) -> Array:
     """How far an effect moves the answer, (p,); of confounded effects the one that moves it most."""
     if isinstance(other, FoundEffect):
-        return largest_shift(solution, [each.moved for each in (other, *other.alternatives)])
+        excluded = [each.moved for each in (other, *other.alternatives) if each.effect not in CONTAINED]
+        return largest_shift(solution, excluded or [np.zeros_like(other.moved)])
     return other.moved

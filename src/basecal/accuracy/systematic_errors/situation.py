@@ -139,6 +139,36 @@ class Situation:
         return tuple(robot for robot, seen in stands.items() if len(np.unique(seen)) > 1)
 
     @cached_property
+    def mounts(self) -> dict[str, str]:
+        """Robots that stood in more than one place, by the names of the mounts that they carry."""
+        ends = (end for group in self.groups for end in group.ends)
+        return {end.mount: end.robot for end in ends if end.robot is not None and end.robot in self.robots}
+
+    @cached_property
+    def down(self) -> Array:
+        """Direction of gravity in the reference's base, by the first arm whose masses are known; -z of none, (3,)."""
+        for robot, base in self._bases.items():
+            chain = self.problem.chains.get(robot)
+            if chain is not None and chain.masses is not None:
+                return base.rotation @ chain.masses.down
+        return np.array([0.0, 0.0, -1.0])
+
+    @cached_property
+    def _bases(self) -> dict[str, SE3]:
+        """Bases in the reference's base by robot, the reference first."""
+        bases = {end.robot: end.base for g in self.groups for end in g.ends if end.robot is not None}
+        ordered = sorted(bases.items(), key=lambda pair: pair[1] is not None)
+        return {r: SE3.identity() if base is None else self.state.transforms[base] for r, base in ordered}
+
+    def down_in_flange(self, k: int, robot: str) -> Array:
+        """Direction of gravity in a robot's flange, which carries something in the views of a group, (n, 3)."""
+        return np.asarray(self.down @ (self._bases[robot].rotation @ self.recorded_pose(k, robot).rotation))
+
+    def transform(self, name: str) -> SE3:
+        """A mount or a base."""
+        return self.state.transforms[name]
+
+    @cached_property
     def frames(self) -> tuple[str, ...]:
         """Names of the transforms that views depend on: mounts and bases."""
         return tuple(dict.fromkeys(name for group in self.problem.groups for name in group.frames))

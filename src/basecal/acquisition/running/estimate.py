@@ -9,11 +9,12 @@ import numpy as np
 
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.systematic_errors.search import running_error
-from basecal.accuracy.systematic_errors.stated_sizes import moved_by_sizes
 from basecal.accuracy.widening import widen
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.effects.faces.found import FoundEffect
+from basecal.effects.registry import CONTAINED
 from basecal.errors import BasecalError
 from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.robot_noise import without_errors
@@ -109,8 +110,8 @@ def _sigma(cell: Cell, solution: Solution, error: FoundEffect | None) -> tuple[f
     name = next(iter(cell.asked), "")
     if name not in solution.problem.columns or name in solution.observability.unobservable:
         return None
-    moves = [*moved_by_sizes(cell, solution, error), *(() if error is None else (error.moved,))]
-    for moved in moves:
-        solution = widen(solution, moved)
+    solution = with_expected_sizes(cell, solution, error)
+    if error is not None and error.effect not in CONTAINED:
+        solution = widen(solution, error.moved)
     sigmas = solution.transforms[name].sigma_norms
     return sigmas if max(sigmas) < _OPEN else None

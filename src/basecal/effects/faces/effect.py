@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from basecal.effects.faces.candidates import Candidates
+from basecal.effects.faces.expected_size import ExpectedSize
 from basecal.effects.faces.found import FoundEffect, Words
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameter
 from basecal.effects.faces.simulated_fault import SimulatedFault
-from basecal.effects.faces.stated_number import StatedNumber
 from basecal.effects.faces.target_parameter import TargetParameter
 from basecal.effects.faces.views import Views
 
@@ -35,7 +35,7 @@ class Effect:
         lens: As parameters of a lens, likewise.
         target: As a shape of a target, whose coefficients are estimated under their prior.
         random: As an error that a robot's stops share, whose sigmas are estimated.
-        stated: As the error of a number that is stated without its sigma.
+        expected: As candidates whose sizes are expected beforehand, and left uncertain in every answer.
         candidates: As errors that score tests look for.
         words: Of a candidate that was found.
         fault: In a simulated cell that runs.
@@ -48,7 +48,7 @@ class Effect:
     lens: LensParameter | None = None
     target: TargetParameter | None = None
     random: RandomEffect | None = None
-    stated: StatedNumber | None = None
+    expected: ExpectedSize | None = None
     candidates: Callable[[Views], Iterator[Candidates]] | None = None
     words: Callable[[FoundEffect], Words] | None = None
     fault: SimulatedFault | None = None
@@ -62,9 +62,9 @@ class Effect:
         has_prior = any(each is not None for each in (self.random, self.lens, self.target))
         has: dict[Face, bool] = {
             "statement": stated,
-            "size": has_prior or self.stated is not None,
+            "size": has_prior or self.expected is not None,
             "unknown": stated,
-            "random": self.random is not None or self.target is not None,
+            "random": self.random is not None or self.target is not None or self.expected is not None,
             "candidate": self.candidates is not None,
             "map": self.parameter is not None or (self.random is not None and self.random.is_mapped),
             "words": self.words is not None or has_prior,

@@ -18,6 +18,10 @@ class End(Protocol):
     """What a robot carries in n views: their camera or their target."""
 
     @property
+    def mount(self) -> str:
+        """Name of the transform of what it carries."""
+
+    @property
     def joints(self) -> Array | None:
         """(n, joints) of the robot as recorded [rad]."""
 
@@ -36,6 +40,14 @@ class Group(Protocol):
     @property
     def sample(self) -> IntArray:
         """(n,) numbers of the samples."""
+
+    @property
+    def eye(self) -> End:
+        """The end of the camera."""
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the transforms that the views depend on: mounts and bases."""
 
     def end_of(self, robot: str) -> End | None:
         """The end that a robot carries; None if it carries neither camera nor target."""
@@ -87,6 +99,16 @@ class Views(Protocol):
     def timed(self) -> bool:
         """Whether all samples have a time, and not all the same."""
 
+    @property
+    def mounts(self) -> Mapping[str, str]:
+        """Robots that were recorded at more than one pose, by the names of the mounts that they carry."""
+
+    def down_in_flange(self, k: int, robot: str) -> Array:
+        """Direction of gravity in a robot's flange, which carries something in the views of a group, (n, 3)."""
+
+    def transform(self, name: str) -> SE3:
+        """A mount or a base."""
+
     def rank(self, group: Group) -> IntArray:
         """Indices of the samples of a group's views in `samples`, (n,)."""
 
@@ -112,6 +134,26 @@ class Views(Protocol):
 def robot_moves(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
     """Moves of the groups whose camera or target a robot carries."""
     return tuple(move(views, k, robot) if g.end_of(robot) else None for k, g in enumerate(views.groups))
+
+
+def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Moves:
+    """Moves of the groups that depend on a mount, by what gravity does to it.
+
+    A mount that is not fixed is as it stands under the mean of gravity in the recorded poses: what is equal in all of
+    them is no uncertainty of it.
+
+    Args:
+        views: The views.
+        mount: A mount on a robot.
+        move: Linear: tangents of the flange, (n, 6, q), by the direction of gravity there, (n, 3).
+    """
+    robot = views.mounts[mount]
+    downs = {k: views.down_in_flange(k, robot) for k, g in enumerate(views.groups) if mount in g.frames}
+    about = 0.0 if mount in views.fixed else np.concatenate(list(downs.values())).mean(0)
+    return tuple(
+        views.flange_jacobian(k, robot) @ move(downs[k] - about) if k in downs else None
+        for k in range(len(views.groups))
+    )
 
 
 def elapsed_share(views: Views) -> Array:

@@ -128,8 +128,8 @@ class Plant:
     def _camera_scene(self, camera: str, now_s: float) -> Seen:
         """What is before a camera."""
         on, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
-        world_from_camera = self._carrier(on, now_s) @ self._mount(camera, on)
-        world_from_target = self._carrier(target.on, now_s) @ self._mount(target.name, target.on)
+        world_from_camera = self._pose_in_world(camera, on, now_s)
+        world_from_target = self._pose_in_world(target.name, target.on, now_s)
         camera_from_world = world_from_camera.inverse()
         below = self._mirror_points(camera, world_from_camera, world_from_target @ shape.points)
         scene = None
@@ -140,7 +140,7 @@ class Plant:
     def _tray(self, camera: str) -> Array:
         """The middle of what shows a light again: under where it begins, in the world."""
         target = self._target(camera)
-        world_from_target = self._carrier(target.on, 0.0) @ self._mount(target.name, target.on)
+        world_from_target = self._pose_in_world(target.name, target.on, 0.0)
         return np.asarray(world_from_target @ self._shape(camera).points[0] - [0.0, 0.0, _TRAY_DEPTH_M])
 
     def _mirror_points(self, camera: str, world_from_camera: SE3, points: Array) -> Array:
@@ -172,6 +172,14 @@ class Plant:
         base = self._base(robot)
         frames = base @ self._arms[robot].joint_frames(now_s)
         return (base, *(frames[joint] for joint in range(len(frames))))
+
+    def _pose_in_world(self, name: str, carrier: str, now_s: float) -> SE3:
+        """Where a camera or a target is in the world, whose z is up; mounts on flanges give way to gravity."""
+        world_from_carrier = self._carrier(carrier, now_s)
+        if carrier == WORLD:
+            return world_from_carrier @ self._mount(name, carrier)
+        moved = self._world.moved_by_gravity(-world_from_carrier.rotation[2])
+        return world_from_carrier @ moved @ self._mount(name, carrier)
 
     def _carrier(self, carrier: str, now_s: float) -> SE3:
         """Where a flange is in the world, or the world itself."""

@@ -45,6 +45,12 @@ class World:
         """A transform before or after it was pushed."""
         return self.truth[name] @ self.pushed[name] if is_pushed and name in self.pushed else self.truth[name]
 
+    def moved_by_gravity(self, down_in_flange: Array) -> SE3:
+        """By how much what hangs on a flange gives way to gravity, whose direction in the flange is (3,)."""
+        faults = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
+        moves = (fault.move_mount(self.faults.size(fault.name), down_in_flange) for fault in faults if fault.move_mount)
+        return SE3.exp(sum(moves, np.zeros(6)))
+
 
 def faulty_world(cell: Cell, truth: Mapping[str, SE3], home: Mapping[str, Array], faults: Faults, seed: int) -> World:
     """A cell with its faults drawn; the same for the same seed.

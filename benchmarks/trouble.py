@@ -1,0 +1,474 @@
+"""Cells with one trouble each, made apart from the package: whether good answers are true, and how wide they are.
+
+Two arms of six axes by Denavit-Hartenberg, a pinhole camera on one and a dotted board on the other, in NumPy alone.
+Only poses are recorded. Sizes are log-uniform from 0.3 to 3 times what is realistic. Bent mounts are cantilevers: a
+mass ahead of the flange turns its root, about a point that is not the flange's. The bound is
+Cramer-Rao's of the clean cell.
+
+    python -m benchmarks.trouble --cells 20 --families clean both
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import chdtri
+
+import basecal
+from benchmarks.common import on_one_core, table, write
+
+Array = npt.NDArray[np.float64]
+
+A_M = np.array([0.0, -0.425, -0.392, 0.0, 0.0, 0.0])
+D_M = np.array([0.163, 0.0, 0.0, 0.133, 0.1, 0.1])
+TWIST = np.array([np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0])
+UPPER_NM, FORE_NM = 60.0, 20.0  # torque of a stretched arm about its shoulder and its elbow
+FOCAL_PX, CENTRE_PX = 1150.0, np.array([640.0, 480.0])
+BOARD = np.array([[x, y, 0.0] for y in np.arange(6) * 0.03 for x in np.arange(8) * 0.03])
+DOWN = np.array([0.0, 0.0, -1.0])
+LIMIT = float(chdtri(6, 1e-3))  # of 99.9 % of squared distances in six freedoms
+_KNOTS = 24
+NEAREST_M, FARTHEST_M = 0.35, 0.75
+FAR_M = 0.8  # from the middle of what was seen to the task of `far`
+
+
+def turned(vectors: Array) -> Array:
+    """Rotation matrices of rotation vectors, (..., 3) to (..., 3, 3)."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    hat = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*x.shape, 3, 3)
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * hat + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * hat @ hat)
+
+
+def vector_of(rotation: Array) -> Array:
+    """Rotation vectors of rotation matrices of less than half a turn."""
+    w = 0.5 * np.stack([rotation[..., i, j] - rotation[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))], -1)
+    sine = np.linalg.norm(w, axis=-1)
+    angle = np.arctan2(sine, 0.5 * (np.trace(rotation, axis1=-2, axis2=-1) - 1))
+    return np.asarray(w * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-12), 1.0)[..., None])
+
+
+def rigid(rotation: Array, place: Array) -> Array:
+    """4x4 matrices."""
+    out = np.zeros((*np.broadcast_shapes(rotation.shape[:-2], place.shape[:-1]), 4, 4))
+    out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = rotation, place, 1.0
+    return out
+
+
+def small(tangents: Array) -> Array:
+    """4x4 matrices of a shift, then a turn, (..., 6)."""
+    return rigid(turned(tangents[..., 3:]), tangents[..., :3])
+
+
+class Arm(NamedTuple):
+    """A true arm: its lengths and twists, its compliance under the links' weight [rad/Nm], and its field of errors."""
+
+    a: Array = A_M
+    d: Array = D_M
+    twist: Array = TWIST
+    compliance: float = 0.0
+    place: Callable[[Array], Array] | None = None
+
+    def flange(self, joints: Array) -> Array:
+        """Where its flange is."""
+        bent = joints.copy()
+        if self.compliance:
+            upper, fore = (np.cos(joints[..., 1:k].sum(-1)) for k in (2, 3))
+            bent[..., 1] += self.compliance * (UPPER_NM * upper + FORE_NM * fore)
+            bent[..., 2] += self.compliance * FORE_NM * fore
+        out = np.broadcast_to(np.eye(4), (*joints.shape[:-1], 4, 4))
+        for k in range(6):
+            c, s, ca, sa = np.cos(bent[..., k]), np.sin(bent[..., k]), np.cos(self.twist[k]), np.sin(self.twist[k])
+            row = np.zeros((*c.shape, 4, 4))
+            row[..., 0, 0], row[..., 0, 1], row[..., 0, 2], row[..., 0, 3] = c, -s * ca, s * sa, self.a[k] * c
+            row[..., 1, 0], row[..., 1, 1], row[..., 1, 2], row[..., 1, 3] = s, c * ca, -c * sa, self.a[k] * s
+            row[..., 2, 1], row[..., 2, 2], row[..., 2, 3], row[..., 3, 3] = sa, ca, self.d[k], 1.0
+            out = out @ row
+        if self.place is not None:
+            out = out.copy()
+            out[..., :3, 3] = self.place(out[..., :3, 3])
+        return np.asarray(out)
+
+
+NOMINAL = Arm()
+
+
+def joints_to(flange: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Joints of the nominal arm that bring its flange to poses, (n, 4, 4), and whether they do, (n,)."""
+    best, reached = np.zeros((len(flange), 6)), np.zeros(len(flange), dtype=bool)
+    for _ in range(6):
+        joints = rng.uniform(-1, 1, best.shape) * 0.4 + [0.0, -1.2, 1.6, -1.5, -1.5, 0.0]
+        joints[:, 0] += np.arctan2(flange[:, 1, 3], flange[:, 0, 3]) + np.pi
+        for _ in range(30):
+            at = NOMINAL.flange(joints)
+            off = _apart(at, flange)
+            shifted = joints[:, None] + 1e-6 * np.eye(6)
+            jacobian = np.swapaxes((_apart(at[:, None], NOMINAL.flange(shifted))) / 1e-6, -1, -2)
+            gram = jacobian.mT @ jacobian + 1e-5 * np.eye(6)
+            step = np.linalg.solve(gram, jacobian.mT @ off[..., None])[..., 0]
+            joints = joints + step * np.minimum(1, 0.5 / np.maximum(np.abs(step).max(1, keepdims=True), 1e-9))
+        good = (np.abs(_apart(NOMINAL.flange(joints), flange)).max(1) < 1e-8) & ~reached
+        best[good], reached = joints[good], reached | good
+    return best, reached
+
+
+def _apart(first: Array, second: Array) -> Array:
+    """Shift and turn from one pose to another, in the first's axes."""
+    between = np.linalg.inv(first) @ second
+    return np.concatenate([between[..., :3, 3], vector_of(between[..., :3, :3])], -1)
+
+
+class Truth(NamedTuple):
+    """A cell as it is: transforms, arms, how mounts and lens give way to gravity, and its noise."""
+
+    base: Array
+    camera: Array
+    board: Array
+    eye: Arm
+    hand: Arm
+    bent_camera: Callable[[Array], Array]
+    bent_board: Callable[[Array], Array]
+    centre: Callable[[Array], Array]
+    pixel_px: float
+    arm: Array
+
+
+def rigidly(down: Array) -> Array:
+    """A mount that does not bend."""
+    return np.zeros((*down.shape[:-1], 6))
+
+
+def no_shift(down: Array) -> Array:
+    """A lens that does not move."""
+    return np.zeros((*down.shape[:-1], 2))
+
+
+def cantilever(angle: float, lever_m: Array, about_m: Array) -> Callable[[Array], Array]:
+    """A mass at a lever turns a mount by so much where gravity is across it, about a point."""
+
+    def bend(down: Array) -> Array:
+        turn = angle * np.cross(lever_m / np.linalg.norm(lever_m), down)
+        return np.concatenate([np.cross(turn, -about_m), turn], -1)
+
+    return bend
+
+
+def slot(rng: np.random.Generator, size_m: float) -> Callable[[Array], Array]:
+    """A mount that slides along an axis of its own by its play, to the lower end; half of it either way."""
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+
+    def slide(down: Array) -> Array:
+        along = 0.5 * size_m * np.tanh(4 * down @ axis)
+        return np.concatenate([along[:, None] * axis, 0 * down], -1)
+
+    return slide
+
+
+def pixels(truth: Truth, eye: Array, hand: Array) -> Array:
+    """What is seen of the board, (n, points, 2), of arms at true poses."""
+    down_eye = np.swapaxes(eye[:, :3, :3], 1, 2) @ DOWN
+    base_down = truth.base[:3, :3].T @ DOWN
+    down_hand = np.swapaxes(hand[:, :3, :3], 1, 2) @ base_down
+    camera = eye @ small(truth.bent_camera(down_eye)) @ truth.camera
+    board = truth.base @ hand @ small(truth.bent_board(down_hand)) @ truth.board
+    in_camera = (np.linalg.inv(camera) @ board)[:, None] @ np.append(BOARD, np.ones((len(BOARD), 1)), 1)[..., None]
+    x, y, z = np.moveaxis(in_camera[..., :3, 0], -1, 0)
+    down_camera = np.swapaxes(camera[:, :3, :3], 1, 2) @ DOWN
+    return FOCAL_PX * np.stack([x / z, y / z], -1) + CENTRE_PX + truth.centre(down_camera)[:, None]
+
+
+def bound(truth: Truth, eye: Array, hand: Array) -> Array:
+    """Cramer-Rao's covariance of the base, (6, 6), mounts free."""
+    step = 1e-6
+
+    def slope(moved: Callable[[Array], Array]) -> Array:
+        each = [(moved(step * unit) - moved(-step * unit)) / (2 * step) for unit in np.eye(6)]
+        return np.stack(each, -1).reshape(len(eye), -1, 6)
+
+    unknown = [
+        slope(lambda e, name=name: pixels(truth._replace(**{name: getattr(truth, name) @ small(e)}), eye, hand))
+        for name in ("base", "camera", "board")
+    ]
+    noisy = [slope(lambda e: pixels(truth, eye @ small(e), hand)), slope(lambda e: pixels(truth, eye, hand @ small(e)))]
+    x, e = np.concatenate(unknown, -1), np.concatenate(noisy, -1) * np.tile(truth.arm, 2)
+    weight = truth.pixel_px**-2
+    own = np.linalg.inv(np.eye(12) + weight * e.mT @ e)
+    information = weight * x.mT @ x - weight**2 * x.mT @ e @ own @ e.mT @ x
+    return np.asarray(np.linalg.inv(information.sum(0))[:6, :6])
+
+
+def drawn_poses(truth: Truth, count: int, rng: np.random.Generator, spread_m: float) -> tuple[Array, Array]:
+    """Joints of both arms in so many samples whose board is in the image, within a box of so large a half side."""
+    found: list[tuple[Array, Array]] = []
+    middle = truth.base[:3, 3] / 2 + [0.0, 0.35, 0.35]
+    while sum(len(each[0]) for each in found) < count:
+        n = 4 * count
+        board_place = middle + rng.uniform(-spread_m, spread_m, (n, 3))
+        away = turned(rng.uniform(-0.6, 0.6, (n, 3)))
+        looking = (
+            away @ turned(np.array([0.0, np.pi / 2, 0.0])) @ turned(np.outer(rng.uniform(-0.8, 0.8, n), [0, 0, 1]))
+        )
+        camera_place = board_place - looking[..., 2] * rng.uniform(NEAREST_M, FARTHEST_M, (n, 1))
+        camera = rigid(looking, camera_place + rng.normal(0, 0.03, (n, 3)))
+        tilt = turned(rng.uniform(-0.55, 0.55, (n, 3)))
+        board = rigid(looking @ tilt @ turned(np.array([0.0, 0.0, 0.0])), board_place - 0.0)
+        eye, eye_there = joints_to(camera @ np.linalg.inv(truth.camera), rng)
+        hand, hand_there = joints_to(np.linalg.inv(truth.base) @ board @ np.linalg.inv(truth.board), rng)
+        seen = pixels(truth, NOMINAL.flange(eye), NOMINAL.flange(hand))
+        inside = ((seen > 10) & (seen < 2 * CENTRE_PX - 10)).all((1, 2))
+        fine = eye_there & hand_there & inside
+        found.append((eye[fine], hand[fine]))
+    return (np.concatenate([each[k] for each in found])[:count] for k in (0, 1))  # type: ignore[return-value]
+
+
+def clean(rng: np.random.Generator) -> Truth:
+    """Two arms that face one another, with mounts of some centimetres, and noise of usual arms."""
+    base = rigid(
+        turned(np.array([0, 0, np.pi + rng.uniform(-0.2, 0.2)])), np.array([1.25, 0, 0]) + rng.normal(0, 0.05, 3)
+    )
+    camera = small(np.append(rng.normal(0, 0.03, 3) + np.array([0, 0.05, 0.06]), rng.normal(0, 0.1, 3)))
+    board = small(np.append(rng.normal(0, 0.03, 3) + np.array([-0.1, -0.07, 0.05]), rng.normal(0, 0.1, 3)))
+    board = board @ rigid(turned(np.array([np.pi, 0.0, 0.0])), np.zeros(3))
+    arm = 10 ** rng.uniform(-0.3, 0.3) * np.repeat([4e-5, 1e-4], 3)
+    return Truth(base, camera, board, NOMINAL, NOMINAL, rigidly, rigidly, no_shift, 10 ** rng.uniform(-1, -0.4), arm)
+
+
+def _size(rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(np.log(0.3), np.log(3.0))))
+
+
+def _bracket(rng: np.random.Generator, most: float) -> Callable[[Array], Array]:
+    lever = rng.normal(size=3) * [1, 1, 0.5]
+    return cantilever(most * _size(rng), lever, rng.normal(0, 0.04, 3))
+
+
+def _sag(shift_px: float) -> Callable[[Array], Array]:
+    return lambda down: shift_px * down[..., :2]
+
+
+def _long_axis(rng: np.random.Generator) -> Arm:
+    axis, share = int(rng.integers(3)), 1e-3 * _size(rng) * rng.choice([-1, 1])
+    return Arm(place=lambda at: at + share * at * np.eye(3)[axis])
+
+
+def _off_link(rng: np.random.Generator) -> Arm:
+    a, d = A_M.copy(), D_M.copy()
+    off = 2e-3 * _size(rng) * rng.choice([-1, 1])
+    if rng.random() < 0.5:
+        a[rng.integers(1, 3)] += off
+    else:
+        d[rng.integers(3, 5)] += off
+    return Arm(a=a, d=d)
+
+
+def _field(rng: np.random.Generator) -> Arm:
+    waves, phases = rng.normal(0, 1 / 0.25, (_KNOTS, 3)), rng.uniform(0, 2 * np.pi, _KNOTS)
+    sizes = 2e-4 * _size(rng) * rng.normal(size=(_KNOTS, 3)) * np.sqrt(2 / _KNOTS)
+    return Arm(place=lambda at: at + np.cos(at @ waves.T + phases) @ sizes)
+
+
+def _arms(truth: Truth, draw: Callable[[], Arm]) -> Truth:
+    return truth._replace(eye=draw(), hand=draw())
+
+
+FAMILIES: Mapping[str, Callable[[Truth, np.random.Generator], Truth]] = {
+    "clean": lambda truth, rng: truth,
+    "camera": lambda truth, rng: truth._replace(bent_camera=_bracket(rng, 3.3e-4)),
+    "board": lambda truth, rng: truth._replace(bent_board=_bracket(rng, 3.3e-4)),
+    "both": lambda truth, rng: truth._replace(bent_camera=_bracket(rng, 3.3e-4), bent_board=_bracket(rng, 3.3e-4)),
+    "both 1 mrad": lambda truth, rng: truth._replace(
+        bent_camera=cantilever(1e-3, rng.normal(size=3), rng.normal(0, 0.04, 3)),
+        bent_board=cantilever(1e-3, rng.normal(size=3), rng.normal(0, 0.04, 3)),
+    ),
+    "play": lambda truth, rng: truth._replace(bent_board=slot(rng, 5e-4 * _size(rng))),
+    "lens": lambda truth, rng: truth._replace(centre=_sag(1.5 * _size(rng))),
+    "axis": lambda truth, rng: _arms(truth, lambda: _long_axis(rng)),
+    "link": lambda truth, rng: _arms(truth, lambda: _off_link(rng)),
+    "compliance": lambda truth, rng: _arms(truth, lambda: Arm(compliance=2e-5 * _size(rng))),
+    "field": lambda truth, rng: _arms(truth, lambda: _field(rng)),
+    "far": lambda truth, rng: _arms(truth, lambda: _off_link(rng)),
+}
+"""By name what a cell has beside its noise."""
+BY_PLACE = "axis", "link", "compliance", "field", "far"
+"""Families in which arms err, where the map counts, not the base."""
+
+
+def written(folder: Path, truth: Truth, joints: tuple[Array, Array], stated: bool, rng: np.random.Generator) -> None:
+    """Write the cell and what was recorded of it."""
+    lens = {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": CENTRE_PX[0], "cy": CENTRE_PX[1], "distortion": []}
+    noise = {"noise": {"sigma_t_m": truth.arm[0], "sigma_r_rad": truth.arm[3]}} if stated else {}
+    cell: dict[str, Any] = {
+        "schema": "basecal/cell/1",
+        "reference": "eye",
+        "robots": {"eye": noise, "hand": noise},
+        "cameras": {
+            "wrist": {
+                "on": "eye",
+                "model": "pinhole",
+                "size_px": [1280, 960],
+                "intrinsics": {"status": "fixed", "exact": True, **lens},
+            }
+        },
+        "targets": {"board": {"on": "hand", "kind": "points", "points_m": BOARD.tolist(), "exact": True}},
+    }
+    if stated:
+        cell["noise"] = {"pixel_px": truth.pixel_px}
+    (folder / "cell.yaml").write_text(json.dumps(cell), encoding="utf-8")
+    read = [NOMINAL.flange(of) for of in joints]
+    true = [
+        arm.flange(of) @ small(rng.normal(size=(len(of), 6)) * truth.arm)
+        for arm, of in zip((truth.eye, truth.hand), joints, strict=True)
+    ]
+    seen = pixels(truth, *true)
+    seen = seen + rng.normal(0, truth.pixel_px, seen.shape)
+    rows = []
+    for k in range(len(seen)):
+        robots = {
+            name: {"base_from_flange": {"matrix": of[k].tolist()}}
+            for name, of in zip(("eye", "hand"), read, strict=True)
+        }
+        view = {"camera": "wrist", "target": "board", "ids": list(range(len(BOARD))), "pixels": seen[k].tolist()}
+        rows.append(json.dumps({"sample": k, "robots": robots, "observations": [view]}))
+    (folder / "recording").mkdir()
+    (folder / "recording" / "samples.jsonl").write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def measured(family: str, seed: int, samples: int, stated: bool) -> dict[str, Any]:
+    """What `calibrate` says of a cell, beside its truth."""
+    rng = np.random.default_rng([seed, list(FAMILIES).index("clean")])
+    plain = clean(rng)
+    joints = tuple(drawn_poses(plain, samples, rng, 0.08 if family == "far" else 0.22))
+    truth = FAMILIES[family](plain, np.random.default_rng([seed, 1 + list(FAMILIES).index(family)]))
+    poses = [NOMINAL.flange(of) for of in joints]
+    best = bound(plain, *poses)
+    middle = (truth.base @ poses[1])[:, :3, 3].mean(0)
+    point = middle + (FAR_M * _direction(rng) if family == "far" else 0.0)
+    with tempfile.TemporaryDirectory() as name:
+        written(Path(name), truth, joints, stated, rng)
+        cell, recording = basecal.read_cell(Path(name)), basecal.read_recording(Path(name))
+        found = basecal.calibrate(cell, recording, basecal.Settings(task_point=tuple(point)))
+    row: dict[str, Any] = {
+        "family": family,
+        "seed": seed,
+        "samples": samples,
+        "stated": stated,
+        "verdict": found.verdict,
+    }
+    row["codes"] = sorted({f"{f.code}:{f.severity}" for f in found.findings})
+    row["what"] = [f.message for f in found.findings if f.severity != "info"]
+    base = found.transforms.get("eye_base_from_hand_base")
+    if base is None:
+        return row
+    off = _apart(base.mean.matrix, truth.base)
+    row["distance"] = float(off @ np.linalg.solve(base.covariance, off))
+    row["off_mm"] = 1e3 * float(np.linalg.norm(off[:3]))
+    row["sigma_mm"] = 1e3 * float(np.sqrt(np.trace(base.covariance[:3, :3])))
+    row["bound_mm"] = 1e3 * float(np.sqrt(np.trace(best[:3, :3])))
+    row["over_bound"] = float(np.exp(0.5 * np.mean(np.log(np.diag(base.covariance) / np.diag(best)))))
+    if found.error_map is not None:
+        row["map"] = _on_map(truth, found, base.mean.matrix, joints, rng)
+    return row
+
+
+def _direction(rng: np.random.Generator) -> Array:
+    way = rng.normal(size=3) * [0.3, 1, 1]
+    return np.asarray(way / np.linalg.norm(way))
+
+
+def _on_map(truth: Truth, found: Any, base: Array, joints: tuple[Array, Array], rng: np.random.Generator) -> float:
+    """The largest true error where flanges meet over the 95 % length claimed there, over the map."""
+    points, claimed = found.error_map.points_m, found.error_map.length_95_m
+    at = []
+    for world, of, arm in ((np.eye(4), joints[0], truth.eye), (base, joints[1], truth.hand)):
+        own = (np.linalg.inv(world) @ np.append(points, np.ones((len(points), 1)), 1)[..., None])[:, :3, 0]
+        poses = NOMINAL.flange(of)
+        nearest = np.linalg.norm(own[:, None] - poses[:, :3, 3], axis=-1).argmin(1)
+        to = rigid(poses[nearest, :3, :3], own)
+        sent, there = joints_to(to, rng)
+        at.append((arm.flange(sent)[:, :3, 3], there))
+    there = at[0][1] & at[1][1]
+    hand = (truth.base @ np.append(at[1][0], np.ones((len(points), 1)), 1)[..., None])[:, :3, 0]
+    off = np.linalg.norm(hand - at[0][0], axis=1)
+    return float((off / claimed)[there].max(initial=0.0))
+
+
+def shown(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A line for each family, stated and not."""
+    lines = []
+    for family in dict.fromkeys(row["family"] for row in rows):
+        for stated in (True, False):
+            of = [row for row in rows if row["family"] == family and row["stated"] == stated]
+            if not of:
+                continue
+            good = [row for row in of if row["verdict"] == "good"]
+            each = [row for row in of if "distance" in row]
+            distances = [row["distance"] for row in good]
+            maps = [row["map"] for row in good if "map" in row]
+            lines.append(
+                (
+                    family,
+                    "stated" if stated else "nothing stated",
+                    f"{len(good)} of {len(of)}",
+                    sum(d > LIMIT for d in distances),
+                    f"{np.mean(distances) / 6:.2f}" if good else "",
+                    f"{np.mean([row['distance'] for row in each]) / 6:.2f}",
+                    f"{np.median([row['over_bound'] for row in each]):.2f}" if each else "",
+                    f"{np.median([row['off_mm'] for row in each]):.2f}",
+                    sum(m > 1.0 for m in maps),
+                    sum(m > 1.68 for m in maps),
+                    f"{max(maps, default=0):.2f}",
+                )
+            )
+    head = (
+        "family",
+        "noise",
+        "good",
+        "beyond 99.9 %",
+        "NEES/6 good",
+        "NEES/6 all",
+        "over bound",
+        "off mm",
+        "map beyond 95 %",
+        "beyond 1.68",
+        "most",
+    )
+    codes = Counter(code for row in rows for code in row["codes"])
+    return f"{table(head, lines)}\n\n{dict(codes.most_common())}"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cells", type=int, default=60, help="of each family")
+    parser.add_argument("--families", nargs="*", default=list(FAMILIES), choices=list(FAMILIES))
+    parser.add_argument("--first", type=int, default=0, help="seed")
+    parser.add_argument("--keep", type=Path, help="file of rows")
+    parser.add_argument("--write", action="store_true", help="write results/trouble.json")
+    given = parser.parse_args(arguments)
+    on_one_core()
+    rows = []
+    for family in given.families:
+        for k in range(given.cells):
+            seed = given.first + k
+            rows.append(measured(family, seed, (15, 30, 60)[seed % 3], (seed // 3) % 2 == 0))
+            print(rows[-1], file=sys.stderr, flush=True)
+            if given.keep:
+                given.keep.write_text(json.dumps(rows))
+    print(shown(rows))
+    if given.write:
+        write("trouble", {"rows": rows})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

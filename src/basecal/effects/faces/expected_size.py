@@ -1,0 +1,22 @@
+"""An effect whose size is expected beforehand, and left uncertain in every answer that it may move."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class ExpectedSize(NamedTuple):
+    """What is expected of the sizes of a candidate.
+
+    Attributes:
+        sigma: The middle of what their sigma may be, in the unit of the candidate.
+        factor: Of a standard deviation of it; 1 if it is known.
+        source: Of the numbers, or `assumed`.
+        is_stated: Whether the answer is that of size zero, as stated, with a covariance that covers the others; else it
+            is that of the size that is expected, given the data.
+    """
+
+    sigma: float
+    factor: float
+    source: str
+    is_stated: bool = False

@@ -1,0 +1,63 @@
+"""Bend of a mount: the weight of a camera or a target turns what holds it on its flange.
+
+A turn of l x g, with g the direction of gravity in the flange: of a bracket whose load is at a lever, l is along that
+lever, as long as the turn where gravity is across it. To first order it is a tilt of the base. Source:
+docs/mathematics.md (11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.expected_size import ExpectedSize
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
+from basecal.effects.faces.views import Views, mount_moves
+from basecal.geometry import Array
+from basecal.geometry.rotation import cross_matrix
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each mount on a robot that moves, by l [rad]."""
+    for mount in views.mounts:
+        yield one_candidate("mount-bent", mount, "rad", mount_moves(views, mount, flange_tangents))
+
+
+def flange_tangents(down_in_flange: Array) -> Array:
+    """How a mount moves in the flange with each l, (n, 6, 3), by gravity there, (n, 3)."""
+    tangents = np.zeros((len(down_in_flange), 6, 3))
+    tangents[:, 3:] = -cross_matrix(down_in_flange)
+    return tangents
+
+
+def words(effect: FoundEffect) -> Words:
+    """By how much it bends where gravity is across it."""
+    size = rounded_length(effect.size, effect.covariance, 1e3)
+    what = f"{effect.about} bends by {size} mrad under gravity."
+    do = "Stiffen what holds it, or fasten its load nearer to the flange.", AGAIN
+    return Words("mount-bent", what, do)
+
+
+def bend(size_rad: float, down_in_flange: Array) -> Array:
+    """Tangent of the flange, (6,), of a mount whose load is ahead of it, along z."""
+    return np.asarray(flange_tangents(down_in_flange[None])[0, :, 2] * size_rad)
+
+
+EFFECT = Effect(
+    "mount_bend",
+    expected=ExpectedSize(3e-4, 3.0, "assumed: brackets of sheet metal and printed plastic bend by 0.1 to 1 mrad"),
+    candidates=candidates,
+    words=words,
+    fault=SimulatedFault(
+        "mount-bend", "mrad", MILLI, 1.0, "mounts bend by so much where gravity is across z of flanges", move_mount=bend
+    ),
+    absent={
+        "statement": "nobody measures it beforehand",
+        "unknown": "the answer contains it as large as expected, given the data",
+        "map": "flanges meet at the task, not what they carry",
+    },
+)

@@ -1,0 +1,71 @@
+"""Play of a mount: a camera or a target slides in what holds it, or yields, by its weight.
+
+A shift of T g, with g the direction of gravity in the flange, of any linear T: a slide along an axis, a spring, a bend
+about a point beside the flange. A fall that is equal in all directions is left out: it is a shift of the base, which
+nothing shows. Source: docs/mathematics.md (11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.expected_size import ExpectedSize
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
+from basecal.effects.faces.views import Views, mount_moves
+from basecal.geometry import Array
+from basecal.geometry.rotation import cross_matrix
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each mount on a robot that moves, by the coefficients of T [m]."""
+    for mount in views.mounts:
+        yield one_candidate("mount-play", mount, "m", mount_moves(views, mount, flange_tangents))
+
+
+def flange_tangents(down_in_flange: Array) -> Array:
+    """How a mount moves in the flange with each coefficient, (n, 6, 8), by gravity there, (n, 3)."""
+    shifts = np.einsum("kij,nj->nik", _MATRICES, down_in_flange)
+    return np.concatenate([shifts, np.zeros_like(shifts)], axis=1)
+
+
+def _matrices() -> Array:
+    """An orthogonal basis of the 3x3 matrices without a trace, all as large, (8, 3, 3)."""
+    off_diagonal = np.abs(cross_matrix(np.eye(3)))
+    diagonal = np.array([np.diag([1.0, -1.0, 0.0]), np.diag([1.0, 1.0, -2.0]) / np.sqrt(3)])
+    return np.concatenate([cross_matrix(np.eye(3)), off_diagonal, diagonal])
+
+
+_MATRICES = _matrices()
+
+
+def words(effect: FoundEffect) -> Words:
+    """By how much it moves, root of the mean square over directions of gravity."""
+    size = rounded_length(effect.size, effect.covariance, 1e3 * (2 / 3) ** 0.5)
+    what = f"{effect.about} shifts by {size} mm under gravity."
+    return Words("mount-play", what, ("Fasten what it holds without play.", AGAIN))
+
+
+def slide(size_m: float, down_in_flange: Array) -> Array:
+    """Tangent of the flange, (6,), of a mount that slides along x."""
+    return np.array([size_m * down_in_flange[0], 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+EFFECT = Effect(
+    "mount_play",
+    expected=ExpectedSize(6e-5, 3.0, "assumed: clamps and slides give 0.02 to 0.5 mm"),
+    candidates=candidates,
+    words=words,
+    fault=SimulatedFault(
+        "mount-play", "mm", MILLI, 0.5, "mounts slide by so much along x of flanges", move_mount=slide
+    ),
+    absent={
+        "statement": "nobody measures it beforehand",
+        "unknown": "the answer contains it as large as expected, given the data",
+        "map": "flanges meet at the task, not what they carry",
+    },
+)

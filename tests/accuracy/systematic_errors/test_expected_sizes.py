@@ -1,0 +1,153 @@
+"""What effects of an expected size leave uncertain, and by how much they move the answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.systematic_errors import expected_sizes
+from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_shift, with_expected_sizes
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.widening import solution_step
+from basecal.cell import RobotState
+from basecal.effects import lens_sag, mount_bend, target_size
+from basecal.effects.faces.found import FoundEffect
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+OPEN = Scenario(samples=12, state_pixel_noise=False, robot_noise=(1e-4, 1e-4))
+MADE = simulate(OPEN, 3)
+QUIET = simulate(Scenario(samples=24, robot_noise=(2e-5, 5e-5), pixel_px=0.05), 1)
+STATED = Settings(robot_noise="stated")
+FOUND = FoundEffect("target_size", "length-scale", "board", False, True, None, "", *(np.zeros(k) for k in (1, 1, 1)))
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def with_board(cell, share=1.0, **stated):
+    """A cell whose board is larger by a share, or states more."""
+    board = cell.targets["board"]
+    target = replace(board.target, points=board.target.points * share)
+    return replace(cell, targets={"board": replace(board, target=target, **stated)})
+
+
+def alone(solution, module, *sigmas):
+    """What one effect does to an answer."""
+    problem = solution.noise.held_by(solution.problem)
+    situation = Situation(problem, solution.state, problem, {}, solution.noise)
+    candidates = module.candidates(situation)
+    return size_shift(situation, [Expected(module.EFFECT.name, each, np.array(sigmas)) for each in candidates])
+
+
+def bent(made, size_rad, robot="hand"):
+    """A recording whose mount on a robot turns by l x g, with l along x of the flange: the poses err the other way."""
+
+    def recorded(pose):
+        turn = np.cross([size_rad, 0.0, 0.0], pose.rotation.T @ DOWN)
+        return RobotState(pose @ SE3.exp(-np.append(np.zeros(3), turn)))
+
+    samples = tuple(
+        replace(s, robots={**s.robots, robot: recorded(s.robots[robot].base_from_flange)})
+        for s in made.recording.samples
+    )
+    return replace(made.recording, samples=samples)
+
+
+def test_one_sigma_moves_the_answer_as_a_larger_board_does():
+    """A sigma far below what the data tell spreads the columns by its own difference quotient."""
+    sigma, share = 1e-7, 1e-4
+    solution = solve(MADE.cell, MADE.recording, STATED)
+    larger = solve(with_board(MADE.cell, 1 + share), MADE.recording, STATED)
+    expected = solution_step(solution, larger) * sigma / share
+    found = alone(solution, target_size, sigma).covariance
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), np.abs(expected), rtol=0.02, atol=0.01 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("module", [target_size, mount_bend, lens_sag])
+def test_a_wide_sigma_counts_as_far_as_the_data_tell(module):
+    """A sigma a hundred times as wide as another that is far beyond the data's own changes little."""
+    solution = solve(QUIET.cell, QUIET.recording, STATED)
+    first, second = (alone(solution, module, sigma) for sigma in (1.0, 100.0))
+    np.testing.assert_allclose(
+        first.covariance, second.covariance, rtol=1e-3, atol=1e-3 * np.abs(first.covariance).max()
+    )
+
+
+@pytest.mark.parametrize(
+    ("made", "stated", "found", "counts"),
+    [
+        (MADE, {}, None, True),
+        (MADE, {"size_sigma": 0.0}, None, False),
+        (MADE, {}, FOUND, False),
+        (MADE, {}, replace(FOUND, about="other"), True),
+        (simulate(replace(OPEN, state_pixel_noise=True), 3), {}, None, False),
+        (simulate(replace(OPEN, state_pixel_noise=True), 3), {"size_sigma": 2e-4}, None, True),
+        (simulate(replace(OPEN, target="led"), 3), {}, None, False),
+    ],
+)
+def test_which_targets_have_a_size_that_counts(monkeypatch, made, stated, found, counts):
+    """Those whose views state no noise, or that state a sigma: not exact, not found, not single points."""
+    name = next(iter(made.cell.targets))
+    cell = replace(made.cell, targets={name: replace(made.cell.targets[name], **stated)})
+    solution = solve(cell, made.recording, STATED)
+    given = []
+    monkeypatch.setattr(expected_sizes, "size_shift", lambda _, each: given.extend(each) or size_shift(_, each))
+    with_expected_sizes(cell, solution, found)
+    assert any(each.effect == "target_size" for each in given) == counts
+    assert any(each.effect == "mount_bend" for each in given)
+
+
+def test_an_answer_that_fails_stays_as_it_is():
+    """Of a solve that did not converge."""
+    failed = replace(solve(MADE.cell, MADE.recording, STATED), converged=False)
+    assert with_expected_sizes(MADE.cell, failed, None) is failed
+
+
+def test_the_size_of_a_target_moves_no_answer():
+    """It is that of the size as stated; its covariance covers that which the data would have, too."""
+    solution = solve(with_board(MADE.cell, 1.001), MADE.recording, STATED)
+    known, wide = (alone(solution, target_size, sigma) for sigma in (1e-6, 1e-2))
+    assert not wide.mean.any()
+    assert np.sqrt(np.trace(wide.covariance)) > 100 * np.sqrt(np.trace(known.covariance))
+
+
+def test_a_mount_that_bends_moves_the_answer_to_the_truth():
+    """By three milliradians the base is far off without it, and within its sigmas with it."""
+    recording = bent(QUIET, 3e-3)
+    before = solve(QUIET.cell, recording, STATED)
+    after = with_expected_sizes(QUIET.cell, before, None)
+    far, near = (distance(each) for each in (before, after))
+    assert far > 100
+    assert near < 16.8  # 99 % of chi-square with 6 freedoms
+    name = QUIET.cell.asked[0]
+    assert np.trace(after.transforms[name].covariance) < 4 * np.trace(before.transforms[name].covariance)
+
+
+def distance(solution):
+    """Squared distance of the base from the truth in its sigmas."""
+    name = QUIET.cell.asked[0]
+    off = (solution.transforms[name].mean.inverse() @ QUIET.truth[name]).log()
+    return float(off @ np.linalg.solve(solution.transforms[name].covariance, off))
+
+
+def test_a_clean_answer_stays_nearly_as_sharp():
+    """Sigmas that the data tell to be small leave little: below a fifth on the mean of the base's axes."""
+    before = solve(QUIET.cell, QUIET.recording, STATED)
+    after = with_expected_sizes(QUIET.cell, before, None)
+    name = QUIET.cell.asked[0]
+    wider = np.log([np.diag(each.transforms[name].covariance) for each in (after, before)])
+    assert 1.0 <= np.exp(0.5 * np.mean(wider[0] - wider[1])) < 1.2
+
+
+def test_many_effects_count_by_mount(monkeypatch):
+    """Of more sizes than go together, those of one mount or target at a time."""
+    solution, given = solve(MADE.cell, MADE.recording, STATED), []
+    monkeypatch.setattr(expected_sizes, "_MOST_TOGETHER", 3)
+    monkeypatch.setattr(expected_sizes, "size_shift", lambda _, each: given.append(each) or size_shift(_, each))
+    after = with_expected_sizes(MADE.cell, solution, None)
+    names = [{each.candidate.about for each in group} for group in given]
+    assert names == [{("eye_flange_from_wrist",)}, {("hand_flange_from_board",)}, {("wrist",)}, {("board",)}]
+    assert (np.linalg.eigvalsh(after.covariance - solution.covariance) > -1e-18).all()

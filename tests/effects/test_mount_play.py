@@ -1,0 +1,39 @@
+"""A mount with play shifts by T g in its flange."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.effects.faces.found import FoundEffect
+from basecal.effects.mount_play import candidates, flange_tangents, slide, words
+from basecal.simulation import Scenario
+from made_views import views_of
+
+DOWN = np.array([[0.6, 0.0, -0.8], [0.0, 1.0, 0.0]])
+
+
+def test_any_linear_shift_is_one_but_a_fall():
+    """Eight matrices without a trace: turned gravity, a slide along an axis; none shifts by gravity itself."""
+    by = flange_tangents(DOWN)
+    assert not by[:, 3:].any()
+    rows = np.concatenate([flange_tangents(np.eye(3))[:, :3], np.eye(3)[..., None]], -1).reshape(9, 9)
+    assert np.linalg.matrix_rank(rows) == 9
+    np.testing.assert_allclose(rows.T @ rows, np.diag([2.0] * 8 + [3.0]), atol=1e-12)
+
+
+def test_each_mount_on_a_robot_has_it():
+    """The camera's and the target's."""
+    found = list(candidates(views_of(Scenario(samples=12))))
+    assert [each.about for each in found] == [("eye_flange_from_wrist",), ("hand_flange_from_board",)]
+
+
+def test_the_fault_slides_along_x():
+    """As far as gravity is along it."""
+    np.testing.assert_allclose(slide(1e-3, DOWN[0]), [6e-4, 0, 0, 0, 0, 0])
+
+
+def test_words_have_the_mean_shift():
+    """That of gravity turned by c is its length times the root of two thirds over all directions."""
+    size = np.array([0.0, 0.0, 3e-4, *np.zeros(5)])
+    found = FoundEffect("mount_play", "mount-play", "m", False, False, None, "m", size, 1e-10 * np.eye(8), np.zeros(1))
+    assert words(found).what == "m shifts by 0.245 +/- 0.008 mm under gravity."
