@@ -33,7 +33,9 @@ def test_stored_calibration_gives_its_own_rms(arms: Arms, robot_noise: tuple[flo
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(calibration_to_dict(calibration))
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
-    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(
+        calibration.residuals.rms_px, rel=1e-3
+    )  # of the fit, which bends no mount
 
 
 def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
@@ -42,7 +44,9 @@ def test_estimated_noise_of_robots_is_among_the_stored_numbers() -> None:
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(calibration_to_dict(calibration))
     off = np.concatenate([each.off_px.ravel() for each in point_residuals(made.cell, made.recording, stored)])
-    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    assert float(np.sqrt(np.mean(off**2))) == pytest.approx(
+        calibration.residuals.rms_px, rel=1e-3
+    )  # of the fit, which bends no mount
     assert calibration.residuals.rms_px == pytest.approx(0.2, rel=0.15)
 
 
@@ -59,7 +63,9 @@ def test_robots_stand_where_the_calibration_puts_them(known: dict[str, Any]) -> 
     calibration = calibrate(made.cell, made.recording)
     stored = calibration_from_dict(json.loads(json.dumps(calibration_to_dict(calibration))))
     (points,) = point_residuals(made.cell, made.recording, stored)
-    assert float(np.sqrt(np.mean(points.off_px**2))) == pytest.approx(calibration.residuals.rms_px, rel=1e-5)
+    assert float(np.sqrt(np.mean(points.off_px**2))) == pytest.approx(
+        calibration.residuals.rms_px, rel=1e-3
+    )  # of the fit, which bends no mount
     as_stated = replace(stored, robot_parameters={})
     (points,) = point_residuals(made.cell, made.recording, as_stated)
     assert float(np.sqrt(np.mean(points.off_px**2))) > 1.1 * calibration.residuals.rms_px

@@ -120,7 +120,7 @@ def test_what_is_left_over_is_called_by_what_was_estimated(common):
     """How well the noise is known; where arms' poses have errors in common, these too."""
     made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
     solution, calibration = solve(made.cell, made.recording), calibrate(made.cell, made.recording)
-    wide = {name: replace(e, covariance=3 * e.covariance) for name, e in calibration.transforms.items()}
+    wide = {name: replace(e, covariance=3 * e.covariance) for name, e in solution.transforms.items()}
     solution = replace(solution, noise=replace(solution.noise, common=common))
     found = calibration_budget(made.cell, replace(calibration, transforms=wide), solution, {}, np.array(POINT))
     shares = {entry.source: entry.share for entry in found}
