@@ -6,11 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cyclopts import App
 
 from basecal.cell import RobotState
+from basecal.cell.files import read_cell, read_recording
 from basecal.cli.importing import finish_import, import_app, import_verb
+from basecal.errors import InputError
 from basecal.exchange.importers.registry import IMPORTERS
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.geometry import SE3
@@ -86,3 +89,20 @@ def test_a_verb_has_the_options_of_its_importer(tmp_path: Path, capsys: pytest.C
 def test_every_importer_is_a_verb() -> None:
     """None is left out."""
     assert set(IMPORTERS) <= {*import_app()}
+
+
+def test_a_file_may_stand_in_for_what_is_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without --replace it is refused and says so; with it the new poses are there, and the old ones are kept."""
+    assert finish_import(tmp_path, poses("left", 3)) == 0
+    journal = tmp_path / "recording" / "samples.jsonl"
+    before = journal.read_bytes()
+    with pytest.raises(InputError, match="add --replace"):
+        finish_import(tmp_path, poses("left", 3, 0.5))
+    assert journal.read_bytes() == before
+    assert finish_import(tmp_path, poses("left", 3, 0.5), replace=True) == 0
+    cell = read_cell(tmp_path)
+    state = read_recording(tmp_path, cell).samples[2].robots["left"]
+    np.testing.assert_allclose(state.base_from_flange.translation, [0.2, 0.1, 0])
+    (kept,) = (tmp_path / "originals").iterdir()
+    assert (kept / "samples.jsonl").read_bytes() == before
+    capsys.readouterr()

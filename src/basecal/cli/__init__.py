@@ -22,6 +22,7 @@ _VERBS = {
     "detect": "Find the targets in the images of a recording.",
     "plan": "Say which samples to record, and how many, so that a task point is known well enough.",
     "calibrate": "Estimate the requested transforms, with their covariance.",
+    "fix": "Fix what the latest calibration named, in the files of the cell, and calibrate again.",
     "verify": "Check by one or a few new samples whether a cell is unchanged.",
     "compare": "Report whether two runs or more agree, and what differs between them.",
     "report": "Print the latest calibration in plain text, and write its page.",

@@ -23,13 +23,20 @@ from basecal.exchange.importing.bring_in import Brought
 from basecal.exchange.importing.imported import Imported, OneOf
 
 _HELP = """Make a cell and its recording from other programs' files, or complete what is
-there: nothing that is recorded is overwritten.
+there: nothing that is recorded is overwritten unless --replace is given, which
+keeps what was there in CELL/originals.
 
 For example:
 
     basecal import images mycell photos --camera wrist --on left
     basecal import poses mycell --robot left ur.csv --format ur"""
 _PROGRESS = "progress"  # the parameter that is no option
+_REPLACE = Argument(
+    "replace",
+    Argument.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[bool, Parameter(help="Let it stand in for what is recorded, which CELL/originals keeps.")],
+)
 _IN_WORDS = {
     "order": "in order",
     "image": "by the names of pictures",
@@ -50,13 +57,14 @@ def import_verb(read: Callable[..., Imported]) -> Callable[..., int]:
     """A command with the parameters and the docstring of an importer, which brings in what that reads."""
     declared = signature(read, eval_str=True)
     parameters = [_option(each) for each in declared.parameters.values() if each.name != _PROGRESS]
+    parameters.append(_REPLACE)
 
-    def verb(cell: Path, *sources: Path, **options: object) -> int:
+    def verb(cell: Path, *sources: Path, replace: bool = False, **options: object) -> int:
         """Read, bring in and report."""
         with counting("reading") as step:
             watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
             imported = read(cell, *sources, **options, **watched)
-        return finish_import(cell, imported)
+        return finish_import(cell, imported, replace)
 
     verb.__doc__ = read.__doc__
     vars(verb)["__signature__"] = declared.replace(parameters=parameters, return_annotation=int)
@@ -80,12 +88,13 @@ def _option(parameter: Argument) -> Argument:
     return parameter.replace(annotation=kind)
 
 
-def finish_import(folder: Path, imported: Imported) -> int:
+def finish_import(folder: Path, imported: Imported, replace: bool = False) -> int:
     """The exit code, after all that was read is in the cell and reported; nothing is there if that fails.
 
     Args:
         folder: The cell, or where one is to be made.
         imported: What was read.
+        replace: Whether it stands in for what is recorded.
 
     Raises:
         InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
@@ -94,7 +103,7 @@ def finish_import(folder: Path, imported: Imported) -> int:
         say(note)
     if imported.is_preview:
         return 0
-    brought = import_into(folder, imported)
+    brought = import_into(folder, imported, replace=replace)
     for doubt in (*imported.warnings, *brought.doubts):
         say(f"basecal: warning: {doubt}", sys.stderr)
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought)):

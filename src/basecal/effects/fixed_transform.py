@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.found import AGAIN, FIX, FoundEffect, Words, rounded_tangent
 from basecal.effects.faces.views import Views
 
 
@@ -21,7 +21,7 @@ def words(effect: FoundEffect) -> Words:
     """By how much it is off."""
     what = f"{effect.about} is stated as fixed, and the data have it {rounded_tangent(effect)} aside."
     do = f"Measure {effect.about} again, or state it as a prior with its sigmas."
-    return Words("fixed-contradicted", what, (do, AGAIN))
+    return Words("fixed-contradicted", what, (do, AGAIN, FIX))
 
 
 EFFECT = Effect(

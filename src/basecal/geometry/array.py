@@ -36,7 +36,7 @@ def read_only(values: ArrayLike, shape: tuple[int | None, ...] | None = None, na
 
 
 def to_front(array: Array, axis: int) -> Array:
-    """A view with this axis first: `np.moveaxis` in a fifth of its time, which tells where arrays are small."""
+    """A view with this axis first: `np.moveaxis` in a fifth of its time, which counts if arrays are small."""
     order = list(range(array.ndim))
     order.insert(0, order.pop(axis))
     return array.transpose(order)

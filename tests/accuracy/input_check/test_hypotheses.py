@@ -241,7 +241,10 @@ def test_a_size_that_is_found():
     np.testing.assert_allclose(further[:, :3, 3], 2.0 * seen_of(poses)[:, :3, 3])
     np.testing.assert_allclose(further[:, :3, :3], seen_of(poses)[:, :3, :3])
     others = replace(
-        poses, cell=replace(POSES.cell, targets={**POSES.cell.targets, "other": POSES.cell.targets["board"]})
+        poses,
+        cell=replace(
+            POSES.cell, targets={**POSES.cell.targets, "other": replace(POSES.cell.targets["board"], name="other")}
+        ),
     )
     other = target_size("other", 2.0, others.cell).reread(others)
     np.testing.assert_array_equal(seen_of(other), seen_of(poses))

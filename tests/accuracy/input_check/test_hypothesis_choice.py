@@ -18,6 +18,7 @@ from basecal.accuracy.input_check.hypothesis_choice import (
 )
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.model_comparison.comparison import Decision
+from basecal.effects.faces.found import FIX
 from basecal.geometry import SE3
 
 ASKED = "eye_base_from_hand_base"
@@ -103,14 +104,15 @@ def test_what_explains_the_data_better_is_an_error_with_both_errors():
     (found,) = findings_about(predicted(1e-3), predicted(0.5e-3, moved=5))
     assert (found.severity, found.about) == ("error", ("eye", "hand0"))
     errors = "0.5 mm a metre (or mrad) instead of 1 mm a metre (or mrad)"
-    assert found.message == f"Words 0. Under this hypothesis the cross-validation error is {errors}. Fix."
+    assert found.message == f"Words 0. Under this hypothesis the cross-validation error is {errors}. Fix. {FIX}"
 
 
 def test_what_cannot_be_is_said():
     """Where a reading only fits as well, but the declared one contradicts facts."""
     (found,) = findings_about(predicted(1e-3), predicted(1e-3), impossible=("a reach of 9 m", "a board in a wall"))
     assert found.message == (
-        "Words 0. As declared it fits as well, but a reach of 9 m and a board in a wall is implausible. Fix."
+        "Words 0. As declared it fits as well, but a reach of 9 m and a board in a wall is implausible. Fix. "
+        "Or let `basecal fix CELL` do so."
     )
     assert found.severity == "error"
 

@@ -101,3 +101,13 @@ def test_what_was_seen_of_another_target_joins(tmp_path: Path) -> None:
     assert [o["target"] for o in json.loads(other)["observations"]] == ["board", "second"]
     with pytest.raises(InputError, match=r"samples\.jsonl:1: observations of board by cam: is recorded already"):
         completed_recording_text(tmp_path, [Sample(0, None, {}, (SEEN,))])
+
+
+def test_what_is_added_may_stand_in(tmp_path: Path) -> None:
+    """With `replace` a robot of a line has the new state, and other lines stay to the byte."""
+    other = LINE.replace('"sample":  0', '"sample":  1')
+    folder = journal(tmp_path, LINE + other)
+    text = completed_recording_text(folder, [Sample(0, None, {"left": STATE})], replace=True)
+    first, second = text.splitlines(keepends=True)
+    assert second == other
+    assert json.loads(first)["robots"]["left"]["base_from_flange"]["t_m"] == [0.3, 0.2, 0.1]

@@ -70,7 +70,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
     return ClosedFormRival(ratio, _moved(solution.problem, solution.state, group, whole))
 
 
-def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, mask: BoolArray) -> Triple | None:
+def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray) -> Triple | None:
     """X, Y and Z by the views of a mask; None where their rotations are not determined."""
     rows = np.flatnonzero(mask)
     if len(rows) < _FEWEST_FITTED:
@@ -79,7 +79,7 @@ def _closed_form(problem: Problem, group: ViewGroup, alone: SE3, mask: BoolArray
     y = None if bases[0] is None or bases[1] is None else bases[0].inverse() @ bases[1]
     x, z = (_fixed_mean(problem, end.mount) for end in group.ends)
     a, c = (end.base_from_flange[rows] for end in group.ends)
-    loop = Loop(a, alone[rows], c, x, y, z, np.ones(len(rows)))
+    loop = Loop(a, poses[rows], c, x, y, z, np.ones(len(rows)))
     if not loop.unknown:
         return None
     try:
@@ -94,9 +94,9 @@ def _fixed_mean(problem: Problem, name: str) -> SE3 | None:
     return unknown.mean if unknown.status == "fixed" else None
 
 
-def _off(alone: SE3, predicted: SE3) -> Array:
+def _off(poses: SE3, predictions: SE3) -> Array:
     """Squares of lengths [m^2] and of angles [rad^2], (n, 2)."""
-    off = alone.inverse() @ predicted
+    off = poses.inverse() @ predictions
     return np.stack([np.sum(off.translation**2, axis=1), np.sum(off.rotvec**2, axis=1)], axis=1)
 
 

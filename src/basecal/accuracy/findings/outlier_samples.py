@@ -34,7 +34,8 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
     severity: Severity = "warning" if len(numbers) > _FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))
-    return [Finding("outlier-samples", severity, about, sentence(what), (do,), f"{why}{moved}")]
+    cure = "`basecal fix CELL` takes them out of the recording."
+    return [Finding("outlier-samples", severity, about, sentence(what), (do, cure), f"{why}{moved}")]
 
 
 def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:

@@ -8,6 +8,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation
 from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import Finding
+from basecal.effects.faces.found import FIX
 from basecal.effects.registry import LENS_PARAMETERS
 from basecal.estimation.problem.stated_lens import is_stated, usual_sigmas
 from basecal.estimation.solve import Solution
@@ -41,4 +42,4 @@ def _sentences(name: str, stated_camera: Camera, solution: Solution) -> tuple[st
     estimated, sigma = solution.state.cameras[name], np.sqrt(np.diag(solution.lens_covariance(name)))
     off = ", ".join(part.words(stated_camera, estimated, sigma) for part in LENS_PARAMETERS.values())
     do = f"Calibrate the lens of {name}, or set its intrinsics' status to free."
-    return f"The lens of {name} is not as stated: {off}.", (do,), "The answer uses the estimated lens."
+    return f"The lens of {name} is not as stated: {off}.", (do, FIX), "The answer uses the estimated lens."

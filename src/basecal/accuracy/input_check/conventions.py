@@ -204,6 +204,23 @@ def _tried(declared: Reading, as_is: TriedHypothesis, settings: Settings) -> _Ch
     return found
 
 
+def every_hypothesis(declared: Reading, known: State, settings: Settings) -> list[ConventionHypothesis]:
+    """All hypotheses of a reading that may be named, those among them whose number or sample is to be found.
+
+    Args:
+        declared: As it was declared.
+        known: Its fit.
+        settings: How it was solved.
+    """
+    found = [*convention_hypotheses(declared), *rare_hypotheses(declared), *half_turns(declared)]
+    found += size_hypotheses(declared.thinned(_SOLVED), known)
+    whole = _as_declared(declared, settings, known)
+    if whole is not None:
+        moving = [name for name, track in declared.tracks.items() if track.moves]
+        found += [slip for slip, _ in pairing_errors(declared, _lenses(declared, whole), streams(moving))]
+    return found
+
+
 def _try(
     declared: Reading,
     hypothesis: ConventionHypothesis,

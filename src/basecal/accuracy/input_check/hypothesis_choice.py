@@ -14,6 +14,7 @@ from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predictions
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
+from basecal.effects.faces.found import FIX
 from basecal.errors import sentence
 from basecal.geometry import SE3
 
@@ -155,7 +156,7 @@ def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> 
         why = f"Under this hypothesis the cross-validation error is {errors}."
     else:
         why = f"As declared it fits as well, but {' and '.join(declared.impossible)} is implausible."
-    what, do = sentence(hypothesis.words, hypothesis.about), (sentence(hypothesis.fix),)
+    what, do = sentence(hypothesis.words, hypothesis.about), (sentence(hypothesis.fix), FIX)
     return Finding(hypothesis.code, severity, hypothesis.about, what, do, why)
 
 

@@ -11,12 +11,13 @@ from basecal.exchange.importing.bring_in import Brought, add_to_cell
 from basecal.exchange.importing.imported import Imported
 
 
-def import_into(cell: str | Path, imported: Imported) -> Brought:
+def import_into(cell: str | Path, imported: Imported, *, replace: bool = False) -> Brought:
     """Bring what an importer read into a cell's folder, all of it or nothing.
 
     Args:
         cell: The folder; the cell is made if there is none.
         imported: What was read for this cell, as by `basecal.read_poses`.
+        replace: Whether it stands in for what is recorded; the files as they were are kept in `originals`.
 
     Raises:
         InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
@@ -33,7 +34,7 @@ def import_into(cell: str | Path, imported: Imported) -> Brought:
         return (f"{told}; {imported.advice}",) if found else ()
 
     try:
-        return add_to_cell(Path(cell), imported, implausible)
+        return add_to_cell(Path(cell), imported, implausible, replace)
     finally:
         if imported.scratch is not None:
             imported.scratch.cleanup()

@@ -17,10 +17,15 @@ from basecal.cell.recording import Sample
 from basecal.errors import DatasetError, InputError
 
 
-def completed_recording_text(folder: str | Path, samples: Iterable[Sample]) -> str:
+def completed_recording_text(folder: str | Path, samples: Iterable[Sample], replace: bool = False) -> str:
     """The journal of a cell with these samples: each joins the line of its number, or is a new line at the end.
 
     Lines that nothing is added to stay as they are, to the byte; a last line that was cut off is left out.
+
+    Args:
+        folder: The cell's.
+        samples: What is added.
+        replace: Whether what is added stands in for what a line holds already.
 
     Raises:
         DatasetError: if a line that is added to cannot be read.
@@ -40,29 +45,38 @@ def completed_recording_text(folder: str | Path, samples: Iterable[Sample]) -> s
                 continue
             raise
         if isinstance(data, dict) and (sample := waiting.pop(data.get("sample", -1), None)) is not None:
-            lines.append(json.dumps(_join_data(data, sample_to_dict(sample, FOLDER), where), allow_nan=False) + "\n")
+            joined = _join_data(data, sample_to_dict(sample, FOLDER), None if replace else where)
+            lines.append(json.dumps(joined, allow_nan=False) + "\n")
         elif line.strip():
             lines.append(line.decode() + "\n")
     return "".join([*lines, *map(sample_line, waiting.values())])
 
 
-def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where) -> dict[str, Any]:
-    """The data of a line with what is added to it; a time that it has stays."""
+def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where | None) -> dict[str, Any]:
+    """The data of a line with what is added to it; a time that it has stays.
+
+    Without a place for errors, what is added stands in for what is there.
+    """
     out = {"stamp_s": added["stamp_s"]} | data if "stamp_s" in added else dict(data)
     for key in ("robots", "images", "background"):
         twice = sorted(out.get(key, {}).keys() & added.get(key, {}).keys())
-        if twice:
+        if twice and place is not None:
             raise _there_already(place, f"{key}.{twice[0]}")
         if key in added:
             out[key] = {**out.get(key, {}), **added[key]}
-    seen = {(o.get("camera"), o.get("target")) for o in out.get("observations", [])}
-    for observation in added.get("observations", []):
-        if (observation["camera"], observation["target"]) in seen:
+    again = {_view(each) for each in added.get("observations", [])}
+    for observation in out.get("observations", []):
+        if _view(observation) in again and place is not None:
             raise _there_already(place, f"observations of {observation['target']} by {observation['camera']}")
     if "observations" in added:
-        out["observations"] = [*out.get("observations", []), *added["observations"]]
+        others = [each for each in out.get("observations", []) if _view(each) not in again]
+        out["observations"] = [*others, *added["observations"]]
     return {"sample": out.pop("sample"), **out}
 
 
+def _view(observation: dict[str, Any]) -> tuple[str | None, str | None]:
+    return observation.get("camera"), observation.get("target")
+
+
 def _there_already(place: Where, entry: str) -> InputError:
-    return place.error(entry, "is recorded already and is not overwritten: import into another cell, or under its name")
+    return place.error(entry, "is recorded already and is not overwritten: import into another cell, or add --replace")

@@ -9,6 +9,9 @@ import numpy as np
 
 from basecal.geometry import Array
 
+FIX = "Or let `basecal fix CELL` do so."
+"""What to do about what the files of a cell allow to fix."""
+
 AGAIN = "Calibrate again when it is fixed."
 
 

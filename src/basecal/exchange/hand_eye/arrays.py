@@ -37,8 +37,8 @@ def record_of_arrays(
     """The recording that arrays hold.
 
     Args:
-        arrays: `R_...` (n, 3, 3) or (n, 3) [rad] and `t_...` (n, 3), an axis of one among theirs or not, of one of
-            `HAND_EYE`, `ROBOT_WORLD` and `BASE_TO_BASE`.
+        arrays: `R_...` (n, 3, 3) or (n, 3) [rad] and `t_...` (n, 3). Their names are those of `HAND_EYE`, `ROBOT_WORLD`
+            or `BASE_TO_BASE`. An axis of one is no matter.
         source: Where they are from.
         camera_on_robot: Whether the robot carries the camera, and not the target.
         metres: Of a unit of the translations.

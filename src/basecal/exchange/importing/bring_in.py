@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,14 @@ from basecal.cell.files import (
     read_recording,
     recording_from_text,
 )
+from basecal.cell.format.originals import keep_originals
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.pairing import Pairing, pair, plain_name
 from basecal.exchange.importing.placed import place_files
+from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
 _NAMES = f"{_FOLDER}/image_names.json"
@@ -51,7 +53,12 @@ class Brought:
     doubts: tuple[str, ...] = ()
 
 
-def add_to_cell(folder: Path, imported: Imported, check: Callable[[Cell, Recording], tuple[str, ...]]) -> Brought:
+def add_to_cell(
+    folder: Path,
+    imported: Imported,
+    check: Callable[[Cell, Recording], tuple[str, ...]],
+    replace: bool = False,
+) -> Brought:
     """What was read is in the cell, all of it or nothing.
 
     Args:
@@ -59,6 +66,7 @@ def add_to_cell(folder: Path, imported: Imported, check: Callable[[Cell, Recordi
         imported: What was read.
         check: What of the cell and of what is added to its samples is implausible; raises InputError if that is not to
             be written.
+        replace: Whether it stands in for what is there, which is kept in `originals`.
 
     Raises:
         InputError: if it does not fit what is there, or would overwrite it.
@@ -68,16 +76,19 @@ def add_to_cell(folder: Path, imported: Imported, check: Callable[[Cell, Recordi
     started = imported.new_cell if old is None else old
     added = {**_reference(imported.cell), **imported.cell} if started is None else imported.cell
     with place_files(imported.files, folder):
-        text, changed = completed_cell_text(started, added, str(path), imported.replaced)
+        replaced = frozenset(_places(added)) if replace else imported.replaced
+        text, changed = completed_cell_text(started, added, str(path), replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
         names = _names(folder)
         pairing = pair(imported, recorded.samples, names) if imported.rows else None
         samples, pictures = _samples(imported.rows, pairing)
-        journal = completed_recording_text(folder, samples) if samples else ""
+        journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
         doubts = check(cell, Recording(tuple(samples)))
         with place_files(pictures, folder, imported.is_linked):
+            if replace and old is not None:
+                keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imported.source}"})
             if text != old:
                 write_atomically(path, text)
             named = {**names, **_named_samples(imported.rows, pairing)}
@@ -93,6 +104,17 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
     """The reference of a new cell: its first robot."""
     first = next(iter(cell.get("robots", {})), None)
     return {} if first is None else {"reference": first}
+
+
+def _places(data: Mapping[str, Any], within: Loc = ()) -> Iterator[Loc]:
+    """Places of all values that are no mappings, or stand in for one whole: a pose, a lens."""
+    for key, value in data.items():
+        if isinstance(value, Mapping) and not {"status", "kind"} & value.keys():
+            yield from _places(value, (*within, key))
+        elif isinstance(value, Mapping) and "kind" in value:
+            yield from ((*within, key, inner) for inner in value)
+        else:
+            yield (*within, key)
 
 
 def _names(folder: Path) -> dict[str, int]:

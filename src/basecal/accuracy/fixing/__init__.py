@@ -1,0 +1,1 @@
+"""What a diagnosis named, applied to the files of a cell."""

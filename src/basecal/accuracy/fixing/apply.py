@@ -1,0 +1,97 @@
+"""A cure put into the files of a cell, whose originals are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.fixing.change import Change
+from basecal.accuracy.fixing.cures import Cure
+from basecal.cell import Cell, Recording, RobotState, Sample
+from basecal.cell.files import cell_from_dict, completed_cell_text, recording_from_text
+from basecal.cell.format.originals import keep_originals
+from basecal.cell.format.writing import write_atomically
+from basecal.cell.format.yaml_text import parse_yaml, read_text
+from basecal.cell.journal.recording_file import FILE, FOLDER, sample_line
+from basecal.fields.problems import Loc, field_name
+
+_CELL = "cell.yaml"
+
+
+def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
+    """Write what a cure changes; the folder that keeps the files as they were.
+
+    Args:
+        folder: The cell's.
+        cell: As it is written.
+        cure: What is done.
+
+    Raises:
+        InputError: if the files would hold no cell, or cannot be written; they stay as they are.
+    """
+    change, path, journal = cure.change, folder / _CELL, folder / FOLDER / FILE
+    text = old = read_text(path, "")
+    if change.cell:
+        text, _ = completed_cell_text(old, _nested(change.cell), str(path), change.cell.keys())
+    described = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
+    lines = None if change.samples is None else "".join(map(sample_line, change.samples))
+    if lines is not None:
+        recording_from_text(lines.encode(), folder, described)
+    note = {"code": cure.finding.code, "found": cure.finding.what, "done": cure.words}
+    kept = keep_originals(folder, (path, journal), note)
+    if text != old:
+        write_atomically(path, text)
+    if lines is not None:
+        write_atomically(journal, lines, within=folder)
+    return kept
+
+
+def describe_change(recording: Recording, change: Change) -> Iterator[str]:
+    """What becomes of the files, a line each.
+
+    Args:
+        recording: As it is written.
+        change: What would be done.
+    """
+    for place, value in change.cell.items():
+        yield f"cell.yaml: {field_name(place)}: {value}"
+    if change.samples is None:
+        return
+    before, after = ({sample.sample: sample for sample in samples} for samples in (recording.samples, change.samples))
+    gone = sorted(before.keys() - after.keys())
+    if gone:
+        yield f"samples left out: {', '.join(map(str, gone))}"
+    differing = [number for number in after if after[number] is not before[number]]
+    if differing:
+        yield f"samples changed: {len(differing)} of {len(before)}"
+        yield from _example(before[differing[0]], after[differing[0]])
+
+
+def _example(old: Sample, new: Sample) -> Iterator[str]:
+    """The robots of one sample, before and after."""
+    for name, state in new.robots.items():
+        if name in old.robots and state is not old.robots[name]:
+            yield f"sample {new.sample}, {name}: {_state_words(old.robots[name])} becomes {_state_words(state)}"
+    if new.images != old.images:
+        yield f"sample {new.sample}: {', '.join(new.images.values())} in place of {', '.join(old.images.values())}"
+
+
+def _state_words(state: RobotState) -> str:
+    if state.base_from_flange is not None:
+        return repr(state.base_from_flange)
+    joints = np.zeros(0) if state.joints_rad is None else state.joints_rad
+    return "joints " + ", ".join(f"{value:.5g}" for value in joints)
+
+
+def _nested(places: Mapping[Loc, Any]) -> dict[Any, Any]:
+    """Values by place as the mapping that a `cell.yaml` is."""
+    root: dict[str | int, Any] = {}
+    for place, value in places.items():
+        inner = root
+        for key in place[:-1]:
+            inner = inner.setdefault(key, {})
+        inner[place[-1]] = value
+    return root

@@ -1,0 +1,187 @@
+"""What a fix makes of a cell and its recording: other samples, and other lines of `cell.yaml`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
+from basecal.accuracy.readings.reading import Reading, Track
+from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
+from basecal.cell.format.plain import pose_dict
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.fields.problems import Loc
+from basecal.geometry import SE3
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What becomes of the files.
+
+    Attributes:
+        samples: All of the recording; None if it stays.
+        cell: Values of `cell.yaml` by their places.
+    """
+
+    samples: tuple[Sample, ...] | None = None
+    cell: Mapping[Loc, Any] = field(default_factory=dict)
+
+
+def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> Change | None:
+    """What the files hold under a hypothesis; None if they cannot hold it.
+
+    Args:
+        recording: As it is written, without detections.
+        reading: As it was read, with them.
+        hypothesis: What is true.
+    """
+    if hypothesis.by_order:
+        return Change(_pair_samples(recording, reading, hypothesis))
+    result = hypothesis.reread(reading)
+    cell = _cell_changes(reading.cell, result.cell)
+    if cell is None or any(_is_unwritable(*both) for both in _groups(reading, result)):
+        return None
+    samples = _with_values(recording, reading, result)
+    return Change(None if all(a is b for a, b in zip(samples, recording.samples, strict=True)) else samples, cell)
+
+
+def _groups(reading: Reading, result: Reading) -> list[tuple[ViewGroup, ViewGroup]]:
+    return list(zip(reading.problem.groups, result.problem.groups, strict=True))
+
+
+def _is_unwritable(old: ViewGroup, new: ViewGroup) -> bool:
+    """Whether pixels or points in space differ, which images hold and not the recording."""
+    for kind, name in ((PixelMeasurement, "pixels"), (PointMeasurement, "points_in_camera")):
+        if isinstance(old.measurement, kind) and isinstance(new.measurement, kind):
+            before, after = getattr(old.measurement, name), getattr(new.measurement, name)
+            return not np.array_equal(before, after, equal_nan=True)
+    return False
+
+
+def _with_values(recording: Recording, reading: Reading, result: Reading) -> tuple[Sample, ...]:
+    """Samples with the poses of robots and of targets that a reading has."""
+    row = {int(number): k for k, number in enumerate(reading.order)}
+    robots = {name: track for name, track in result.tracks.items() if track is not reading.tracks[name]}
+    views: dict[tuple[int, str, str], SE3] = {}
+    for old, new in _groups(reading, result):
+        if isinstance(old.measurement, PoseMeasurement) and isinstance(new.measurement, PoseMeasurement):
+            before, after = (each.measured_camera_from_target for each in (old.measurement, new.measurement))
+            for k, number in enumerate(old.sample if not np.array_equal(before.matrix, after.matrix) else ()):
+                views[int(number), old.camera, old.target] = after[k]
+
+    def change_sample(sample: Sample) -> Sample:
+        """One sample; itself if nothing of it differs."""
+        k = row.get(sample.sample, -1)
+        states = {name: _state(track, k) for name, track in robots.items() if k >= 0 and name in sample.robots}
+        seen = tuple(
+            replace(each, camera_from_target=views[sample.sample, each.camera, each.target])
+            if isinstance(each, PoseObservation) and (sample.sample, each.camera, each.target) in views
+            else each
+            for each in sample.observations
+        )
+        if not states and all(a is b for a, b in zip(seen, sample.observations, strict=True)):
+            return sample
+        return replace(sample, robots={**sample.robots, **states}, observations=seen)
+
+    return tuple(change_sample(sample) for sample in recording.samples)
+
+
+def _state(track: Track, k: int) -> RobotState:
+    return RobotState(track.pose[k]) if track.joints is None else RobotState(joints_rad=track.joints[k])
+
+
+def _pair_samples(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> tuple[Sample, ...]:
+    """Samples with robots and views of those that a reading pairs, which is asked where each position went."""
+    count, samples = len(reading.order), {sample.sample: sample for sample in recording.samples}
+    place = np.zeros((count, 6))
+    place[:, 0] = np.arange(count)
+    marks = SE3(np.broadcast_to(np.eye(3), (count, 3, 3)), place[:, :3])
+    tracks = {name: replace(track, pose=marks, joints=None) for name, track in reading.tracks.items()}
+    views = reading.problem.groups[0].take(np.zeros(count, dtype=np.int64))
+    views = replace(views, sample=reading.order, motion=place)
+    marked = replace(reading, problem=reading.problem.with_groups((views,)), tracks=tracks)
+    paired = hypothesis.reread(marked)
+    (found,) = paired.problem.groups
+    assert found.motion is not None
+    source = dict(zip(found.sample.tolist(), found.motion[:, 0].astype(int).tolist(), strict=True))
+    made = []
+    for k, number in enumerate(paired.order.tolist()):
+        if number not in source:
+            continue
+        seen, states = samples[int(reading.order[source[number]])], dict(samples[number].robots)
+        for name, track in paired.tracks.items():
+            states.pop(name, None)
+            state = samples[int(reading.order[int(track.pose.translation[k, 0])])].robots.get(name)
+            if track.seen[k] and state is not None:
+                states[name] = state
+        made.append(replace(seen, sample=number, stamp_s=samples[number].stamp_s, robots=states))
+    return tuple(made)
+
+
+def _cell_changes(reading: Cell, result: Cell) -> dict[Loc, Any] | None:
+    """Values of `cell.yaml` that differ; None if one cannot be written."""
+    found: dict[Loc, Any] = {}
+    for name, new in result.transforms.items():
+        old = reading.transforms[name]
+        if new is not old and (new.status != old.status or not _is_same(new, old)):
+            if new.status == "prior":
+                return None
+            found[transform_place(reading, name)] = _unknown_value(new)
+    for name, camera in result.cameras.items():
+        lens, known = camera.intrinsics, reading.cameras[name].intrinsics
+        if lens is not None and known is not None and lens.status != known.status:
+            found |= free_lens(reading, name)
+    for name, target in result.targets.items():
+        known_shape, shape = reading.targets[name].target, target.target
+        if shape is not None and known_shape is not None and shape is not known_shape:
+            factor = float(np.linalg.norm(shape.points) / np.linalg.norm(known_shape.points))
+            lengths = {key: value for key, value in known_shape.options.items() if key.endswith("_m")}
+            found |= {("targets", name, key): _scale_length(value, factor) for key, value in lengths.items()}
+    return found
+
+
+def _scale_length(value: Any, factor: float) -> Any:
+    """A length, or a list of lengths, times a factor, to the digits that a size has."""
+    return (
+        float(f"{value * factor:.5g}") if isinstance(value, int | float) else [_scale_length(v, factor) for v in value]
+    )
+
+
+def _is_same(first: Unknown, second: Unknown) -> bool:
+    if first.mean is None or second.mean is None:
+        return first.mean is second.mean
+    return bool(np.array_equal(first.mean.matrix, second.mean.matrix))
+
+
+def _unknown_value(unknown: Unknown) -> dict[str, Any]:
+    pose = {} if unknown.mean is None else pose_dict(unknown.mean)
+    if unknown.status == "fixed":
+        return {"status": "fixed", **pose}
+    return {"status": "free", **({"guess": pose} if pose else {})}
+
+
+def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
+    """What `cell.yaml` says of a camera whose lens is a guess."""
+    lens = cell.cameras[camera].intrinsics
+    exact = {"exact": False} if lens is not None and lens.exact else {}
+    return {("cameras", camera, "intrinsics", key): value for key, value in {"status": "free", **exact}.items()}
+
+
+def transform_place(cell: Cell, name: str) -> Loc:
+    """Where `cell.yaml` has a transform."""
+    for robot in cell.robots:
+        if cell.base_name(robot) == name:
+            return ("bases", robot)
+    kind, thing = next(
+        (kind, each)
+        for kind, things in (("cameras", cell.cameras), ("targets", cell.targets))
+        for each in things
+        if cell.mount_name(each) == name
+    )
+    return (kind, thing, "mount")

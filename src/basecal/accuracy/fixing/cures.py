@@ -1,0 +1,117 @@
+"""Which findings of a calibration have a cure that the files of the cell allow."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from basecal.accuracy.fixing.change import Change, change_of_hypothesis, free_lens, transform_place
+from basecal.accuracy.input_check.conventions import every_hypothesis
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
+from basecal.accuracy.readings.reading import as_recorded
+from basecal.cell import Calibration, Cell, Finding, Recording
+from basecal.cell.format.yaml_text import parse_yaml
+from basecal.errors import BasecalError, sentence
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.settings import STATED
+from basecal.estimation.solve import solve_packed
+from basecal.fields.problems import Loc
+
+_OFFERED = re.compile(r"[Ww]rite (?P<line>[a-z_]+: .+?)\.?$")
+"""A line of `cell.yaml` at the end of a sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cure:
+    """What fixes a finding.
+
+    Attributes:
+        finding: What was wrong.
+        words: What is done, as a sentence.
+        change: What becomes of the files.
+    """
+
+    finding: Finding
+    words: str
+    change: Change
+
+
+def find_cures(cell: Cell, recording: Recording, detections: Recording, calibration: Calibration) -> tuple[Cure, ...]:
+    """Cures of what a calibration found, in the order of its findings.
+
+    Args:
+        cell: As it is written.
+        recording: As it is written.
+        detections: With what was detected in its images.
+        calibration: Of these two.
+    """
+    grave = [finding for finding in calibration.findings if finding.severity != "info"]
+    by_convention = _convention_cures(cell, recording, detections, grave)
+    found: list[Cure] = []
+    for finding in grave:
+        found += by_convention.get(finding, ())
+        if finding not in by_convention:
+            found += _finding_cures(cell, recording, calibration, finding)
+    return tuple(found)
+
+
+def _convention_cures(
+    cell: Cell, recording: Recording, detections: Recording, findings: list[Finding]
+) -> dict[Finding, tuple[Cure, ...]]:
+    """By finding that names a hypothesis of the input."""
+    try:
+        problem, _ = build_problem(cell, detections)
+        declared = as_recorded(cell, detections, problem)
+        known = every_hypothesis(declared, solve_packed(problem, cell, STATED).state, STATED)
+    except BasecalError:
+        return {}
+    found: dict[Finding, tuple[Cure, ...]] = {}
+    for finding in findings:
+        for hypothesis in known:
+            if hypothesis.code == finding.code and finding.what.startswith(_claim(hypothesis)):
+                change = change_of_hypothesis(recording, declared, hypothesis)
+                cure = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
+                found[finding] = cure
+                break
+    return found
+
+
+def _claim(hypothesis: ConventionHypothesis) -> str:
+    """What a finding about a hypothesis begins with."""
+    return sentence(hypothesis.words, hypothesis.about).removesuffix(".")
+
+
+def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, finding: Finding) -> Iterator[Cure]:
+    """Of a finding that names samples, a lens, a transform, or a line to write."""
+    lenses = {name: camera.intrinsics for name, camera in cell.cameras.items() if camera.intrinsics is not None}
+    for name in finding.about:
+        if finding.code == "intrinsics" and name in lenses and lenses[name].status == "fixed":
+            yield Cure(finding, f"Free the lens of {name}.", Change(cell=free_lens(cell, name)))
+        elif finding.code == "fixed-contradicted" and name in cell.transforms:
+            place = transform_place(cell, name)
+            yield Cure(finding, f"Free {name}.", Change(cell={place: {"status": "free"}}))
+        elif name in cell.targets and (line := _offered_line(finding)):
+            places: dict[Loc, Any] = {("targets", name, key): value for key, value in line.items()}
+            told = ", ".join(f"{key}: {value}" for key, value in line.items())
+            yield Cure(finding, f"Write {told} of {name}.", Change(cell=places))
+    if finding.code == "outlier-samples":
+        left_out = {outlier.sample for outlier in calibration.outliers or () if not outlier.ids}
+        kept = tuple(sample for sample in recording.samples if sample.sample not in left_out)
+        if left_out:
+            numbers = ", ".join(map(str, sorted(left_out)))
+            yield Cure(finding, f"Leave out samples {numbers}.", Change(samples=kept))
+
+
+def _offered_line(finding: Finding) -> dict[str, Any]:
+    """What a finding says to write, by field; nothing if it offers no line."""
+    for text in (*finding.do, finding.why, finding.what):
+        if (found := _OFFERED.search(text)) is not None:
+            try:
+                data = parse_yaml(f"{{{found['line']}}}", "finding").data
+            except BasecalError:
+                continue
+            if isinstance(data, dict):
+                return data
+    return {}

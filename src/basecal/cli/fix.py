@@ -1,0 +1,98 @@
+"""`basecal fix`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from basecal.cli.calibrate import calibrate_folder, exit_code, show
+from basecal.cli.detected import detected_recording
+from basecal.cli.page import print_page_path
+from basecal.cli.terminal import is_terminal, say
+from basecal.errors import UsageError
+
+if TYPE_CHECKING:
+    from basecal.accuracy.fixing.cures import Cure
+    from basecal.cell import Calibration, Cell
+
+
+def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
+    """Fix what the latest calibration named, in the files of the cell, and calibrate again.
+
+    Shows what would be changed and asks. Recorded poses are inverted, converted,
+    reordered or paired anew. Sizes of targets are corrected, lenses and
+    transforms freed, samples left out, and offered lines written. The
+    files as they were, and what was done, are kept in CELL/originals. Ends as
+    calibrate does, with 1 if nothing can be fixed so.
+
+    For example:
+
+        basecal fix mycell
+        basecal fix mycell --yes
+        basecal fix mycell --choose 2 --yes
+
+    Args:
+        cell: Folder of the cell.
+        choose: Number of the fix, if there are several; the first if not given.
+        yes: Apply it without a question.
+    """
+    from basecal.accuracy.fixing.apply import apply_cure, describe_change
+    from basecal.accuracy.fixing.cures import find_cures
+    from basecal.cell.files import read_cell, read_recording
+
+    described = read_cell(cell)
+    calibration = _latest_calibration(cell, described)
+    written, detections = read_recording(cell, described), detected_recording(cell, described)
+    cures = find_cures(described, written, detections, calibration)
+    if not cures:
+        grave = [finding for finding in calibration.findings if finding.severity != "info"]
+        say(f"nothing to fix: {calibration.verdict}" if not grave else f"no fix is known: {grave[0].message}")
+        return exit_code(calibration) if not grave else 1
+    cure = _chosen_cure(cures, choose)
+    for line in describe_change(written, cure.change):
+        say(f"  {line}")
+    _ask(f"Fix {cell} so?", yes)
+    kept = apply_cure(cell, described, cure)
+    say(f"fixed; the files as they were are in {kept}")
+    anew = read_cell(cell)
+    made = calibrate_folder(cell, anew)
+    show(anew, made.calibration)
+    print_page_path(made.run)
+    return exit_code(made.calibration)
+
+
+def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
+    """That of the files as they are, made if there is none."""
+    from basecal.cell.files import input_hashes, latest_run, read_calibration
+
+    run = latest_run(folder)
+    if run is not None:
+        known = read_calibration(run / "calibration.json")
+        if known.inputs == input_hashes(folder, cell):
+            return known
+    return calibrate_folder(folder, cell).calibration
+
+
+def _chosen_cure(cures: tuple[Cure, ...], choose: int | None) -> Cure:
+    """The one of that number, after all are listed."""
+    for number, cure in enumerate(cures, start=1):
+        say(f"{number}. {cure.words} [{cure.finding.code}]")
+    if choose is not None and not 1 <= choose <= len(cures):
+        raise UsageError(f"--choose {choose}: there are fixes 1 to {len(cures)}")
+    return cures[(choose or 1) - 1]
+
+
+def _ask(question: str, yes: bool) -> None:
+    """Ask on a terminal.
+
+    Raises:
+        UsageError: if the user refuses, or cannot be asked.
+    """
+    if yes:
+        return
+    if not (is_terminal(sys.stdin) and is_terminal(sys.stderr)):
+        raise UsageError(f"{question} Add --yes to apply it: nobody can be asked here")
+    say(f"{question} [y/N]", sys.stderr)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise UsageError("nothing is changed")

@@ -1,0 +1,54 @@
+"""Cures in the files of a cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from basecal.accuracy.fixing.apply import apply_cure, describe_change
+from basecal.accuracy.fixing.change import Change, free_lens
+from basecal.accuracy.fixing.cures import Cure
+from basecal.cell import Finding
+from basecal.cell.files import read_cell, read_recording, write_cell, write_recording
+from basecal.errors import InputError
+from basecal.simulation import Scenario, simulate
+
+FINDING = Finding("x", "warning", (), "Something is wrong.")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = simulate(Scenario(samples=4), 2)
+    write_cell(made.cell, tmp_path)
+    write_recording(made.recording, tmp_path)
+    return tmp_path
+
+
+def test_files_change_and_originals_stay(folder: Path) -> None:
+    """Samples and lines are written, what was there is kept to the byte, and what is done stands beside it."""
+    cell = read_cell(folder)
+    recording = read_recording(folder, cell)
+    before = {name: (folder / name).read_bytes() for name in ("cell.yaml", "recording/samples.jsonl")}
+    change = Change(recording.samples[1:], free_lens(cell, "wrist"))
+    assert list(describe_change(recording, change)) == [
+        "cell.yaml: cameras.wrist.intrinsics.status: free",
+        "cell.yaml: cameras.wrist.intrinsics.exact: False",
+        "samples left out: 0",
+    ]
+    kept = apply_cure(folder, cell, Cure(FINDING, "Leave out sample 0.", change))
+    after = read_cell(folder)
+    assert after.cameras["wrist"].intrinsics.status == "free"
+    assert [sample.sample for sample in read_recording(folder, after).samples] == [1, 2, 3]
+    assert {(kept / "cell.yaml").read_bytes(), (kept / "samples.jsonl").read_bytes()} == set(before.values())
+    assert "Leave out sample 0." in (kept / "change.json").read_text()
+
+
+def test_what_would_be_no_cell_changes_nothing(folder: Path) -> None:
+    """A value that a cell cannot have is refused before anything is written."""
+    before = (folder / "cell.yaml").read_bytes()
+    cure = Cure(FINDING, "Break it.", Change(cell={("targets", "board", "square_m"): -1.0}))
+    with pytest.raises(InputError):
+        apply_cure(folder, read_cell(folder), cure)
+    assert (folder / "cell.yaml").read_bytes() == before
+    assert not (folder / "originals").exists()

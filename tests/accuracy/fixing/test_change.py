@@ -1,0 +1,135 @@
+"""What files hold under a hypothesis: a slip put into a recording is undone to the last digit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.fixing.change import change_of_hypothesis, transform_place
+from basecal.accuracy.input_check.hypotheses import convention_hypotheses, shift
+from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
+from basecal.accuracy.input_check.target_sizes import target_size
+from basecal.accuracy.readings.reading import Reading, as_recorded
+from basecal.cell import Cell, PoseObservation, Recording, RobotState, Sample, Unknown
+from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+POSES = simulate(Scenario(samples=9, target="pose"), 2)
+BOARD = simulate(Scenario(samples=9), 2)
+
+
+def declared(cell: Cell, recording: Recording) -> Reading:
+    return as_recorded(cell, recording, build_problem(cell, recording)[0])
+
+
+def with_poses(recording: Recording, robot: str, change: Callable[[SE3], SE3]) -> Recording:
+    def slipped(sample: Sample) -> Sample:
+        state = RobotState(change(sample.robots[robot].base_from_flange))
+        return replace(sample, robots={**sample.robots, robot: state})
+
+    return replace(recording, samples=tuple(map(slipped, recording.samples)))
+
+
+def poses(samples: tuple[Sample, ...], robot: str) -> np.ndarray:
+    return np.stack([sample.robots[robot].base_from_flange.matrix for sample in samples])
+
+
+@pytest.mark.parametrize(
+    ("slip", "words"),
+    [
+        (SE3.inverse, "the poses of hand are inverted (flange_from_base)"),
+        (lambda pose: SE3(pose.rotation, 1e3 * pose.translation), "the poses of hand are in millimetres"),
+        (
+            lambda p: SE3.from_quaternion(p.quaternion[[3, 0, 1, 2]], p.translation),
+            "the quaternions of hand are w, x, y, z",
+        ),
+        (lambda pose: SE3(pose.rotation.T.copy(), pose.translation), "the rotation matrices of hand are transposed"),
+    ],
+)
+def test_poses_of_a_robot(slip: Callable[[SE3], SE3], words: str) -> None:
+    """Inverted, in millimetres, in another order, transposed: each is undone, and nothing else changes."""
+    slipped = with_poses(BOARD.recording, "hand", slip)
+    reading = declared(BOARD.cell, slipped)
+    every = [*convention_hypotheses(reading), *rare_hypotheses(reading)]
+    (hypothesis,) = (each for each in every if each.words.startswith(words) and each.about == ("hand",))
+    change = change_of_hypothesis(slipped, reading, hypothesis)
+    np.testing.assert_allclose(poses(change.samples, "hand"), poses(BOARD.recording.samples, "hand"), atol=1e-12)
+    np.testing.assert_array_equal(poses(change.samples, "eye"), poses(BOARD.recording.samples, "eye"))
+    assert change.cell == {}
+
+
+def test_poses_of_the_target() -> None:
+    """Observed poses are turned back."""
+
+    def slipped(sample: Sample) -> Sample:
+        (seen,) = sample.observations
+        return replace(sample, observations=(replace(seen, camera_from_target=seen.camera_from_target.inverse()),))
+
+    recording = replace(POSES.recording, samples=tuple(map(slipped, POSES.recording.samples)))
+    reading = declared(POSES.cell, recording)
+    (hypothesis,) = (h for h in convention_hypotheses(reading) if h.code == "target-pose-inverted")
+    change = change_of_hypothesis(recording, reading, hypothesis)
+    for mine, true in zip(change.samples, POSES.recording.samples, strict=True):
+        one, other = mine.observations[0], true.observations[0]
+        assert isinstance(one, PoseObservation)
+        np.testing.assert_allclose(one.camera_from_target.matrix, other.camera_from_target.matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize(("stream", "by", "start"), [(None, 1, 0), (None, -1, 0), ("hand", 1, 0), (None, 1, 5)])
+def test_pairing(stream: str | None, by: int, start: int) -> None:
+    """What was paired one sample off, images and observations alike, is with its robots again; the rest is left out."""
+    samples = [replace(s, images={"wrist": f"recording/images/wrist/{s.sample}.png"}) for s in BOARD.recording.samples]
+    numbers = range(len(samples))
+    source = [k + by if k >= start else k for k in numbers]  # what stands at k belongs to k + by
+    kept = [k for k in numbers if 0 <= source[k] < len(samples)]
+
+    def slipped(k: int) -> Sample:
+        here, there = samples[k], samples[source[k]]
+        if stream is None:
+            return replace(here, observations=there.observations, images=there.images)
+        return replace(here, robots={**here.robots, stream: there.robots[stream]})
+
+    recording = replace(BOARD.recording, samples=tuple(slipped(k) for k in kept))
+    reading = declared(BOARD.cell, recording)
+    place = kept.index(start) if start else 0
+    change = change_of_hypothesis(recording, reading, shift(stream, by, place))
+    assert len(change.samples) >= len(kept) - 2
+    by_number = {sample.sample: sample for sample in samples}
+    for sample in change.samples:
+        true = (
+            by_number[sample.sample]
+            if stream is None
+            else next(s for s in samples if s.robots[stream] is sample.robots[stream] or s.sample == sample.sample)
+        )
+        if stream is None:
+            assert sample.images == true.images
+            assert sample.observations is true.observations
+        assert sample.robots["eye"] is by_number[sample.sample].robots["eye"]
+        assert sample.robots["hand"] is by_number[sample.sample].robots["hand"]
+
+
+def test_cell_is_changed() -> None:
+    """A size, a lens and a transform that are stated wrongly become lines of `cell.yaml`."""
+    cell = BOARD.cell.with_transform("eye_flange_from_wrist", Unknown("fixed", SE3.identity()))
+    reading = declared(cell, BOARD.recording)
+    size = change_of_hypothesis(BOARD.recording, reading, target_size("board", 1.1, cell))
+    square = cell.targets["board"].target.options["square_m"]
+    assert size.cell["targets", "board", "square_m"] == pytest.approx(1.1 * square, rel=1e-4)
+    assert size.samples is None
+    known = {each.code: each for each in convention_hypotheses(reading)}
+    lens = change_of_hypothesis(BOARD.recording, reading, known["intrinsics"])
+    assert lens.cell["cameras", "wrist", "intrinsics", "status"] == "free"
+    mount = change_of_hypothesis(BOARD.recording, reading, known["fixed-contradicted"])
+    assert mount.cell["cameras", "wrist", "mount"]["status"] == "free"
+    assert transform_place(cell, "eye_base_from_hand_base") == ("bases", "hand")
+
+
+def test_pixels_are_of_images() -> None:
+    """What images hold is no line of a recording: there is no change."""
+    reading = declared(BOARD.cell, BOARD.recording)
+    (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "pixels-swapped")
+    assert change_of_hypothesis(BOARD.recording, reading, hypothesis) is None

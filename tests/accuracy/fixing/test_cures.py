@@ -1,0 +1,63 @@
+"""Cures of findings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from basecal.accuracy.fixing.cures import find_cures
+from basecal.cell import Calibration, Finding, Outlier, RobotState, Unknown
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+BOARD = simulate(Scenario(samples=9), 2)
+
+
+def cures_of(*findings: Finding, outliers: tuple[Outlier, ...] = (), recording=BOARD.recording, cell=BOARD.cell):
+    calibration = Calibration("doubtful", findings=findings, outliers=outliers)
+    return find_cures(cell, recording, recording, calibration)
+
+
+def test_convention_is_undone() -> None:
+    """A finding by `calibrate`, or by what a flange can reach, begins with what its hypothesis says."""
+    samples = tuple(
+        replace(s, robots={**s.robots, "eye": RobotState(s.robots["eye"].base_from_flange.inverse())})
+        for s in BOARD.recording.samples
+    )
+    recording = replace(BOARD.recording, samples=samples)
+    what = "The poses of eye are inverted (flange_from_base)."
+    (cure,) = cures_of(Finding("robot-pose-inverted", "error", ("eye",), what), recording=recording)
+    assert cure.words == "Undo: the poses of eye are inverted (flange_from_base)."
+    assert len(cure.change.samples) == 9
+    what = "The poses of eye are in millimetres: a flange is 782 m from its base."
+    (cure,) = cures_of(Finding("length-unit", "error", ("eye",), what), recording=recording)
+    assert cure.words == "Undo: the poses of eye are in millimetres."
+
+
+def test_outliers_lens_and_offered_lines() -> None:
+    """Samples are left out, a lens is freed, and a line that a finding offers is written of its target."""
+    outliers = (Outlier(3, "wrist", "board", (), "far"), Outlier(5, "wrist", "board", (7,), "stray"))
+    left, lens, line = cures_of(
+        Finding("outlier-samples", "warning", ("3",), "Sample 3 was left out as an outlier."),
+        Finding("intrinsics", "warning", ("wrist",), "The lens of wrist is not as stated: fx is 3 px off."),
+        Finding("many-dropped-samples", "warning", ("board",), "No board: write dictionary: DICT_5X5_100."),
+        outliers=outliers,
+    )
+    assert [sample.sample for sample in left.change.samples] == [0, 1, 2, 4, 5, 6, 7, 8]
+    assert lens.change.cell["cameras", "wrist", "intrinsics", "status"] == "free"
+    assert line.change.cell == {("targets", "board", "dictionary"): "DICT_5X5_100"}
+
+
+def test_fixed_transform_is_freed() -> None:
+    """One that effects name, which no hypothesis of the input does in these words."""
+    name = "eye_flange_from_wrist"
+    cell = BOARD.cell.with_transform(name, Unknown("fixed", SE3.identity()))
+    finding = Finding("fixed-contradicted", "warning", (name,), f"{name} is stated as fixed, and is elsewhere.")
+    (cure,) = cures_of(finding, cell=cell)
+    assert cure.change.cell == {("cameras", "wrist", "mount"): {"status": "free"}}
+
+
+def test_what_only_informs_and_what_has_no_cure() -> None:
+    """An info has none, nor has a finding that no file can undo."""
+    info = Finding("outlier-samples", "info", ("3",), "Sample 3 was left out as an outlier.")
+    weak = Finding("weak-direction", "warning", (), "The base is weak along x.")
+    assert cures_of(info, weak, outliers=(Outlier(3, "wrist", "board", (), "far"),)) == ()
