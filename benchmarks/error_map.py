@@ -72,7 +72,7 @@ def trial(kind: str, seed: int) -> list[dict[str, Any]]:
     solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
     calibration = calibrated(made, solution)
     point = made.truth[BASE].translation / 2
-    found = error_map(made.cell, calibration, solution, point)
+    found = error_map(made.cell, calibration, solution, point[None])
     assert found is not None
     told = list(_at_places(made, calibration, found, np.random.default_rng([seed, 13])))
     if made.cell.robots["eye"].chain is not None and not calibration.robot_parameters:
@@ -93,9 +93,9 @@ def _at_places(
     believed = calibrated_kinematics(made.cell, calibration)
     for place, wanted in zip(PLACES, ((low + high) / 2, corner), strict=True):
         k = int(np.argmin(np.linalg.norm(found.points_m - wanted, axis=1)))
-        meant = {robot: _meant(made, calibration, robot, found.points_m[k]) for robot in ("eye", "hand")}
+        meant = {robot: meant_pose(made, calibration, robot, found.points_m[k]) for robot in ("eye", "hand")}
         try:
-            true = {robot: _true(made, believed, robot, *meant[robot], rng, but_for_mounts) for robot in meant}
+            true = {robot: true_pose(made, believed, robot, *meant[robot], rng, but_for_mounts) for robot in meant}
         except NotConverged:
             continue
         eye, hand = true["eye"], made.truth[BASE] @ true["hand"]
@@ -111,7 +111,7 @@ def _at_places(
         }
 
 
-def _meant(made: SimulatedCell, calibration: Calibration, robot: str, point_m: Array) -> tuple[SE3, int]:
+def meant_pose(made: SimulatedCell, calibration: Calibration, robot: str, point_m: Array) -> tuple[SE3, int]:
     """Where a flange is told to be in its base, and the number of the sample whose turn it has."""
     in_base = point_m if robot == "eye" else calibration[BASE].mean.inverse() @ point_m
     poses = made.true_base_from_flange[robot]
@@ -119,7 +119,7 @@ def _meant(made: SimulatedCell, calibration: Calibration, robot: str, point_m: A
     return SE3(poses[nearest].rotation, in_base), nearest
 
 
-def _true(
+def true_pose(
     made: SimulatedCell,
     believed: Mapping[str, Kinematics],
     robot: str,

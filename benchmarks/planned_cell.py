@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 
 from basecal.accuracy.task.expected_error import length_quantile, point_covariances
-from basecal.accuracy.task.task import Task, make_task
+from basecal.accuracy.task.meeting import make_meeting
 from basecal.cell import Calibration, PixelObservation, Recording, RobotState, Sample
 from basecal.estimation.least_squares.bundle_adjustment import batch_states
 from basecal.estimation.problem.build import build_problem
@@ -52,11 +52,6 @@ class PlannedCell:
     weight: Array
     point_m: Array
 
-    @property
-    def task(self) -> Task:
-        """Where, as the plan knows it."""
-        return make_task(BASE, self.prospect.state.transforms, self.point_m[None])
-
     def chosen(self, count: int) -> tuple[list[int], Array]:
         """Greedy with exchange: which, and the covariance with them."""
         steps = list(islice(greedy(self.prospect.roots, self.prospect.covariance, self.weight), count))
@@ -72,7 +67,8 @@ class PlannedCell:
     def expected_m(self, covariance: Array) -> float:
         """What 95 of 100 errors at the task are to stay below [m]."""
         where = self.prospect.problem.columns[BASE]
-        return length_quantile(point_covariances(covariance[where, where], self.task.points_m)[0])
+        in_hand_m = self.prospect.state.transforms[BASE].inverse() @ self.point_m
+        return length_quantile(point_covariances(covariance[where, where], in_hand_m[None])[0])
 
     def random(self, count: int, rng: np.random.Generator) -> list[int]:
         """So many candidates, each set alike likely."""
@@ -142,9 +138,7 @@ def planned_cell(seed: int, noise: tuple[float, float] = NOISE, count: int = CAN
     drawn = candidates(sketch, [dict(sample.robots) for sample in taught.samples], count, seed)
     prospect = prospects(made.cell, taught, guessed, [(sketch, drawn)])
     point = made.truth[BASE].translation / 2
-    weight = np.zeros(prospect.covariance.shape)
-    where = prospect.problem.columns[BASE]
-    weight[where, where] = make_task(BASE, prospect.state.transforms, point[None]).weight()
+    weight = make_meeting(made.cell, prospect.problem, prospect.state, BASE, point[None]).weight
     return PlannedCell(made, noise, prospect, weight, point)
 
 

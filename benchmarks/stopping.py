@@ -40,7 +40,7 @@ def measured(seed: int) -> list[dict[str, Any]]:
 def _goal(of: PlannedCell, seed: int, goal_mm: float) -> dict[str, Any]:
     goal_m = 1e-3 * goal_mm
 
-    def enough(covariance: np.ndarray) -> bool:
+    def enough(covariance: np.ndarray, _: int) -> bool:
         """Whether the goal is promised."""
         return of.expected_m(covariance) <= goal_m
 

@@ -62,9 +62,9 @@ def test_fewest_are_as_few_as_any(made):
     """One less is not enough, whichever they are; none where nothing is needed, all tried where nothing is enough."""
     roots, covariance, weight = made
     limit = 1.02 * min(criterion(*made, each) for each in combinations(range(14), 4))
-    chosen, reached = choose_fewest(roots, covariance, weight, 14, lambda c: bool(np.trace(weight @ c) <= limit))
+    chosen, reached = choose_fewest(roots, covariance, weight, 14, lambda c, _: bool(np.trace(weight @ c) <= limit))
     assert (len(chosen), reached) == (4, True)
     assert criterion(*made, chosen) <= limit
-    assert choose_fewest(roots, covariance, weight, 14, lambda c: True) == ([], True)
-    tried, reached = choose_fewest(roots, covariance, weight, 3, lambda c: False)
+    assert choose_fewest(roots, covariance, weight, 14, lambda c, _: True) == ([], True)
+    tried, reached = choose_fewest(roots, covariance, weight, 3, lambda c, _: False)
     assert (len(tried), reached) == (3, False)

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
+from basecal.accuracy.task.task_error import meeting_error
 from basecal.acquisition.coverage import find_equal_sample
 from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
 from basecal.errors import BasecalError, InputError
@@ -49,7 +51,7 @@ class Replanner:
     offered: Mapping[View, Sequence[Sample]]
 
     def plan(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
-        """What is still to be taken, in order.
+        """What is still to be taken, in order; nothing if a calibration of what was taken meets the tolerance.
 
         Args:
             samples: What was, with what was seen.
@@ -58,7 +60,14 @@ class Replanner:
         Raises:
             InputError: if nothing is left to choose from.
         """
-        calibration = _current_calibration(self.cell, samples)
+        task = _task_settings(self.points_m)
+        found = self._plan_from(_current_calibration(self.cell, samples, task), samples, bad)
+        if found.samples or not found.recorded:
+            return found
+        made = calibrate(self.cell, Recording(tuple(samples)), task)
+        return found if made.meeting is None else self._plan_from(made, samples, bad)
+
+    def _plan_from(self, calibration: Calibration | None, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
         offered: list[Offer] = []
         for sketch in sketches(self.cell, calibration):
             left = [s for s in self.offered.get(sketch.view, ()) if not _is_settled(sketch, s, samples, bad)]
@@ -93,7 +102,7 @@ def replanner(
         InputError: if there is no candidate, or a transform has no guess.
     """
     at_home = Sample(0, robots=home)
-    known = sketches(cell, _current_calibration(cell, samples))
+    known = sketches(cell, _current_calibration(cell, samples, _task_settings(points_m)))
     drawn = draw_offers(known, _with_home(at_home, samples), OFFERED_SAMPLES, seed)
     offered = {sketch.view: list(offers) for sketch, offers in drawn}
     first = next(iter(offered))
@@ -123,7 +132,8 @@ def stations_for_task(
     Raises:
         InputError: if no station can be shifted from, or a transform has no guess.
     """
-    calibration, recording = _current_calibration(cell, samples), _with_home(Sample(0, robots=home), samples)
+    calibration = _current_calibration(cell, samples, _task_settings(points_m))
+    recording = _with_home(Sample(0, robots=home), samples)
     offered = offered_stations(cell, recording, calibration, seed)
     return plan_for_task(
         cell, recording, calibration, points_m, tolerance_m, count, seed, offers=offered, group_size=STATION_SAMPLES
@@ -142,8 +152,14 @@ def _is_settled(sketch: Sketch, sample: Sample, samples: Sequence[Sample], bad: 
     return any(find_equal_sample(sketch, sample, others, m, rad) is not None for others, m, rad in near)
 
 
-def _current_calibration(cell: Cell, samples: Sequence[Sample]) -> Calibration | None:
-    """What the samples say of transforms and noise; None while they leave any direction open."""
+def _task_settings(points_m: Array) -> Settings:
+    """Those of a calibration for a point, or for a box whose middle and corners these are, (n, 3) [m]."""
+    middle, first, last = (tuple(points_m[k].tolist()) for k in (0, min(1, len(points_m) - 1), -1))
+    return Settings(task_point=middle, task_box=None if len(points_m) == 1 else (*first, *last))
+
+
+def _current_calibration(cell: Cell, samples: Sequence[Sample], task: Settings) -> Calibration | None:
+    """What the samples say of transforms, noise and the error at the task; None while they leave any direction open."""
     if sum(bool(sample.observations) for sample in samples) < _FEWEST_SOLVED:
         return None
     recording = Recording(tuple(samples))
@@ -154,4 +170,6 @@ def _current_calibration(cell: Cell, samples: Sequence[Sample]) -> Calibration |
     if not solution.converged or solution.observability.unobservable:
         return None
     noise = noise_summary(cell, recording, solution)
-    return Calibration("doubtful", dict(solution.transforms), noise=noise, robot_parameters=robot_parameters(solution))
+    transforms, parameters = dict(solution.transforms), robot_parameters(solution)
+    found = Calibration("doubtful", transforms, noise=noise, robot_parameters=parameters, settings=task.as_dict())
+    return replace(found, meeting=meeting_error(cell, found, solution, task))

@@ -1,19 +1,15 @@
 """The nouns of a calibration and their files."""
 
 from basecal.cell.calibration import (
-    BudgetEntry,
     Calibration,
     Certificate,
     ClockOffset,
-    ErrorMap,
     Finding,
     LineTime,
-    LocalFit,
     Loop,
     Outlier,
     Residuals,
     SampleResidual,
-    Tolerance,
     Validation,
 )
 from basecal.cell.cell import (
@@ -43,6 +39,7 @@ from basecal.cell.recording import (
 from basecal.cell.results.verification_file import MeasuredShift, PastVerification
 from basecal.cell.rival import Rival
 from basecal.cell.target import Target
+from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.fields.parameters import Parameters
 
@@ -66,6 +63,7 @@ __all__ = [
     "LocalFit",
     "Loop",
     "MeasuredShift",
+    "MeetingError",
     "Observation",
     "Outlier",
     "Parameters",

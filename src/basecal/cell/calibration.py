@@ -13,32 +13,23 @@ from pydantic import Field, GetPydanticSchema
 from basecal.cell.cell import Cell
 from basecal.cell.frames import base_between, frame_between
 from basecal.cell.rival import Rival
+from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.fields.written import (
-    THREE,
     Error,
     ErrorInDeg,
     ErrorInMm,
     Flag,
-    Length,
-    Number,
-    Pose,
     Real,
-    Vector3,
     Whole,
-    array_in,
     as_written,
-    in_unit,
 )
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 from basecal.methods import METHODS
 
 Severity = Literal["info", "warning", "error"]
 Verdict = Literal["good", "doubtful", "refused"]
-_BETTER_VERDICT = as_written(
-    Literal["local", "global"], lambda best: best == "local", lambda is_better: "local" if is_better else "global"
-)
 
 
 def _number_in_unit(factor: float) -> GetPydanticSchema:
@@ -188,82 +179,6 @@ class LineTime:
     sigma_s: float
 
 
-@dataclass(frozen=True)
-class BudgetEntry:
-    """What one source adds to the error at the task.
-
-    Attributes:
-        source: In words, with the name of what it is of.
-        rms_m: Root of the variance that comes of it [m]; those of all sources add up in squares.
-        share: Of the whole variance.
-        halved_rms_m: What the whole error would be with the source's sigma half as large [m].
-    """
-
-    source: str
-    rms_m: Annotated[float, Field(alias="mm"), in_unit(Length, 1e3)]
-    share: Annotated[float, Field(alias="percent"), in_unit(Real, 100.0)]
-    halved_rms_m: Annotated[float, Field(alias="total_mm_if_halved"), in_unit(Length, 1e3)]
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorMap:
-    """The error to be expected where two robots meet.
-
-    Attributes:
-        points_m: (n, 3) in the reference's base [m].
-        length_95_m: (n,) the distance that 95 of 100 errors stay below [m].
-        angle_95_rad: (n,) likewise the angle [rad].
-    """
-
-    points_m: Annotated[Array, array_in(list[Annotated[list[Number], THREE]], shape=(-1, 3))]
-    length_95_m: Annotated[Array, Field(alias="mm_95"), array_in(list[Length], 1e3)]
-    angle_95_rad: Annotated[Array, Field(alias="deg_95"), array_in(list[Length], math.degrees(1))]
-
-
-@dataclass(frozen=True, eq=False)
-class LocalFit:
-    """A part of the workspace, calibrated separately.
-
-    Attributes:
-        centre_m: (3,) its middle in the reference's base [m].
-        samples: Numbers of the samples in it.
-        global_m: Root of the mean square of where targets of held-out samples in it are off, by the fit of all [m].
-        local_m: Likewise by a fit to which samples far from its middle count little; None, both, where one has no end.
-        chance: Of a local fit so far from that of all where there is noise alone.
-        is_better: Whether the local fit is recommended there.
-        transforms: The requested ones, by the local fit of all samples.
-    """
-
-    centre_m: Vector3
-    samples: tuple[Whole, ...]
-    global_m: Annotated[float | None, Field(alias="global_mm"), in_unit(Length | None, 1e3)]
-    local_m: Annotated[float | None, Field(alias="local_mm"), in_unit(Length | None, 1e3)]
-    chance: Annotated[Number, Field(alias="p")]
-    is_better: Annotated[bool, Field(alias="recommended"), _BETTER_VERDICT]
-    transforms: Mapping[str, Pose]
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """Whether what was requested is known as well as is needed.
-
-    Attributes:
-        asked_m: What is needed [m].
-        expected_95_m: The largest distance that 95 of 100 position errors stay below [m]; None if something requested
-            was not found.
-        met: Whether that is within the tolerance and the verdict is good, without which it proves nothing.
-    """
-
-    asked_m: Annotated[Length, Field(gt=0)]
-    expected_95_m: Error
-    met: Flag
-
-    @property
-    def is_within(self) -> bool:
-        """Whether the expected error is within the tolerance, whatever the verdict."""
-        return self.expected_95_m is not None and self.expected_95_m <= self.asked_m
-
-
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
@@ -289,6 +204,7 @@ class Calibration:
         budget: The error at the task by source, the largest first; None if no task is named.
         error_map: The error over the workspace; None if no task is named.
         local: Parts of the workspace calibrated separately; None if no task is named.
+        meeting: The error of one flange against another at the work; None if nothing found is placed between robots.
         findings: What the user should know.
         verdicts: Of each of `transforms`, by the findings that concern it.
         tolerance: How the answer compares with what is needed; None if no tolerance was given.
@@ -317,6 +233,7 @@ class Calibration:
     budget: tuple[BudgetEntry, ...] | None = None
     error_map: ErrorMap | None = None
     local: tuple[LocalFit, ...] | None = None
+    meeting: MeetingError | None = None
     findings: tuple[Finding, ...] = ()
     verdicts: Mapping[str, Verdict] = field(default_factory=dict)
     tolerance: Tolerance | None = None

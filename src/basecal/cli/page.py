@@ -86,16 +86,15 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
 
 def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequence[tuple[int, float]]:
     """What more samples would bring at the task; nothing if none is named, or none can be planned."""
-    from numpy import array
-
+    from basecal.accuracy.task.task import task_places
     from basecal.errors import BasecalError
     from basecal.planning.plan import outlook
 
-    point = calibration.settings.get("task_point")
-    if point is None or not calibration.budget:
+    points_m = task_places(calibration.settings.get("task_point"), calibration.settings.get("task_box"))
+    if not len(points_m) or not calibration.budget:
         return ()
     try:
-        return outlook(cell, recording, calibration, array([point]))
+        return outlook(cell, recording, calibration, points_m)
     except BasecalError:  # such as a transform that was not found: the page says so elsewhere
         return ()
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from basecal.cell import Calibration, Cell, Recording
-    from basecal.geometry import Array
+    from basecal.estimation.settings import Settings
     from basecal.planning.plan import Plan
 
 
@@ -79,12 +79,11 @@ def plan(
     """
     from dataclasses import replace
 
-    import numpy as np
-
     from basecal.cell import Recording
     from basecal.cell.files import read_cell
+    from basecal.estimation.settings import Settings
 
-    points = np.array(task_points(task_point, task_box))
+    points = task_points(task_point, task_box)
     needed_m = None if tolerance is None else length_m(tolerance)
     if needed_m is None and samples is None:
         raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
@@ -92,7 +91,7 @@ def plan(
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
-        calibration = _find_calibration(cell, described, recording)
+        calibration = _find_calibration(cell, described, recording, Settings(task_point=points[0], task_box=task_box))
         if anew:
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
         found = _make_plan(described, recording, calibration, points, needed_m, samples, seed, pattern)
@@ -105,16 +104,19 @@ def _make_plan(
     cell: Cell,
     recording: Recording,
     calibration: Calibration | None,
-    points_m: Array,
+    points: list[Point],
     tolerance_m: float | None,
     count: int | None,
     seed: int,
     pattern: str,
 ) -> Plan:
     """Samples all around, or whole stations of programmed shifts."""
+    from numpy import array
+
     from basecal.planning.plan import offered_stations, plan_for_task
     from basecal.planning.stations import STATION_SAMPLES
 
+    points_m = array(points)
     if pattern == "poses":
         return plan_for_task(cell, recording, calibration, points_m, tolerance_m, count, seed)
     offered = offered_stations(cell, recording, calibration, seed)
@@ -193,20 +195,25 @@ def _motion(cell: Cell, plan_result: Plan, to: str, robot: str | None, speed_deg
     return MOTIONS[to].text(make_way(cell, plan_result.samples, robot, radians(speed_deg_s), hold_s))
 
 
-def _find_calibration(folder: Path, cell: Cell, recording: Recording) -> Calibration | None:
-    """The latest run where it is of this recording, else what the recording gives now; None if it gives nothing."""
+def _find_calibration(folder: Path, cell: Cell, recording: Recording, task: Settings) -> Calibration | None:
+    """The latest run if it is of this recording and task, else what the recording gives; None if that is nothing."""
+    from numpy import array_equal
+
     from basecal.accuracy.calibrate import calibrate
+    from basecal.accuracy.task.task import task_places
     from basecal.cell.files import input_hashes, latest_run, read_calibration
 
     run = latest_run(folder)
     if run is not None:
         stored = read_calibration(run)
-        if dict(stored.inputs) == input_hashes(folder, cell):
+        its_task = task_places(stored.settings.get("task_point"), stored.settings.get("task_box"))
+        is_same = array_equal(its_task, task_places(task.task_point, task.task_box))
+        if is_same and dict(stored.inputs) == input_hashes(folder, cell):
             return stored
     if not any(sample.observations for sample in recording.samples):
         return None
     try:
-        return calibrate(cell, recording)
+        return calibrate(cell, recording, task)
     except BasecalError:  # too little was recorded for it: the cell's own guesses have to do
         return None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import product
 
 from basecal.errors import UsageError
 
@@ -38,6 +37,6 @@ def task_points(point: Point | None, box: Box | None) -> list[Point]:
         return [point]
     if point is not None or box is None:
         raise UsageError("give either --task-point x y z or --task-box x y z x y z, in the reference robot's base [m]")
-    edges = [(low, high) for low, high in zip(box[:3], box[3:], strict=True)]
-    x, y, z = ((low, (low + high) / 2, high) for low, high in edges)
-    return [(x[1], y[1], z[1]), *product(x[::2], y[::2], z[::2])]
+    from basecal.accuracy.task.task import box_points
+
+    return box_points(box)

@@ -16,7 +16,7 @@ from basecal.geometry import Array
 _EXCHANGE_PASSES = 3  # over what is chosen: the third exchanges next to nothing
 _LEAST_GAIN = 1e-4  # of the criterion, below which an exchange is not worth another pass
 
-Enough = Callable[[Array], bool]
+Enough = Callable[[Array, int], bool]
 
 
 def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int, Array]]:
@@ -68,25 +68,25 @@ def choose_fewest(
         covariance: (p, p) to begin with.
         weight: (p, p).
         most: How many at most.
-        is_enough: Whether a covariance is.
+        is_enough: Whether a covariance with so many candidates is.
     """
-    if is_enough(covariance):
+    if is_enough(covariance, 0):
         return [], True
     chosen: list[int] = []
     now = covariance
     for best, now in greedy(roots, covariance, weight):
         chosen.append(best)
-        if is_enough(now) or len(chosen) == most:
+        if is_enough(now, len(chosen)) or len(chosen) == most:
             break
     chosen, now = exchange(roots, chosen, now, weight)
-    if not is_enough(now):
+    if not is_enough(now, len(chosen)):
         return chosen, False
     while len(chosen) > 1:
         losses = [float(np.trace(weight @ without_sample(now, roots[k]))) for k in chosen]
         least = chosen[int(np.argmin(losses))]
         left = [k for k in chosen if k != least]
         fewer, after = exchange(roots, left, without_sample(now, roots[least]), weight)
-        if not is_enough(after):
+        if not is_enough(after, len(fewer)):
             break
         chosen, now = fewer, after
     return chosen, True

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
 
 from basecal.accuracy.task.budget import budget
-from basecal.accuracy.task.expected_error import length_quantiles, point_covariances
-from basecal.accuracy.task.task import Task, base_transforms, least_known, make_task
-from basecal.cell import BudgetEntry, Calibration, Cell, Recording, RobotState, Sample
+from basecal.accuracy.task.expected_error import pooled_quantile
+from basecal.accuracy.task.meeting import Meeting, make_meeting, worst_meeting
+from basecal.accuracy.task.task import base_transforms, task_places
+from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample
 from basecal.errors import InputError
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
@@ -63,15 +65,59 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """The tasks of all that is placed, and the tolerance."""
+    """Where all that is placed meets, the tolerance, and what is known with the samples that were recorded.
 
-    tasks: tuple[Task, ...]
+    Attributes:
+        meetings: Of each transform.
+        tolerance_m: The error that 95 of 100 are to stay below [m].
+        recorded: How many samples were.
+        now: The error with these, as a calibration has it; None if none was made of them.
+        beyond_m2: What of its variance the covariance of the noise in use does not hold [m^2].
+    """
+
+    meetings: tuple[Meeting, ...]
     tolerance_m: float
+    recorded: int
+    now: MeetingError | None
+    beyond_m2: float
 
-    def expected_m(self, covariances: dict[str, Array]) -> float:
-        """The largest error of any of them at any of its points [m]."""
-        at = [point_covariances(covariances[task.transform], task.points_m) for task in self.tasks]
-        return float(length_quantiles(np.concatenate(at)).max())
+    @cached_property
+    def weight(self) -> Array:
+        """The criterion's weight of all columns, (p, p)."""
+        return np.asarray(sum(meeting.weight for meeting in self.meetings))
+
+    def expected_m(self, covariance: Array, count: int) -> float:
+        """The error with this covariance of all columns, (p, p), of what was recorded and so many samples more [m].
+
+        What sigmas that are not known, and errors of arms, add to it falls as the samples grow in number.
+        """
+        if self.now is not None and count == 0:
+            return self.now.expected_95_m
+        found, beyond_m2 = [], self.beyond_m2 * self.recorded / max(self.recorded + count, 1)
+        for meeting in self.meetings:
+            at = meeting.total_error(covariance, meeting.stop_variances().values())[:, :3, :3]
+            scale = np.sqrt(1 + beyond_m2 / meeting.mean_square_m2(covariance))
+            found.append(scale * pooled_quantile(at, np.zeros(at.shape[:2])))
+        return float(max(found))
+
+
+def _make_goal(
+    prospect: Prospects, cell: Cell, calibration: Calibration | None, points_m: Array, tolerance_m: float | None = None
+) -> _Goal:
+    """The goal at points in the reference's base, (n, 3) [m], beginning at what was recorded."""
+    problem, state, covariance = prospect.problem, prospect.state, prospect.covariance
+    meetings = tuple(make_meeting(cell, problem, state, name, points_m) for name in base_transforms(cell))
+    now = None if calibration is None or not prospect.recorded else _meeting_at(calibration, points_m)
+    by_noise_m2 = worst_meeting(meetings, covariance).mean_square_m2(covariance)
+    beyond_m2 = 0.0 if now is None else max(now.variance_m2 - by_noise_m2, 0.0)
+    return _Goal(meetings, np.inf if tolerance_m is None else tolerance_m, len(prospect.recorded), now, beyond_m2)
+
+
+def _meeting_at(calibration: Calibration, points_m: Array) -> MeetingError | None:
+    """The error at these points, (n, 3), as the calibration has it; None if it is that at others."""
+    settings = calibration.settings
+    its_points_m = task_places(settings.get("task_point"), settings.get("task_box"))
+    return calibration.meeting if np.array_equal(its_points_m, points_m) else None
 
 
 def plan_for_task(
@@ -101,30 +147,34 @@ def plan_for_task(
     Raises:
         InputError: if nothing is placed that the task is about, no pose is taught, or a transform has no guess.
     """
-    names = base_transforms(cell)
-    known = sketches(cell, calibration)
-    recording = synchronous(cell, recording, calibration)
+    base_transforms(cell)
+    known, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
     if offers is None:
         offers = draw_offers(known, recording, CANDIDATES, seed)
     prospect = prospects(cell, recording, calibration, offers)
-    tasks = tuple(make_task(name, known[0].transforms, points_m) for name in names)
-    goal = _Goal(tasks, np.inf if tolerance_m is None else tolerance_m)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
+    goal = _make_goal(prospect, cell, calibration, points_m, tolerance_m)
     chosen, reached = list[int](), None
     if tolerance_m is not None:
-        chosen, reached = _choose_fewest(prospect, roots, goal, MOST_SAMPLES // group_size)
+        chosen, reached = choose_fewest(
+            roots,
+            prospect.covariance,
+            goal.weight,
+            MOST_SAMPLES // group_size,
+            lambda covariance, groups: goal.expected_m(covariance, group_size * groups) <= goal.tolerance_m,
+        )
     needed = group_size * len(chosen) if reached else None
     if count is not None and -(-count // group_size) != len(chosen):
-        chosen = choose_best(prospect, roots, _weight(prospect, goal), -(-count // group_size))
+        chosen = choose_best(prospect, roots, goal.weight, -(-count // group_size))
     rows = [group_size * k + each for k in chosen for each in range(group_size)]
     solution = prospect.solution(rows)
     return Plan(
         _order_samples(known[0], prospect, recording, rows, group_size == 1),
         needed,
-        _expected_error_m(solution, goal),
+        _expected_error_m(solution, goal, len(rows)),
         reached,
         len(prospect.recorded),
-        _budget(solution, goal),
+        _budget(solution, goal, len(rows)),
     )
 
 
@@ -145,27 +195,12 @@ def outlook(
     known = sketches(cell, calibration)
     recording = synchronous(cell, recording, calibration)
     prospect = prospects(cell, recording, calibration, draw_offers(known, recording, OUTLOOK_CANDIDATES))
-    goal = _Goal(tuple(make_task(name, known[0].transforms, points_m) for name in base_transforms(cell)), np.inf)
-    steps = greedy(prospect.roots, prospect.covariance, _weight(prospect, goal))
+    goal = _make_goal(prospect, cell, calibration, points_m)
+    steps = greedy(prospect.roots, prospect.covariance, goal.weight)
     covariances = [prospect.covariance, *(after for _, after in islice(steps, OUTLOOK_COUNTS[-1]))]
-    columns = [(task.transform, prospect.problem.columns[task.transform]) for task in goal.tasks]
     return tuple(
-        (count, goal.expected_m({name: _pad_covariance(covariances[count], where) for name, where in columns}))
-        for count in OUTLOOK_COUNTS
-        if count < len(covariances)
+        (count, goal.expected_m(covariances[count], count)) for count in OUTLOOK_COUNTS if count < len(covariances)
     )
-
-
-def _choose_fewest(prospect: Prospects, roots: Array, goal: _Goal, most: int) -> tuple[list[int], bool]:
-    """As few candidates as the tolerance needs, or the best that are allowed, and whether it is met."""
-    columns = prospect.problem.columns
-    names = [task.transform for task in goal.tasks]
-
-    def is_enough(covariance: Array) -> bool:
-        """Whether the tolerance is met."""
-        return goal.expected_m({n: _pad_covariance(covariance, columns[n]) for n in names}) <= goal.tolerance_m
-
-    return choose_fewest(roots, prospect.covariance, _weight(prospect, goal), most, is_enough)
 
 
 def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> list[int]:
@@ -225,23 +260,6 @@ def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, 
     return [dict(sample.robots) for sample in own or samples]
 
 
-def _weight(prospect: Prospects, goal: _Goal) -> Array:
-    """The criterion's weight of all columns, (p, p)."""
-    weight = np.zeros((prospect.problem.width, prospect.problem.width))
-    for task in goal.tasks:
-        where = prospect.problem.columns[task.transform]
-        size = where.stop - where.start
-        weight[where, where] += task.weight()[:size, :size]
-    return weight
-
-
-def _pad_covariance(covariance: Array, rows: slice) -> Array:
-    """The covariance of a transform, (6, 6); of a point's mount without rotation."""
-    own, size = np.zeros((6, 6)), rows.stop - rows.start
-    own[:size, :size] = covariance[rows, rows]
-    return own
-
-
 def _order_samples(
     sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_part: bool
 ) -> tuple[Sample, ...]:
@@ -254,16 +272,16 @@ def _order_samples(
     return tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
 
 
-def _expected_error_m(solution: Solution, goal: _Goal) -> float | None:
-    names = [task.transform for task in goal.tasks]
-    if solution.observability.unobservable & set(names):
+def _expected_error_m(solution: Solution, goal: _Goal, count: int) -> float | None:
+    if solution.observability.unobservable & {meeting.transform for meeting in goal.meetings}:
         return None
-    return goal.expected_m({name: solution.transforms[name].covariance for name in names})
+    return goal.expected_m(solution.covariance, count)
 
 
-def _budget(solution: Solution, goal: _Goal) -> tuple[BudgetEntry, ...]:
-    if _expected_error_m(solution, goal) is None:
+def _budget(solution: Solution, goal: _Goal, count: int) -> tuple[BudgetEntry, ...]:
+    if _expected_error_m(solution, goal, count) is None:
         return ()
-    covariances = {task.transform: solution.transforms[task.transform].covariance for task in goal.tasks}
-    task = least_known(goal.tasks, covariances)
-    return budget(solution, task, task.variance_m2(covariances[task.transform]), {})
+    meeting = worst_meeting(goal.meetings, solution.covariance)
+    total_m2 = meeting.mean_square_m2(solution.covariance)
+    beyond_m2 = goal.beyond_m2 * goal.recorded / max(goal.recorded + count, 1)
+    return budget(solution, meeting, total_m2 + beyond_m2, {})

@@ -10,13 +10,14 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.task import budget as module
-from basecal.accuracy.task.budget import NOISE_SOURCE, SHARED_SOURCE, _entry, _task_variance, budget, calibration_budget
-from basecal.accuracy.task.task import Task, make_task
+from basecal.accuracy.task.budget import NOISE_SOURCE, SHARED_SOURCE, _entry, budget, calibration_budget
+from basecal.accuracy.task.meeting import Meeting, make_meeting
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve
 from basecal.simulation import Scenario, simulate
 
 POINT = (0.5, 0.1, 0.3)
+NOBODY = SimpleNamespace(weight=None, stop_variances=dict)
 PRIORS = Scenario(
     samples=15,
     robot_noise=(1e-4, 2e-4),
@@ -28,9 +29,9 @@ PRIORS = Scenario(
 )
 
 
-def at(solution: Solution, name: str) -> tuple[Task, float]:
-    task = make_task(name, solution.state.transforms, np.array([POINT]))
-    return task, task.variance_m2(solution.transforms[name].covariance)
+def at(made, solution: Solution, name: str) -> tuple[Meeting, float]:
+    meeting = make_meeting(made.cell, solution.problem, solution.state, name, np.array([POINT]))
+    return meeting, meeting.mean_square_m2(solution.covariance)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -50,7 +51,7 @@ def test_sources_add_to_the_total(scenario, seed):
     """
     made = simulate(scenario, seed)
     solution = solve(made.cell, made.recording)
-    task, total = at(solution, "eye_base_from_hand_base")
+    task, total = at(made, solution, "eye_base_from_hand_base")
     entries = budget(solution, task, total, {})
     assert {entry.source for entry in entries}.isdisjoint({NOISE_SOURCE}) or entries[-1].share < 1e-3
     assert sum(entry.rms_m**2 for entry in entries) == pytest.approx(total, rel=1e-3)
@@ -63,7 +64,7 @@ def test_what_is_added_is_a_source():
     """A widening has its own line, is quartered when halved, and what remains is said to be of the sigmas."""
     made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
     solution = solve(made.cell, made.recording)
-    task, total = at(solution, "eye_base_from_hand_base")
+    task, total = at(made, solution, "eye_base_from_hand_base")
     entries = {e.source: e for e in budget(solution, task, 3 * total, {"clocks": total})}
     assert entries["clocks"].share == pytest.approx(1 / 3)
     assert entries["clocks"].halved_rms_m ** 2 == pytest.approx(2.25 * total)
@@ -89,7 +90,7 @@ def test_halving_a_source_does_what_is_told(source):
     for seed in range(150):
         whole, half = simulate(scenario, seed), simulate(halved, seed)
         solutions = solve(whole.cell, whole.recording), solve(half.cell, half.recording)
-        task, total = at(solutions[0], "arm_base_from_board")
+        task, total = at(whole, solutions[0], "arm_base_from_board")
         entry = next(e for e in budget(solutions[0], task, total, {}) if e.source == source)
         told += [total, entry.halved_rms_m**2]
         found += [error_m2(made.truth, each) for made, each in zip((whole, half), solutions, strict=True)]
@@ -108,8 +109,7 @@ def test_a_calibration_has_a_budget_where_a_task_is_named():
     """It adds up to the error of the base at the task, estimated noise and all; without a task there is none."""
     made = simulate(Scenario(samples=15, robot_noise=(1e-4, 2e-4), state_robot_noise=False), 4)
     calibration = calibrate(made.cell, made.recording, Settings(task_point=POINT))
-    base = calibration["eye_base_from_hand_base"]
-    total = make_task("b", {"b": base.mean}, np.array([POINT])).variance_m2(base.covariance)
+    total = calibration.meeting.variance_m2
     assert sum(entry.rms_m**2 for entry in calibration.budget) == pytest.approx(total, rel=1e-6)
     assert {e.source for e in calibration.budget} >= {"views of wrist", "repeatability of eye", "repeatability of hand"}
     assert calibrate(made.cell, made.recording).budget is None
@@ -119,32 +119,33 @@ def test_a_calibration_has_a_budget_where_a_task_is_named():
 def test_what_is_left_over_is_called_by_what_was_estimated(common):
     """How well the noise is known; where arms' poses have errors in common, these too."""
     made = simulate(Scenario(samples=12, target="pose", robot_noise=(1e-4, 2e-4)), 3)
-    solution, calibration = solve(made.cell, made.recording), calibrate(made.cell, made.recording)
-    wide = {name: replace(e, covariance=3 * e.covariance) for name, e in solution.transforms.items()}
+    solution = solve(made.cell, made.recording)
+    calibration = calibrate(made.cell, made.recording, Settings(task_point=POINT))
+    total = at(made, solution, "eye_base_from_hand_base")[1]
+    wide = replace(calibration.meeting, sigma_m=np.sqrt(total))  # three times the variance
     solution = replace(solution, noise=replace(solution.noise, common=common))
-    found = calibration_budget(made.cell, replace(calibration, transforms=wide), solution, {}, np.array(POINT))
+    found = calibration_budget(made.cell, replace(calibration, meeting=wide), solution, {}, np.array([POINT]))
     shares = {entry.source: entry.share for entry in found}
     assert shares[SHARED_SOURCE if common else NOISE_SOURCE] == pytest.approx(2 / 3, rel=1e-2)
     assert len({NOISE_SOURCE, SHARED_SOURCE} & shares.keys()) == 1
     nothing = replace(calibration, transforms={})
-    assert calibration_budget(made.cell, nothing, solution, {}, np.array(POINT)) is None
+    assert calibration_budget(made.cell, nothing, solution, {}, np.array([POINT])) is None
 
 
 @pytest.fixture(scope="module")
 def of_priors():
     made = simulate(PRIORS, 3)
     solution = solve(made.cell, made.recording)
-    return solution, *at(solution, "eye_base_from_hand_base")
+    return solution, *at(made, solution, "eye_base_from_hand_base")
 
 
 def test_a_prior_has_the_share_of_its_information(of_priors):
-    """J C W C J' with W that of the prior alone, C the covariance and J how the point goes with the base."""
+    """J C W C J' with W that of the prior alone, C the covariance and J how what meets goes with base and arms."""
     solution, task, total = of_priors
     name = "eye_flange_from_wrist"
-    where, base = solution.problem.columns[name], solution.problem.columns[task.transform]
-    sigma = solution.problem.unknowns[name].sigma
-    across = solution.covariance[base, where]
-    own = task.variance_m2(across @ np.diag(sigma**-2.0) @ across.T)
+    where, sigma = solution.problem.columns[name], solution.problem.unknowns[name].sigma
+    by_prior = solution.covariance[:, where] @ np.diag(sigma**-2.0) @ solution.covariance[where]
+    own = np.trace(task.weight @ by_prior)
     (entry,) = [each for each in budget(solution, task, total, {}) if each.source == f"prior of {name}"]
     assert entry.rms_m == pytest.approx(np.sqrt(own), rel=3e-3)
     assert entry.share == pytest.approx(own / total, rel=6e-3)
@@ -163,16 +164,6 @@ def test_all_shrink_where_the_answer_is_known_better_than_by_its_sources(of_prio
     assert sizes == sorted(sizes, reverse=True)
 
 
-@pytest.mark.parametrize("size", [6, 3])
-def test_the_variance_at_a_task_is_of_the_columns_of_its_transform(size):
-    """Of a point's offset three columns shift, and nothing turns."""
-    covariance = np.diag(np.arange(1.0, 11.0))
-    solution = SimpleNamespace(problem=SimpleNamespace(columns={"a_from_b": slice(2, 2 + size)}))
-    task = Task("a_from_b", np.array([[0.0, 0.0, 2.0]]))
-    turns = 4 * (6 + 7) if size == 6 else 0
-    assert _task_variance(solution, task, covariance) == pytest.approx(3 + 4 + 5 + turns)
-
-
 @pytest.mark.parametrize(("variance", "gain", "left"), [(4.0, 3.0, 13.0**0.5), (4.0, 17.0, 0.0)])
 def test_an_entry_is_a_root_a_share_and_what_is_left(variance, gain, left):
     """Of sixteen; more than all cannot be gained."""
@@ -186,7 +177,7 @@ def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, t
     monkeypatch.setattr(module, "_variance", lambda *given: 1.0)
     monkeypatch.setattr(module, "error_sources", lambda problem: [])
     solution = SimpleNamespace(problem=None, state=None)
-    found = budget(solution, None, 1.0, {"clocks": 1.0 - left, "nothing": 0.0}, "rest")
+    found = budget(solution, NOBODY, 1.0, {"clocks": 1.0 - left, "nothing": 0.0}, "rest")
     assert [entry.source for entry in found] == (["clocks", "rest"] if told else ["clocks"])
     assert not told or found[1].halved_rms_m ** 2 == pytest.approx(1 - 0.75 * left)
 
@@ -194,9 +185,9 @@ def test_what_is_left_over_is_told_from_a_ten_thousandth_on(monkeypatch, left, t
 def test_a_share_is_the_derivative_to_the_logarithm_of_a_variance(monkeypatch):
     """Of a part that grows by the square of its sigma beside one that does not; halving brings three quarters of it."""
     part = SimpleNamespace(name="part", scaled=lambda problem, state, factor: (factor, None))
-    monkeypatch.setattr(module, "_variance", lambda solution, task, problem, state: 3.0 * problem**2 + 2.0)
+    monkeypatch.setattr(module, "_variance", lambda solution, weight, problem, state: 3.0 * problem**2 + 2.0)
     monkeypatch.setattr(module, "error_sources", lambda problem: [part])
-    (found, rest) = budget(SimpleNamespace(problem=1.0, state=None), None, 5.0, {}, "rest")
+    (found, rest) = budget(SimpleNamespace(problem=1.0, state=None), NOBODY, 5.0, {}, "rest")
     assert found.rms_m**2 == pytest.approx(3.0, rel=1e-3)
     assert found.halved_rms_m**2 == pytest.approx(5.0 - 0.75 * 3.0)
     assert rest.rms_m**2 == pytest.approx(2.0, rel=1e-3)

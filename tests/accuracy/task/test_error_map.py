@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.ends import end, views
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.task.error_map import MAP_STEPS, _box, error_map, target_places
+from basecal.accuracy.task.error_map import MAP_STEPS, _box, error_map
 from basecal.cell import Calibration
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -59,7 +57,7 @@ def test_errors_smooth_in_the_pose_count(mapped):
     robots = dict(calibration.noise["robots"])
     robots["hand"] = {**robots["hand"], "smooth": {"sigma": [2e-3] * 3 + [1e-3] * 3, "length_m": 0.7}}
     wider = replace(calibration, noise={**calibration.noise, "robots": robots})
-    larger = error_map(made.cell, wider, solution, POINT)
+    larger = error_map(made.cell, wider, solution, POINT[None])
     assert larger.length_95_m.min() > found.length_95_m.min() + 1e-3
     assert larger.angle_95_rad[0] > found.angle_95_rad[0]
 
@@ -73,14 +71,14 @@ def test_a_flat_box_has_one_layer():
     (group,) = solution.problem.groups
     few = replace(solution, problem=solution.problem.with_groups([group.take(np.array([2]))]))
     at = (group.eye.base_from_flange @ solution.state.transforms["arm_flange_from_wrist"]).translation[2]
-    assert len(error_map(made.cell, calibration, few, at + np.array([0.1, 0, 0])).points_m) == MAP_STEPS
+    assert len(error_map(made.cell, calibration, few, (at + np.array([0.1, 0, 0]))[None]).points_m) == MAP_STEPS
 
 
 def test_nothing_found_has_no_map():
     """Of what is placed in the reference's base."""
     made = simulate(Scenario(samples=6), 0)
     solution = solve(made.cell, made.recording)
-    assert error_map(made.cell, Calibration("refused"), solution, POINT) is None
+    assert error_map(made.cell, Calibration("refused"), solution, POINT[None]) is None
 
 
 @pytest.mark.parametrize(("thick_m", "layers"), [(0.9e-3, 1), (1.1e-3, MAP_STEPS)])
@@ -90,21 +88,4 @@ def test_points_are_spread_over_the_box(thick_m, layers):
     found = _box(places)
     heights = np.linspace(3.0, 3.0 + thick_m, MAP_STEPS) if layers > 1 else [3.0 + thick_m / 2]
     wanted = [(x, y, z) for x in np.linspace(1, 2, MAP_STEPS) for y in np.linspace(-2, 0, MAP_STEPS) for z in heights]
-    np.testing.assert_allclose(found, wanted, atol=1e-12)
-
-
-@pytest.mark.parametrize("based", [True, False])
-@pytest.mark.parametrize("on_arm", [True, False])
-def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, based):
-    """In the reference's base, about which the arm's own may stand."""
-    rng = np.random.default_rng(1)
-    base, mount, other = (SE3.exp(rng.standard_normal(6)) for _ in range(3))
-    arm, world = SE3.exp(rng.standard_normal((3, 6))), SE3.identity((3,))
-    moving = end("arm", arm, mount="mount", base="base" if based else None)
-    still = end(None, world, mount="other")
-    found = target_places(
-        views(still, moving) if on_arm else views(moving, still),
-        SimpleNamespace(transforms={"base": base, "mount": mount, "other": other}),
-    )
-    wanted = (base @ arm @ mount if based else arm @ mount).translation
     np.testing.assert_allclose(found, wanted, atol=1e-12)

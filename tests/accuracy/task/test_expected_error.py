@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import chi, ncx2, norm
+from scipy.stats import chi, chi2, ncx2, norm
 from tests.ends import with_eye, with_hand
 
 from basecal.accuracy.calibrate import calibrate
@@ -21,8 +21,9 @@ from basecal.accuracy.task.expected_error import (
     length_quantile,
     length_quantiles,
     point_covariances,
+    pooled_quantile,
 )
-from basecal.cell import Tolerance
+from basecal.cell import MeetingError, Tolerance
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -122,7 +123,7 @@ def test_errors_of_mounts_are_where_the_target_is():
 
 def test_tolerances(dual):
     """Passed where the error is below it and the verdict good, and everything asked for is there."""
-    made, calibration = dual
+    made, calibration = dual[0], replace(dual[1], meeting=None)
     errors = [ExpectedError(BASE, 4e-4, np.zeros(3))]
 
     def check(tolerance_m, verdict="good", found=errors):
@@ -138,11 +139,15 @@ def test_tolerances(dual):
     assert check(5e-4, found=[]).expected_95_m is None
     assert check(3e-4).expected_95_m == 4e-4
     assert check(4e-4) == Tolerance(4e-4, 4e-4, True)
-    both = SimpleNamespace(asked=(BASE, "mount"))
+    both = SimpleNamespace(asked=(BASE, "mount"), reference="eye")
     two = [*errors, ExpectedError("mount", 6e-4, np.zeros(3))]
     found = check_tolerance(both, replace(calibration, verdict="good", settings={"tolerance_m": 5e-4}), two)
     assert (found.expected_95_m, found.met) == (6e-4, False)
-    nothing = SimpleNamespace(asked=())
+    meeting = MeetingError(3e-4, "task point", 1e-4)
+    at_work = replace(calibration, verdict="good", settings={"tolerance_m": 5e-4}, meeting=meeting)
+    assert check_tolerance(made.cell, at_work, errors) == Tolerance(5e-4, 3e-4, True)
+    assert check_tolerance(both, at_work, two).expected_95_m == 6e-4
+    nothing = SimpleNamespace(asked=(), reference="eye")
     found = check_tolerance(nothing, replace(calibration, verdict="good", settings={"tolerance_m": 1e-6}), [])
     assert (found.expected_95_m, found.met) == (0.0, True)
 
@@ -227,3 +232,25 @@ def test_transforms_are_used_where_the_arms_worked():
         for each in found:
             np.testing.assert_array_equal(each, places)
     assert list(_places("another", made.cell, fitted)) == []
+
+
+@pytest.mark.parametrize("off", [0.0, 1.0])
+def test_a_pooled_quantile_is_that_of_all_draws_together(off):
+    """Of three normals, each drawn 40,000 times: within a hundredth, and the noise of so many draws."""
+    rng = np.random.default_rng(0)
+    roots, means = rng.standard_normal((3, 3, 3)), off * rng.standard_normal((3, 3))
+    drawn = np.concatenate(
+        [mean + rng.standard_normal((40_000, 3)) @ root.T for mean, root in zip(means, roots, strict=True)]
+    )
+    found = pooled_quantile(roots @ roots.mT, means)
+    assert found == pytest.approx(np.quantile(np.linalg.norm(drawn, axis=1), 0.95), rel=0.015)
+
+
+def test_what_is_certain_is_its_own_quantile():
+    """Of one mean, of two alike, and beside what is not."""
+    nothing = np.zeros((2, 3, 3))
+    assert pooled_quantile(nothing[:1], np.ones((1, 3))) == pytest.approx(np.sqrt(3))
+    assert pooled_quantile(nothing, np.ones((2, 3))) == pytest.approx(np.sqrt(3))
+    assert pooled_quantile(nothing, np.zeros((2, 3))) == 0
+    beside = pooled_quantile(np.array([nothing[0], np.eye(3)]), np.zeros((2, 3)))
+    assert beside == pytest.approx(np.sqrt(chi2.ppf(0.9, 3)), rel=1e-3)

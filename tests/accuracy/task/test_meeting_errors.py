@@ -11,10 +11,11 @@ import pytest
 from basecal.accuracy.task.arms_at_points import reach_points, recorded_joints
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, kinematic_errors
+from basecal.accuracy.task.meeting import Meeting, make_meeting
 from basecal.accuracy.task.meeting_errors import _Expected, _mixture, _own_variance, meeting_errors
-from basecal.accuracy.task.task import Task
 from basecal.cell import Calibration
 from basecal.estimation.noise.joint_estimate import sigmas_with
+from basecal.estimation.problem.problem import Stops
 from basecal.estimation.problem.robot_parameters import apply_step
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -35,7 +36,7 @@ def solved(scenario: Scenario):
 def mapped(made, solution, **changed):
     robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
-    return error_map(made.cell, calibration, solution, made.truth[BASE].translation / 2, **changed)
+    return error_map(made.cell, calibration, solution, made.truth[BASE].translation[None] / 2, **changed)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,7 @@ def test_a_robot_by_poses_beside_an_arm():
     solution = solve(cell, recording, Settings(robot_noise="estimated"))
     robots = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in solution.noise.robots.items()}
     calibration = Calibration("good", dict(solution.transforms), noise={"robots": robots})
-    found = error_map(cell, calibration, solution, made.truth[BASE].translation / 2)
+    found = error_map(cell, calibration, solution, made.truth[BASE].translation[None] / 2)
     assert 1e-3 < found.angle_95_rad.min() < 2e-2
 
 
@@ -93,16 +94,15 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     made, solution = arms_off
     problem, state = solution.problem, solution.state
     points = made.truth[BASE].translation[None] / 2
-    task = Task(BASE, made.truth[BASE].inverse() @ points)
-    calibration = Calibration("good", dict(solution.transforms))
-    mean, covariance = meeting_errors(made.cell, calibration, solution, task, points)
+    meeting = make_meeting(made.cell, problem, state, BASE, points)
+    mean, covariance = meeting_errors(meeting, solution, {})
     likelihoods, means, covariances = [], [], []
     for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
         monkeypatch.setattr("basecal.accuracy.task.meeting_errors.MODELS", (tuple(kinds),))
         arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
         evidence = sigmas_with(problem, state, solution.noise, arms, EXPECTED_PRIOR).surprise
         likelihoods.append(np.exp(-evidence / 2 - 500))
-        alone = meeting_errors(made.cell, calibration, solution, task, points)
+        alone = meeting_errors(meeting, solution, {})
         means.append(alone[0][0])
         covariances.append(alone[1][0])
     shares = np.array(likelihoods) / sum(likelihoods)
@@ -120,7 +120,7 @@ def test_estimated_kinematics_count_as_far_as_they_are_known():
         made = simulate(Scenario(samples=8, joints=True, joint_offsets=status, joint_offset_rad=sigma), 3)
         solution = solve(made.cell, made.recording)
         calibration = Calibration("good", dict(solution.transforms))
-        found[status] = error_map(made.cell, calibration, solution, made.truth[BASE].translation / 2).angle_95_rad
+        found[status] = error_map(made.cell, calibration, solution, made.truth[BASE].translation[None] / 2).angle_95_rad
     assert np.all(found["prior"] > 2e-3)
     assert found["prior"].min() > 2 * found["fixed"].max()
 
@@ -132,17 +132,15 @@ def test_what_meets_moves_with_the_base_and_both_arms():
     )
     solution = solve(made.cell, made.recording)
     problem, state = solution.problem, solution.state
-    own = {"eye": (1e-3, 2e-3, 3e-3, 1e-3, 1e-3, 4e-3), "hand": (4e-3, 0, 0, 0, 5e-3, 0)}
-    noise = {name: {"sigma_t_m": of[:3], "sigma_r_rad": of[3:]} for name, of in own.items()}
-    noise["hand"]["smooth"] = {"sigma": [3e-3, 0, 0, 0, 0, 6e-3]}
-    calibration = Calibration("good", dict(solution.transforms), noise={"robots": noise})
+    noise = {"robots": {"hand": {"smooth": {"sigma": [3e-3, 0, 0, 0, 0, 6e-3]}}}}
     base, step = state.transforms[BASE], 1e-6
     recorded = np.array([s.robots["hand"].joints_rad for s in made.recording.samples])
     hand = state.kinematics(problem.models["hand"])
     at_hand = hand.forward(recorded).translation
     points = base @ at_hand
     eye_joints = reach_points(problem, state, "eye", recorded_joints(problem, "eye"), points)
-    mean, found = meeting_errors(made.cell, calibration, solution, Task(BASE, at_hand), points)
+    meeting = make_meeting(made.cell, problem, state, BASE, points)
+    mean, found = meeting_errors(meeting, solution, noise)
     np.testing.assert_array_equal(mean, 0)
     columns = np.zeros((len(points), 6, problem.width))
     for k in range(6):
@@ -161,23 +159,26 @@ def test_what_meets_moves_with_the_base_and_both_arms():
             if robot == "eye":  # away from the point, in the axes of the hand's base
                 shift, turn = (-each @ base.rotation for each in (shift, turn))
             columns[:, :3, where.start + k], columns[:, 3:, where.start + k] = shift, turn
-    places = np.mean([1e-6, 4e-6, 9e-6]) + 16e-6 / 3 + 9e-6 / 3
-    turns = np.mean([1e-6, 1e-6, 16e-6]) + 25e-6 / 3 + 36e-6 / 3
+    places, turns = 2 * 1e-8 + 9e-6 / 3, 2 * 4e-8 + 36e-6 / 3
     by_columns, by_robots = columns @ solution.covariance @ columns.mT, np.diag(np.repeat([places, turns], 3))
     wanted = by_columns + by_robots
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-4 * np.abs(wanted).max())
-    _, without = meeting_errors(made.cell, replace(calibration, noise={}), solution, Task(BASE, at_hand), points)
+    exact = replace(meeting, problem=replace(problem, stops=replace(problem.stops, sigma=0 * problem.stops.sigma)))
+    _, without = meeting_errors(exact, solution, {})
     np.testing.assert_allclose(found - without, np.broadcast_to(by_robots, found.shape), atol=1e-15)
+    assert meeting.mean_square_m2(solution.covariance) == pytest.approx(
+        np.mean(np.trace(by_columns[:, :3, :3], axis1=1, axis2=2)) + 6e-8
+    )
 
 
 def test_a_robots_own_variance_is_that_of_its_stops_and_of_what_these_have_in_common():
     """Means over the axes, of place and of turn; estimated variances count in place of the sigmas that are told."""
-    told = {"sigma_t_m": [1.0, 2.0, 3.0], "sigma_r_rad": [1.0, 1.0, 4.0]}
     smooth = {"smooth": {"sigma": [3.0, 0.0, 0.0, 0.0, 0.0, 6.0]}}
-    robots = {"plain": told, "smooth": told | smooth, "estimated": told | smooth}
-    calibration = Calibration("good", noise={"robots": robots})
+    noise = {"robots": {"plain": {}, "smooth": smooth, "estimated": smooth}}
+    stops = Stops(np.tile([1.0, 2.0, 3.0, 1.0, 1.0, 4.0], (3, 1)), ("plain", "smooth", "estimated"))
+    meeting = Meeting(SimpleNamespace(stops=stops), None, BASE, "plain", np.zeros((1, 3)), {})
     solution = SimpleNamespace(noise=SimpleNamespace(robot_variances={"estimated": np.arange(6.0)}))
-    found = {name: _own_variance(calibration, solution, name) for name in (*robots, "exact")}
+    found = {name: _own_variance(meeting, solution, noise, name) for name in (*noise["robots"], "exact")}
     np.testing.assert_allclose(found["plain"], [14 / 3, 6.0])
     np.testing.assert_allclose(found["smooth"], [14 / 3 + 3, 6.0 + 12])
     np.testing.assert_allclose(found["estimated"], [1.0 + 3, 4.0 + 12])

@@ -2,39 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from basecal.accuracy.task.expected_error import point_covariances
-from basecal.accuracy.task.task import Task, base_transforms, least_known, make_task
+from basecal.accuracy.task.task import base_transforms, box_points, placed_transforms, task_places
 from basecal.errors import InputError
-from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
-
-
-def covariance(scale: float = 1.0) -> np.ndarray:
-    root = scale * np.random.default_rng(2).standard_normal((6, 6))
-    return root @ root.T
-
-
-def test_variance_is_the_mean_over_the_points():
-    """That of each point by itself, averaged."""
-    points = np.array([[0.1, 0.2, -0.3], [1.0, 0, 0]])
-    each = np.trace(point_covariances(covariance(), points), axis1=1, axis2=2)
-    assert Task("a_from_b", points).variance_m2(covariance()) == pytest.approx(each.mean())
-
-
-def test_points_are_carried_to_where_the_transform_starts():
-    """A point of the reference's base in the axes of the other one."""
-    base = SE3.from_rotvec([0, 0, np.pi / 2], [1, 0, 0])
-    task = make_task("eye_base_from_hand_base", {"eye_base_from_hand_base": base}, np.array([[1.0, 2.0, 0.0]]))
-    np.testing.assert_allclose(task.points_m, [[2, 0, 0]], atol=1e-15)
-
-
-def test_the_least_known_of_several():
-    """That with the largest error at its points."""
-    tasks = [Task(name, np.zeros((1, 3))) for name in ("a_from_b", "a_from_c")]
-    assert least_known(tasks, {"a_from_b": covariance(), "a_from_c": covariance(2.0)}) is tasks[1]
 
 
 def test_what_is_placed_in_the_reference():
@@ -44,3 +16,14 @@ def test_what_is_placed_in_the_reference():
     lone = simulate(Scenario(samples=2, layout="eye_in_hand", target_mount="fixed"), 0).cell
     with pytest.raises(InputError, match="task point"):
         base_transforms(lone)
+    assert placed_transforms(lone) == []
+
+
+def test_the_places_of_a_task():
+    """A point; the middle and the corners of a box; none."""
+    box = (0.0, -1.0, 2.0, 1.0, 1.0, 4.0)
+    assert task_places(None, None).shape == (0, 3)
+    assert task_places((1.0, 2.0, 3.0), None).tolist() == [[1, 2, 3]]
+    assert task_places((1.0, 2.0, 3.0), box).tolist() == [list(point) for point in box_points(box)]
+    assert box_points(box)[0] == (0.5, 0.0, 3.0)
+    assert set(box_points(box)[1:]) == {(x, y, z) for x in (0, 1) for y in (-1, 1) for z in (2, 4)}

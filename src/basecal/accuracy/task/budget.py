@@ -11,8 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from basecal.accuracy.task.sources import Source, error_sources
-from basecal.accuracy.task.task import Task, base_transforms, least_known, make_task
+from basecal.accuracy.task.meeting import Meeting, make_meeting, worst_meeting
+from basecal.accuracy.task.sources import Source, error_sources, stops_source
+from basecal.accuracy.task.task import base_transforms
 from basecal.cell import BudgetEntry, Calibration, Cell
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.problem.problem import Problem, State
@@ -27,49 +28,50 @@ SHARED_SOURCE = "shared errors of the arms' poses, and how well the noise is kno
 
 
 def calibration_budget(
-    cell: Cell, calibration: Calibration, solution: Solution, widenings: Mapping[str, Array], point_m: Array
+    cell: Cell, calibration: Calibration, solution: Solution, widenings: Mapping[str, Array], points_m: Array
 ) -> tuple[BudgetEntry, ...] | None:
-    """The budget of what a calibration places in the reference's base, at a task point there.
+    """The budget of the error where robots meet at the task.
 
     Args:
         cell: What was calibrated.
         calibration: What came out.
         solution: What it was made of.
         widenings: (p, p) by name what was added to the covariance of the problem.
-        point_m: (3,) in the reference's base [m].
+        points_m: (n, 3) the task in the reference's base [m].
 
     Returns:
         The largest first; None if nothing of it is known.
     """
     known = [name for name in base_transforms(cell) if name in calibration.transforms]
-    if not known:
+    if not known or calibration.meeting is None:
         return None
-    transforms = {name: calibration[name].mean for name in known}
-    covariances = {name: calibration[name].covariance for name in known}
-    task = least_known([make_task(name, transforms, point_m[None]) for name in known], covariances)
-    total = task.variance_m2(covariances[task.transform])
-    added = {name: _task_variance(solution, task, matrix) for name, matrix in widenings.items()}
+    meetings = [make_meeting(cell, solution.problem, solution.state, name, points_m) for name in known]
+    meeting = worst_meeting(meetings, solution.covariance)
+    added = {name: float(np.trace(meeting.weight @ matrix)) for name, matrix in widenings.items()}
     rest = SHARED_SOURCE if solution.noise.common else NOISE_SOURCE
-    return budget(solution, task, total, added, rest)
+    return budget(solution, meeting, calibration.meeting.variance_m2, added, rest)
 
 
 def budget(
-    solution: Solution, task: Task, total_m2: float, added: Mapping[str, float], rest: str = NOISE_SOURCE
+    solution: Solution, meeting: Meeting, total_m2: float, added: Mapping[str, float], rest: str = NOISE_SOURCE
 ) -> tuple[BudgetEntry, ...]:
-    """The variance at a task by source, the largest first.
+    """The variance of a meeting by source, the largest first.
 
     Args:
         solution: The problem, its optimum and its covariance.
-        task: Where.
+        meeting: Where, and of what.
         total_m2: The variance there in all [m^2].
         added: By name what of it is beside the noise of the problem [m^2].
         rest: What else there is, in words: what the sigmas are integrated over.
     """
+    problem, state, weight = solution.problem, solution.state, meeting.weight
     variances, halved = dict(added), {name: 0.75 * variance for name, variance in added.items()}
-    at = _variance(solution, task, solution.problem, solution.state)
-    for source in error_sources(solution.problem):
-        variances[source.name] = _share(solution, task, source)
-        halved[source.name] = at - _variance(solution, task, *source.scaled(solution.problem, solution.state, 0.5))
+    own = {stops_source(robot): 3 * float(of_stop[0]) for robot, of_stop in meeting.stop_variances().items()}
+    now = _variance(solution, weight, problem, state)
+    for source in error_sources(problem):
+        at_stop = own.get(source.name, 0.0)
+        variances[source.name] = _share(solution, weight, source) + at_stop
+        halved[source.name] = now - _variance(solution, weight, *source.scaled(problem, state, 0.5)) + 0.75 * at_stop
     left = total_m2 - sum(variances.values())
     if left > _LEAST_SHARE * total_m2:
         variances[rest], halved[rest] = left, 0.75 * left
@@ -89,23 +91,15 @@ def _entry(name: str, variance: float, total: float, gain: float) -> BudgetEntry
     return BudgetEntry(name, rms_m, variance / total if total > 0 else 0.0, left_m)
 
 
-def _share(solution: Solution, task: Task, source: Source) -> float:
+def _share(solution: Solution, weight: Array, source: Source) -> float:
     """The variance that comes of a source [m^2]: its derivative to the logarithm of the source's own."""
     more, less = (
-        _variance(solution, task, *source.scaled(solution.problem, solution.state, float(np.exp(step))))
+        _variance(solution, weight, *source.scaled(solution.problem, solution.state, float(np.exp(step))))
         for step in (_LOG_STEP, -_LOG_STEP)
     )
     return (more - less) / (4 * _LOG_STEP)
 
 
-def _variance(solution: Solution, task: Task, problem: Problem, state: State) -> float:
-    return _task_variance(solution, task, spectrum(linearise(problem, state).hessian).inverse * solution.noise.factor)
-
-
-def _task_variance(solution: Solution, task: Task, covariance: Array) -> float:
-    """The variance at the task [m^2] of a covariance of all columns, (p, p)."""
-    where = solution.problem.columns[task.transform]
-    size = where.stop - where.start
-    own = np.zeros((6, 6))
-    own[:size, :size] = covariance[where, where]
-    return task.variance_m2(own)
+def _variance(solution: Solution, weight: Array, problem: Problem, state: State) -> float:
+    covariance = spectrum(linearise(problem, state).hessian).inverse * solution.noise.factor
+    return float(np.trace(weight @ covariance))

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chndtrix, gammainc
+from scipy.optimize import brentq
+from scipy.special import chndtr, chndtrix, gammainc
 
 from basecal.accuracy.residuals.evaluation import Evaluation
+from basecal.accuracy.task.task import placed_transforms
 from basecal.cell import Calibration, Cell, Tolerance
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
@@ -18,6 +21,8 @@ QUANTILE_LEVEL = 0.95
 _NODES = 12  # of either angle, with which quantiles of a covariance of any shape are exact to 1e-6
 _LEAST_QUANTILE = 1.95  # of a quantile in the largest sigma: that of a normal number, 1.96, has all others equal to 0
 _NEWTON_ROUNDS = 8
+_MOST_DEVIATIONS = 1e3  # of a square, beyond which nothing is
+_CERTAIN_M2 = 1e-30  # [m^2] standard deviation of the square of a length that is certain
 _LEAST_SHARE = 1e-8  # of the largest variance: what is less is no length
 
 
@@ -60,13 +65,33 @@ def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation
 
 
 def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[ExpectedError]) -> Tolerance | None:
-    """Whether everything requested is known to the tolerance that the settings state; None if they state none."""
+    """Whether the error at the work is within the tolerance that the settings state; None if they state none.
+
+    It is that where flanges meet, and of what else is requested.
+    """
     asked_m = calibration.settings.get("tolerance_m")
     if asked_m is None:
         return None
-    complete = {each.transform for each in errors} == set(cell.asked)
-    found = Tolerance(asked_m, max((each.length_m for each in errors), default=0.0) if complete else None, False)
+    lengths, meeting = {each.transform: each.length_m for each in errors}, calibration.meeting
+    is_complete = lengths.keys() == set(cell.asked)
+    if meeting is not None:
+        lengths = dict.fromkeys(placed_transforms(cell), meeting.expected_95_m) | {
+            name: length for name, length in lengths.items() if name not in placed_transforms(cell)
+        }
+    found = Tolerance(asked_m, max(lengths.values(), default=0.0) if is_complete else None, False)
     return replace(found, met=found.is_within and calibration.verdict == "good")
+
+
+def pooled_quantile(covariances: Array, means: Array) -> float:
+    """The length that vectors of these normals, (n, 3, 3) and (n, 3), each as often, stay below with `QUANTILE_LEVEL`.
+
+    Each as in `_shifted_quantile`.
+    """
+    normals = _non_central(covariances, means)
+    most = float(np.max(normals.quantile()))
+    if len(covariances) == 1 or most == 0:
+        return most
+    return float(brentq(lambda length: normals.probability(length).mean() - QUANTILE_LEVEL, 0.0, 1.01 * most))
 
 
 def length_quantile(covariance: Array) -> float:
@@ -85,10 +110,37 @@ def length_quantiles(covariances: Array, means: Array | None = None) -> Array:
 
 
 def _shifted_quantile(covariances: Array, means: Array) -> Array:
-    """Of any mean: the square of the length as a noncentral chi-square of the same four cumulants, good to a hundredth.
+    return _non_central(covariances, means).quantile()
 
-    Source: Liu, Tang & Zhang 2009.
+
+class _NonCentral(NamedTuple):
+    """Squares of lengths of normal vectors as noncentral chi-squares of the same four cumulants, good to a hundredth.
+
+    A square is `mean + spread * (scaled chi-square, standardised)`; (n,) each. Source: Liu, Tang & Zhang 2009.
     """
+
+    mean: Array
+    spread: Array
+    scale: Array
+    shift: Array
+    freedoms: Array
+
+    def quantile(self) -> Array:
+        """The lengths that these stay below with `QUANTILE_LEVEL`, (n,)."""
+        at = chndtrix(QUANTILE_LEVEL, self.freedoms, self.shift)
+        squared = self.mean + (at - self.freedoms - self.shift) / self.scale * self.spread
+        return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
+
+    def probability(self, length: float) -> Array:
+        """That each is below a length, (n,)."""
+        away = length**2 - self.mean
+        spread = np.maximum(self.spread, _CERTAIN_M2)
+        at = np.clip(away / spread, -_MOST_DEVIATIONS, _MOST_DEVIATIONS) * self.scale + self.freedoms + self.shift
+        return np.asarray(chndtr(np.maximum(at, 0.0), self.freedoms, self.shift))
+
+
+def _non_central(covariances: Array, means: Array) -> _NonCentral:
+    """Of covariances, (n, 3, 3), and means, (n, 3)."""
     powers = [np.broadcast_to(np.eye(3), covariances.shape)]
     for _ in range(4):
         powers.append(powers[-1] @ covariances)
@@ -99,13 +151,9 @@ def _shifted_quantile(covariances: Array, means: Array) -> Array:
     known = c2 <= (_LEAST_SHARE * c1) ** 2
     c2 = np.where(known, 1.0, c2)
     skew, tails = np.where(known, 1.0, c3 / c2**1.5), np.where(known, 1.0, c4 / c2**2)
-    root = np.sqrt(np.maximum(skew**2 - tails, 0.0))
-    scale = 1 / (skew - root)
+    scale = 1 / (skew - np.sqrt(np.maximum(skew**2 - tails, 0.0)))
     shift = np.maximum(skew * scale**3 - scale**2, 0.0)
-    freedoms = scale**2 - 2 * shift
-    at = chndtrix(QUANTILE_LEVEL, freedoms, shift)
-    squared = c1 + np.where(known, 0.0, (at - freedoms - shift) / scale * np.sqrt(c2))
-    return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
+    return _NonCentral(c1, np.where(known, 0.0, np.sqrt(c2)), scale, shift, scale**2 - 2 * shift)
 
 
 def _central_quantile(covariances: Array) -> Array:

@@ -19,7 +19,7 @@ from scipy.special import chdtrc
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.residuals.fit import single_view_pose
-from basecal.accuracy.task.error_map import target_places
+from basecal.accuracy.task.meeting import target_places
 from basecal.cell import LocalFit
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.solve import Solution

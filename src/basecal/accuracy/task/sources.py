@@ -28,7 +28,7 @@ def error_sources(problem: Problem) -> Iterator[Source]:
     for camera in sorted({group.camera for group in problem.groups}):
         yield Source(f"views of {camera}", _views(camera))
     for robot in sorted(set(problem.stops.robot)):
-        yield Source(f"repeatability of {robot}", _stops(robot))
+        yield Source(stops_source(robot), _stops(robot))
     for name in problem.columns:
         if name in problem.unknowns and problem.unknowns[name].status == "prior":
             yield Source(f"prior of {name}", _transform(name))
@@ -37,6 +37,11 @@ def error_sources(problem: Problem) -> Iterator[Source]:
     for robot, model in problem.models.items():
         if any(sigma is not None for sigma in model.sigmas.values()):
             yield Source(f"kinematics of {robot}", _kinematics(robot))
+
+
+def stops_source(robot: str) -> str:
+    """The name of the source that the stops of a robot are."""
+    return f"repeatability of {robot}"
 
 
 def _views(camera: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:

@@ -1,49 +1,31 @@
-"""Where the work is done, and which transform brings a point there from one robot to another."""
+"""Where the work is done, and which transforms bring a point there from one robot to another."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import InputError
-from basecal.geometry import SE3, Array
-from basecal.geometry.rotation import cross_matrix
+from basecal.geometry import Array
+
+Point = tuple[float, float, float]
+Box = tuple[float, float, float, float, float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
-    """Points at which a transform `reference_base_from_b` is used.
-
-    Attributes:
-        transform: Its name.
-        points_m: (n, 3) the points in b [m].
-    """
-
-    transform: str
-    points_m: Array
-
-    def weight(self) -> Array:
-        """(6, 6) W: the trace of W C is the mean variance at the points [m^2], C the covariance of the transform."""
-        moved = np.concatenate(
-            [np.broadcast_to(np.eye(3), (len(self.points_m), 3, 3)), -cross_matrix(self.points_m)], axis=-1
-        )
-        return np.asarray((np.swapaxes(moved, 1, 2) @ moved).mean(0))
-
-    def variance_m2(self, covariance: Array) -> float:
-        """The mean over the points of the mean squared error of their position [m^2]."""
-        return float(np.trace(self.weight() @ covariance))
+def placed_transforms(cell: Cell) -> list[str]:
+    """The requested transforms that place something in the reference's base, as work between robots needs it."""
+    return [name for name in cell.asked if name.startswith(f"{cell.reference}_base_from_")]
 
 
 def base_transforms(cell: Cell) -> list[str]:
-    """The requested transforms that place something in the reference's base, as work between robots needs it.
+    """As `placed_transforms`.
 
     Raises:
         InputError: if there is none.
     """
-    names = [name for name in cell.asked if name.startswith(f"{cell.reference}_base_from_")]
+    names = placed_transforms(cell)
     if not names:
         raise InputError(
             f"a task point is one in {cell.reference}_base, and nothing that is placed there is to be calibrated: "
@@ -52,11 +34,14 @@ def base_transforms(cell: Cell) -> list[str]:
     return names
 
 
-def make_task(name: str, transforms: Mapping[str, SE3], points_m: Array) -> Task:
-    """The task at points in the reference's base, (n, 3) [m], of a transform with this name."""
-    return Task(name, transforms[name].inverse() @ points_m)
+def box_points(box: Box) -> list[Point]:
+    """The middle of a box, given by two opposite corners, and its corners."""
+    edges = [(low, high) for low, high in zip(box[:3], box[3:], strict=True)]
+    x, y, z = ((low, (low + high) / 2, high) for low, high in edges)
+    return [(x[1], y[1], z[1]), *product(x[::2], y[::2], z[::2])]
 
 
-def least_known(tasks: Collection[Task], covariances: Mapping[str, Array]) -> Task:
-    """Of the tasks of several transforms the one with the largest error."""
-    return max(tasks, key=lambda task: task.variance_m2(covariances[task.transform]))
+def task_places(point: Point | None, box: Box | None) -> Array:
+    """Where the work is done in the reference's base, (n, 3) [m]: `box_points`, or the point; (0, 3) without either."""
+    points = [] if point is None else [point]
+    return np.array(points if box is None else box_points(box), dtype=np.float64).reshape(-1, 3)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
+from basecal.accuracy.task.expected_error import pooled_quantile
 from basecal.accuracy.task.local_fits import local_fits
-from basecal.accuracy.task.task import base_transforms
-from basecal.cell import Calibration, Cell
+from basecal.accuracy.task.meeting import make_meeting, recorded_places, worst_meeting
+from basecal.accuracy.task.meeting_errors import meeting_errors
+from basecal.accuracy.task.task import base_transforms, placed_transforms, task_places
+from basecal.cell import Calibration, Cell, MeetingError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
+from basecal.geometry import Array
 
 _MODEL_SOURCE = "what is systematic: robots, lens, fits that differ"
 _CLOCK_SOURCE = "offsets of clocks"
@@ -21,28 +26,65 @@ _CLOCK_SOURCE = "offsets of clocks"
 def add_task_error(
     cell: Cell, calibration: Calibration, settings: Settings, steps: tuple[Solution, Solution, Solution]
 ) -> Calibration:
-    """The calibration with its budget, its map and its parts; as it is where no task point is named.
+    """The calibration with the error at the work; if a task is named also with its budget, its map and its parts.
 
     Args:
         cell: What was calibrated.
         calibration: What came out.
-        settings: With the task point.
+        settings: With the task.
         steps: The solution, the same widened by what noise is not, and that widened by clocks.
     """
+    fitted, as_modelled, by_clocks = steps
+    widening = by_clocks.covariance - fitted.covariance
+    calibration = replace(calibration, meeting=meeting_error(cell, calibration, by_clocks, settings, widening))
     if settings.task_point is None:
         return calibration
-    point_m = np.array(settings.task_point)
-    fitted, as_modelled, by_clocks = steps
+    points_m = task_places(settings.task_point, settings.task_box)
     widenings = {
         _MODEL_SOURCE: as_modelled.covariance - fitted.covariance,
         _CLOCK_SOURCE: by_clocks.covariance - as_modelled.covariance,
     }
-    found = calibration_budget(cell, calibration, fitted, widenings, point_m)
     return replace(
         calibration,
-        budget=found,
-        error_map=error_map(cell, calibration, by_clocks, point_m, by_clocks.covariance - fitted.covariance),
+        budget=calibration_budget(cell, calibration, fitted, widenings, points_m),
+        error_map=error_map(cell, calibration, by_clocks, points_m, widening),
         local=local_fits(
             fitted, [name for name in base_transforms(cell) if name in calibration.transforms], settings.task_box
         ),
     )
+
+
+def meeting_error(
+    cell: Cell, calibration: Calibration, solution: Solution, settings: Settings, widening: Array | None = None
+) -> MeetingError | None:
+    """The error where flanges meet, at the task or else where targets were seen, of what is placed the worst.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out, with the noise of its robots.
+        solution: What it was made of.
+        settings: With the task.
+        widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing if None.
+
+    Returns:
+        None if nothing found is placed in the reference's base.
+    """
+    problem, state, task = solution.problem, solution.state, task_places(settings.task_point, settings.task_box)
+    meetings = [
+        make_meeting(cell, problem, state, name, task if len(task) else recorded_places(problem, state, name))
+        for name in placed_transforms(cell)
+        if name in calibration.transforms
+    ]
+    if not meetings:
+        return None
+    meeting = worst_meeting(meetings, solution.covariance)
+    mean, covariance = meeting_errors(meeting, solution, calibration.noise, widening)
+    at, off = covariance[:, :3, :3], mean[:, :3]
+    variance = float(np.mean(np.trace(at, axis1=1, axis2=2) + np.sum(off**2, -1)))
+    return MeetingError(pooled_quantile(at, off), _place_kind(settings), float(np.sqrt(variance / 3)))
+
+
+def _place_kind(settings: Settings) -> Literal["task point", "task box", "recorded places"]:
+    if settings.task_box is not None:
+        return "task box"
+    return "recorded places" if settings.task_point is None else "task point"

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from basecal.cell.calibration import BudgetEntry, Calibration, Finding
+from basecal.cell.calibration import Calibration, Finding
 from basecal.cell.results.calibration_model import CalibrationFile
 from basecal.cell.schema.errors import first_problem
+from basecal.cell.work_error import BudgetEntry
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError, list_names, nearest

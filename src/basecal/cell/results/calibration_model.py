@@ -11,21 +11,18 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from basecal.cell.calibration import (
-    BudgetEntry,
     Calibration,
     Certificate,
     ClockOffset,
-    ErrorMap,
     Finding,
     LineTime,
-    LocalFit,
     Outlier,
     Residuals,
-    Tolerance,
     Validation,
     Verdict,
 )
 from basecal.cell.results.noise_written import WrittenNoise
+from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import InputError
 from basecal.fields.problems import shorten
@@ -150,6 +147,7 @@ class CalibrationFile:
     budget: tuple[BudgetEntry, ...] | None
     error_map: ErrorMap | None
     local: tuple[LocalFit, ...] | None
+    meeting: MeetingError | None
     findings: tuple[Finding, ...]
     tolerance: Tolerance | None
     settings: _Settings

@@ -1,0 +1,87 @@
+"""Where flanges meet, and what of it a gauge shared by base and joints leaves out."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.ends import end, views
+
+from basecal.accuracy.task.meeting import Meeting, make_meeting, recorded_places, target_places, worst_meeting
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+POINT = np.array([[0.5, 0.1, 0.3]])
+
+
+@pytest.fixture(scope="module")
+def arms():
+    made = simulate(Scenario(samples=12, joints=True, joint_offset_rad=1e-3, joint_offsets="prior"), 3)
+    return made, solve(made.cell, made.recording, Settings(robot_noise="stated"))
+
+
+def test_a_gauge_of_base_and_first_joint_cancels(arms):
+    """The hand's first joint turned one way and its base the other about its axis: its flange stays where it meets."""
+    made, solution = arms
+    problem, state = solution.problem, solution.state
+    flange = state.transforms[BASE] @ problem.groups[0].hand.base_from_flange.translation[:1]
+    meeting = make_meeting(made.cell, problem, state, BASE, flange)
+    step = np.zeros(problem.width)
+    step[problem.columns[BASE].start + 5] = 1.0  # about z, as the first joint
+    at_base = meeting.moves.moved[0, :3] @ step[meeting.moves.columns]
+    assert np.linalg.norm(at_base) > 0.3
+    step[problem.columns[next(iter(problem.models["hand"].widths))].start] = -1.0
+    both = meeting.moves.moved[0] @ step[meeting.moves.columns]
+    assert np.abs(both).max() < 1e-2
+
+
+def test_a_weight_is_the_mean_square_over_places(arms):
+    """That of each place alone, averaged, by base and arms, with the stops of both on top."""
+    made, solution = arms
+    each = [make_meeting(made.cell, solution.problem, solution.state, BASE, POINT + k * 0.1) for k in range(2)]
+    places = np.concatenate([POINT, POINT + 0.1])
+    both = make_meeting(made.cell, solution.problem, solution.state, BASE, places)
+    alone = [meeting.mean_square_m2(solution.covariance) for meeting in each]
+    assert both.mean_square_m2(solution.covariance) == pytest.approx(np.mean(alone))
+    assert worst_meeting(each, solution.covariance) is each[int(np.argmax(alone))]
+    errors = both.total_error(solution.covariance, [])
+    assert np.mean(np.trace(errors[:, :3, :3], axis1=1, axis2=2)) == pytest.approx(np.mean(alone))
+
+
+@pytest.mark.parametrize("size", [6, 3])
+def test_what_a_point_moves_by_is_of_the_columns_of_its_transform(size):
+    """Of a point's offset three columns shift, and nothing turns."""
+    covariance = np.diag(np.arange(1.0, 11.0))
+    problem = SimpleNamespace(columns={"a_from_b": slice(2, 2 + size)}, width=10)
+    meeting = Meeting(problem, None, "a_from_b", "a", np.array([[0.0, 0.0, 2.0]]), {})
+    turns = 4 * (6 + 7) if size == 6 else 0
+    assert np.trace(meeting.weight @ covariance) == pytest.approx(3 + 4 + 5 + turns)
+
+
+def test_recorded_places_are_where_targets_were_seen(arms):
+    """One for each view, in the reference's base."""
+    _, solution = arms
+    hand = solution.state.transforms[BASE] @ solution.problem.groups[0].hand.base_from_flange
+    wanted = (hand @ solution.state.transforms["hand_flange_from_board"]).translation
+    np.testing.assert_allclose(recorded_places(solution.problem, solution.state, BASE), wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("based", [True, False])
+@pytest.mark.parametrize("on_arm", [True, False])
+def test_places_are_those_of_the_target_on_its_arm_or_of_the_camera(on_arm, based):
+    """In the reference's base, about which the arm's own may stand."""
+    rng = np.random.default_rng(1)
+    base, mount, other = (SE3.exp(rng.standard_normal(6)) for _ in range(3))
+    arm, world = SE3.exp(rng.standard_normal((3, 6))), SE3.identity((3,))
+    moving = end("arm", arm, mount="mount", base="base" if based else None)
+    still = end(None, world, mount="other")
+    found = target_places(
+        views(still, moving) if on_arm else views(moving, still),
+        SimpleNamespace(transforms={"base": base, "mount": mount, "other": other}),
+    )
+    wanted = (base @ arm @ mount if based else arm @ mount).translation
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
