@@ -116,7 +116,7 @@ def test_page_says_what_the_text_says(made: tuple[Cell, Recording, Calibration],
     text, shown = text_report(made[0], made[2]), Walker(html).text
     assert len(numbers(text)) > 60
     assert numbers(text) - numbers(shown) == set()
-    assert text.splitlines()[0] in shown.replace(" : ", ": ")
+    assert all(part in shown for part in text.splitlines()[0].split(": ", 1))
     for line in (*re.findall(r"(?:<origin|ros2 run).*", text), made[2].findings[0].message, "rms", "worst view"):
         assert line in shown
     assert "sha256:0123abcd" in shown
@@ -128,7 +128,8 @@ def test_refusal_has_a_page() -> None:
     walker = Walker(page(cell, recording, calibration))
     text = text_report(cell, calibration)
     assert walker.faults == []
-    assert walker.text.replace(" : ", ": ").index(text.splitlines()[0]) < walker.text.index("Not estimated")
+    word, sentence = text.splitlines()[0].split(": ", 1)
+    assert walker.text.index(word) < walker.text.index(sentence) < walker.text.index("Not estimated")
     assert all(name in walker.text for name in cell.asked)
     assert 'class="plot' not in page(cell, recording, calibration)
 
@@ -151,7 +152,7 @@ def test_refused_number_is_behind_a_warning(made: tuple[Cell, Recording, Calibra
     cell, recording, calibration = made
     shown = page(cell, recording, replace(calibration, verdict="refused"))
     assert shown.index("though the calibration is refused") < shown.index("static_transform_publisher")
-    assert shown.index("<h2>Findings</h2>") < shown.index('class="card answer"')
+    assert shown.index(">REFUSED<") < shown.index('class="card answer"')
 
 
 @pytest.mark.parametrize(("met", "word", "colour"), [(True, "PASS", "good"), (False, "FAIL", "refused")])
@@ -164,6 +165,39 @@ def test_a_tolerance_stands_first(made: tuple[Cell, Recording, Calibration], met
     assert f'<header class="verdict {colour}">' in banner
     assert "GOOD" not in banner
     assert html.count(f">{word}<") == 1
+
+
+def test_a_missed_tolerance_says_what_to_do(made: tuple[Cell, Recording, Calibration]) -> None:
+    """The command that plans more, first; beside it every position's interval and how far it is beyond."""
+    cell, recording, calibration = made
+    settings = {**calibration.settings, "tolerance_m": 1e-4}
+    missed = replace(calibration, verdict="good", settings=settings, tolerance=Tolerance(1e-4, 2e-3, False))
+    html = page(cell, recording, missed)
+    first = html[html.index('<ol class="findings">') :].split("</li>")[0]
+    assert "<code>basecal plan CELL --tolerance 0.1mm -o plan.jsonl</code>" in first
+    assert html.count('class="interval beyond"') == 3
+    assert 'class="beyond"' in html
+    met = page(cell, recording, replace(missed, tolerance=Tolerance(1e-2, 2e-3, True)))
+    assert "basecal plan" not in met
+    assert "beyond" not in met.replace("rect.beyond", "").replace(".interval.beyond", "")
+
+
+def test_what_was_checked_is_told(made: tuple[Cell, Recording, Calibration], html: str) -> None:
+    """Checks that found nothing have their number and words, and those that found something are not among them."""
+    passed = html[html.index("checks found nothing") :].split("</details>")[0]
+    assert "<dt><code>overfit</code></dt><dd>held-out samples" in passed
+    assert "<code>intrinsics</code>" not in passed
+    assert "checks found nothing" not in page(*refused())
+
+
+def test_what_is_not_there_is_not_in_the_contents(html: str) -> None:
+    """Each entry leads to a section; a refusal has few, and no script that draws a cell."""
+    walker = Walker(html)
+    entries = [value for tag, name, value in walker.attributes if (tag, name) == ("a", "href")]
+    assert len(entries) > 6
+    short = page(*refused())
+    assert "#residuals" not in short
+    assert len(short) < 60_000
 
 
 def test_html_is_whole(html: str) -> None:
@@ -185,7 +219,9 @@ def test_page_fetches_nothing(html: str) -> None:
     walker = Walker(html)
     fetching = {"src", "href", "srcset", "data", "action", "poster", "xlink:href", "style"}
     named = [each for each in walker.attributes if each[1] in fetching or each[1].startswith("on")]
-    assert [each for each in named if each[:2] != ("image", "href") or not EMBEDDED.fullmatch(each[2])] == []
+    places = {f"#{each}" for each in walker.ids}
+    others = [each for each in named if each[:2] != ("a", "href") or each[2] not in places]
+    assert [each for each in others if each[:2] != ("image", "href") or not EMBEDDED.fullmatch(each[2])] == []
     assert all("url(" not in style and "@import" not in style for style in walker.inside["style"])
     assert "default-src 'none'" in policy(walker)
     assert "unsafe" not in policy(walker)
@@ -322,7 +358,8 @@ def test_a_task_has_what_more_samples_bring(made: tuple[Cell, Recording, Calibra
         error_map=ErrorMap(np.zeros((1, 3)), np.array([4e-4]), np.array([1e-3])),
     )
     html = page(cell, recording, at_task, outlook=[(0, 3e-4), (10, 1.234e-4)])
-    assert "<td>10</td><td>0.123</td>" in html
+    assert ">10 more: 0.12 mm<" in html
+    assert "10 more samples would leave 0.12 mm (95 %)." in html
     assert "--samples 10 --task-point 0.5 0.1 0.3 -o plan.jsonl" in html
     assert "over the workspace 95 % of errors" in html
-    assert "samples more" not in page(cell, recording, at_task)
+    assert "more: " not in page(cell, recording, at_task)

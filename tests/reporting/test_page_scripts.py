@@ -28,7 +28,8 @@ USER = """
   const choose = (box, value) => { box.value = value; box.dispatchEvent(new Event("change")); };
   const slider = document.getElementById("sample");
   const said = { first: shown().map((pane) => pane.dataset.kind) };
-  choose(document.querySelector(".answer .kind"), "ur");
+  document.querySelector(".answer .chip[data-kind=ur]").click();
+  said.pressed = [...document.querySelectorAll(".answer .chip[aria-pressed=true]")].map((chip) => chip.textContent);
   said.kinds = [...new Set(shown().map((pane) => pane.dataset.kind))];
   const ways = document.querySelector(".answer .way");
   choose(ways, ways.options[1].value);
@@ -93,7 +94,7 @@ def test_picker_copy_button_and_slider(written: Path) -> None:
     """One pane is shown for a kind and a way round; what is copied is what is shown; slider and bars go together."""
     said = used(written)
     assert len(said["first"]) == 1
-    assert said["kinds"] == ["ur"]
+    assert said["kinds"] == said["pressed"] == ["ur"]
     assert said["ways"] == [said["wanted"]]
     assert said["button"] in ("copied", "selected")
     assert said["selected"].strip() == said["pasted"].strip() != ""

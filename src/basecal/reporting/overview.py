@@ -8,10 +8,7 @@ from datetime import datetime
 from pathlib import PurePosixPath
 from typing import Any
 
-from basecal.accuracy.fit_details import FitDetails
-from basecal.accuracy.sample_use import sample_use
-from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Recording
-from basecal.reporting.statement.digits import two_digits
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget
 
 _LENS_PHRASES = {"fixed": "lens as stated", "prior": "lens stated and refined", "free": "lens estimated"}
 
@@ -32,29 +29,18 @@ class Overview:
     cell: Rows
 
 
-def overview(
-    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, time: datetime | None
-) -> Overview:
+def overview(cell: Cell, time: datetime | None) -> Overview:
     """The overview of a calibration that was made at some time, UTC."""
-    return Overview(tuple(_answer(cell, recording, calibration, details, time)), tuple(_cell_parts(cell)))
+    return Overview(tuple(_answer(cell, time)), tuple(_cell_parts(cell)))
 
 
-def _answer(
-    cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails, time: datetime | None
-) -> Iterator[tuple[str, str]]:
-    """When, what was requested, how good it is and what it rests on."""
+def _answer(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
+    """When, and what was requested."""
     if time is not None:
         yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
     for name in cell.asked:
         parent, _, child = name.partition("_from_")
-        yield "Asked for", f"where {child} is, seen from {parent}"
-    for error in details.errors:
-        of = f" ({error.transform})" if len(details.errors) > 1 else ""
-        yield "Expected error", f"95 % below {two_digits(1e3 * error.length_m)} mm where the arms worked{of}"
-    use = sample_use(recording, calibration)
-    left_out = use.views - use.views_used
-    also = f"; {left_out} of {use.views} views left out" if left_out else ""
-    yield "Samples", f"{use.used} used of {use.recorded} recorded{also}"
+        yield "Requested", f"where {child} is, seen from {parent}"
 
 
 def _cell_parts(cell: Cell) -> Iterator[tuple[str, str]]:

@@ -21,10 +21,14 @@ from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import Scene, scene, scene_data
+from basecal.reporting.decision.budget_bar import budget_bar
+from basecal.reporting.decision.checks import check_words, passed_checks
+from basecal.reporting.decision.components import component_figure
+from basecal.reporting.decision.outlook import outlook_figure
+from basecal.reporting.decision.tiles import remarks, tiles
 from basecal.reporting.drift_text import history_text
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.histogram import histogram
 from basecal.reporting.figures.history import history_figure
 from basecal.reporting.figures.image_coverage import image_coverage
 from basecal.reporting.figures.orientations import orientation_figure
@@ -37,7 +41,7 @@ from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity
 from basecal.reporting.svg import three_digits
-from basecal.reporting.templates.environment import environment, own_file, policy
+from basecal.reporting.templates.environment import fill_page, own_file
 from basecal.reporting.text import (
     clock_sentences,
     fit_sentences,
@@ -54,7 +58,23 @@ _MOST_BARS = 600
 _MOST_BARS_IN_ALL = 2700
 _MOST_VERIFICATIONS = 20  # lines about verifications, the latest
 _FEWEST_BARS = 100
-_SCRIPTS = ("vendor/three.min.js", "templates/scene.js", "templates/page.js")
+_SHOWN_FINDINGS = 3  # of the first screen
+_SCENE_SCRIPTS, _SCRIPTS = ("vendor/three.min.js", "templates/scene.js"), ("templates/page.js",)
+# Of each section that may be there: its place on the page, what fills it, and its name.
+_CONTENTS = (
+    ("cell", "overview", "Cell"),
+    ("closed-form", "closed_form", "Two methods"),
+    ("task", "task", "At the task"),
+    ("verified", "history", "Verified since"),
+    ("residuals", "fit", "Residuals"),
+    ("coverage", "orientations", "Coverage"),
+    ("validation", "cross_validation", "Cross-validation"),
+    ("outliers", "outliers", "Outliers"),
+    ("pictures", "thumbnails", "Pictures"),
+    ("views", "views", "Views"),
+    ("transforms", "others", "Other transforms"),
+    ("provenance", "provenance", "Provenance"),
+)
 
 
 @dataclass(frozen=True)
@@ -92,32 +112,32 @@ def page(
         verifications: The verifications of this run, as they were made.
         outlook: What so many planned samples more leave of the error at the task [m].
     """
-    known = FitDetails() if details is None else details
     drawn = scene(cell, recording.samples, calibration)
-    scripts = [own_file(name) for name in _SCRIPTS]
+    scripts = [own_file(name) for name in (_SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS]
     style = own_file("templates/page.css")
-    return (
-        environment()
-        .get_template("page.html")
-        .render(
-            title=title,
-            notes=notes,
-            policy=policy(style, scripts),
-            style=Markup(style),
-            scripts=[Markup(script) for script in scripts],
-            scene_json=Markup(_json_inside_html(scene_data(drawn))),
-            drawn=drawn,
-            legend=_legend(drawn),
-            picture=Markup(picture(drawn)),
-            overview=overview(cell, recording, calibration, known, time),
-            provenance=provenance(cell, calibration),
-            thumbnails=thumbnails(cell, recording, calibration, known.points),
-            closed_form=None if known.closed_form is None else _closed_form(known.closed_form),
-            **_answer(cell, calibration, run),
-            **_fit(cell, calibration, known),
-            outlook=outlook,
-            **_verification_lines(verifications),
-        )
+    known = FitDetails() if details is None else details
+    filled = {
+        "overview": overview(cell, time),
+        "tiles": list(tiles(cell, recording, calibration, known)),
+        "remarks": list(remarks(calibration, outlook)),
+        **_answer(cell, calibration, run),
+        **_task(recording, calibration, outlook),
+        **_fit(cell, recording, calibration, known),
+        **_verification_lines(verifications),
+        "provenance": provenance(cell, calibration),
+    }
+    return fill_page(
+        "page.html",
+        style,
+        scripts,
+        title=title,
+        notes=notes,
+        scene_json=Markup(_json_inside_html(scene_data(drawn))) if drawn.samples else "",
+        drawn=drawn,
+        legend=_legend(drawn),
+        picture=Markup(picture(drawn)),
+        contents=[(id, name) for id, key, name in _CONTENTS if filled[key]],
+        **filled,
     )
 
 
@@ -151,21 +171,47 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
     pasted = pasteable(calibration, cell, run)
     asked = [name for name in cell.asked if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
-    first = headline(cell, calibration)
+    first, tolerance = headline(cell, calibration), calibration.tolerance
+    found = sort_by_severity(calibration.findings)
+    free = [name for name in asked if calibration.status.get(name) != "fixed"]
+    asked_m = None if tolerance is None else tolerance.asked_m
     return {
         "verdict": calibration.verdict,
         "first": first,
         "colour": COLOURS[first.word],
         "asked": [transform_view(name, cell, calibration, pasted) for name in asked],
+        "components": {
+            name: component_figure(name.partition("_from_")[2], calibration[name], asked_m) for name in free
+        },
         "lacking": [name for name in cell.asked if name not in calibration.transforms],
         "others": [transform_view(name, cell, calibration, pasted) for name in others],
         "lenses": [
             (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
         ],
         "robots": [(heading, "\n".join(lines)) for heading, *lines in robot_blocks(calibration)],
-        "grave": [finding for finding in sort_by_severity(calibration.findings) if finding.severity != "info"],
-        "notices": [finding for finding in sort_by_severity(calibration.findings) if finding.severity == "info"],
+        "findings": [each for each in found if each.do or each.severity != "info"],
+        "notes_found": [each for each in found if not each.do and each.severity == "info"],
+        "shown": _SHOWN_FINDINGS,
+        "explained": check_words(),
+        "passed": list(passed_checks(calibration)),
         "unobservable": calibration.unobservable,
+    }
+
+
+def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> dict[str, Any]:
+    """The error at the task, for the template."""
+    point, tolerance_m = (calibration.settings.get(name) for name in ("task_point", "tolerance_m"))
+    budget = calibration.budget or ()
+    recorded = sum(bool(sample.observations) for sample in recording.samples)
+    return {
+        "task": list(task_rows(calibration)),
+        "budget": budget,
+        "budget_figure": budget_bar(budget),
+        "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
+        # What `basecal plan` is asked for more samples.
+        "task_options": "" if point is None else f" --task-point {' '.join(f'{x:g}' for x in point)}",
+        "tolerance_text": "" if tolerance_m is None else f"{1e3 * tolerance_m:.3g}mm",
+        "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 
 
@@ -208,31 +254,25 @@ def _sizes(t: Array, r: Array) -> list[str]:
     return [f"{1e3 * float(np.linalg.norm(t)):.3f}", f"{np.degrees(float(np.linalg.norm(r))):.4f}"]
 
 
-def _fit(cell: Cell, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
+def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> dict[str, Any]:
     """How everything fits, for the template."""
     seen = [each for each in details.points if each.used.any()]
     by_camera = {name: [each for each in seen if each.camera == name] for name in dict.fromkeys(e.camera for e in seen)}
     views = calibration.residuals.per_sample
-    point = calibration.settings.get("task_point")
-    task = None if point is None else " ".join(f"{x:g}" for x in point)
     return {
         "fit": [*fit_sentences(calibration), *noise_sentences(calibration), *clock_sentences(calibration)],
+        "thumbnails": thumbnails(cell, recording, calibration, details.points),
+        "closed_form": None if details.closed_form is None else _closed_form(details.closed_form),
         "cross_validation": list(validation_sentences(calibration)),
         "why_larger": explain_held_out_error(calibration),
         "outliers": list(outlier_sentences(calibration)),
         "maps": [residual_map(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
         "polars": [residual_polar(name, of) for name, of in by_camera.items()],
-        "histogram": histogram(seen) if seen else None,
         "coverage": [image_coverage(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
         "orientations": [orientation_figure(views) for views in details.views if len(views.sample)],
         "views": _views(views, outlier_views(calibration)),
         "rows": _worst_rows(views),
         "view_count": len(views),
-        "task": list(task_rows(calibration)),
-        "budget": calibration.budget or (),
-        # What `basecal plan` is asked for the samples of the outlook.
-        "plan_options": "" if task is None else f"--samples 10 --task-point {task} -o plan.jsonl",
-        "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
 
 

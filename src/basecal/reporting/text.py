@@ -18,7 +18,7 @@ from basecal.geometry import Array, Camera
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.digits import shown_decimals, two_digits
-from basecal.reporting.statement.verdict import error_text, headline, held_out_errors, sigma_norms, sort_by_severity
+from basecal.reporting.statement.verdict import error_text, headline, held_out_errors, sort_by_severity
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
@@ -45,7 +45,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
     for name, (camera, covariance) in calibration.cameras.items():
         blocks.append([f"camera intrinsics of {name}  ({camera.model})"])
         for key, value, sigma, unit in lens_parameters(camera, covariance):
-            blocks[-1].append(f"  {key:<3}{value:13.5f}    sigma {sigma:.5f} {unit}".rstrip())
+            blocks[-1].append(f"  {key:<3}{value:>13}    sigma {sigma} {unit}".rstrip())
     blocks += [
         *robot_blocks(calibration),
         list(clock_sentences(calibration)),
@@ -70,11 +70,10 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
     heading = f"{'fixed' if status == 'fixed' else 'estimated'} transform {name}"
     verdict = calibration.verdicts.get(name, calibration.verdict)
     lines = [f"{heading}  ({status}{', a point' if is_point else ''}): {verdict}"]
-    norms = zip(transform_rows(name, calibration), sigma_norms(estimate), strict=False)
-    for (what, unit, values, sigmas, decimals), norm in norms:
+    for what, unit, values, sigmas, decimals in transform_rows(name, calibration):
         lines.append(f"  {what:<6}{number_row(values, decimals)} {unit}")
         if status != "fixed":
-            lines.append(f"  sigma {number_row(sigmas, decimals)} {unit:<3}   norm {two_digits(norm)} {unit}")
+            lines.append(f"  sigma {number_row(sigmas, decimals)} {unit}")
     return lines if is_point else [*lines, f"  q_xyzw{number_row(estimate.mean.quaternion, 9)}"]
 
 
@@ -100,11 +99,11 @@ def transform_rows(name: str, calibration: Calibration) -> Iterator[TransformRow
 
 
 class LensParameter(NamedTuple):
-    """A number of a lens, with its sigma in the same unit."""
+    """A number of a lens, with its sigma in the same unit, to the digits of the sigma."""
 
     name: str
-    value: float
-    sigma: float
+    value: str
+    sigma: str
     unit: str
 
 
@@ -114,7 +113,12 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
     distortion = find_lens(camera.model, len(camera.distortion)).TERM_NAMES
     names = [*_INTRINSIC_NAMES, *distortion][: len(sigmas)]
     units = ["px" if name in _INTRINSIC_NAMES else "" for name in names]
-    return list(map(LensParameter, names, camera.parameters.tolist(), sigmas.tolist(), units))
+    rows = zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=False)
+    shown = (
+        (name, *format_fixed([value, sigma], shown_decimals(np.array([sigma]))), unit)
+        for name, value, sigma, unit in rows
+    )
+    return [LensParameter(*row) for row in shown]
 
 
 def clock_sentences(calibration: Calibration) -> Iterator[str]:

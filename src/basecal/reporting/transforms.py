@@ -76,7 +76,8 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Past
     is_point = name in calibration.points
     rows = [_row(row, status == "fixed") for row in transform_rows(name, calibration)]
     parent, _, child = name.partition("_from_")
-    copies = () if is_point else tuple(_copies(name, cell, calibration, pasted))
+    drivers = {robot.driver.kind for robot in cell.robots.values() if robot.driver is not None}
+    copies = [] if is_point else sorted(_copies(name, cell, calibration, pasted), key=lambda c: c.kind not in drivers)
     return TransformView(
         name=name,
         status=f"{status}, a point" if is_point else status,
@@ -84,7 +85,7 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Past
         child=child,
         rows=tuple(rows),
         quaternion=() if is_point else tuple(numbers(estimate.mean.quaternion).split()),
-        copies=copies,
+        copies=tuple(copies),
         ways=tuple(dict.fromkeys(copy.way for copy in copies)),
     )
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from markupsafe import Markup
-
 from basecal.reporting.fleet.text import COLUMN_TITLES, row_texts, sort_by_verdict
-from basecal.reporting.templates.environment import environment, own_file, policy
+from basecal.reporting.templates.environment import fill_page, own_file
 
 _MOST_ROWS = 2000
 _COLUMN_NAMES = {
@@ -27,18 +25,13 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         summary: As `studies.fleet.summary` gives it.
         rows: Of all cells, as the table has them.
     """
-    style = own_file("templates/page.css") + own_file("templates/study.css")
     shown = sort_by_verdict(rows)[:_MOST_ROWS]
     spreads = {label: summary[name] for name, label in _COLUMN_NAMES.items() if summary[name] is not None}
-    return (
-        environment()
-        .get_template("fleet.html")
-        .render(
-            summary=summary,
-            style=Markup(style),
-            policy=policy(style),
-            spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
-            head=COLUMN_TITLES,
-            rows=[row_texts(row) for row in shown],
-        )
+    return fill_page(
+        "fleet.html",
+        own_file("templates/page.css") + own_file("templates/study.css"),
+        summary=summary,
+        spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
+        head=COLUMN_TITLES,
+        rows=[row_texts(row) for row in shown],
     )

@@ -122,7 +122,7 @@ def _answer(cell: Cell, calibration: Calibration) -> str:
 
 def _first_reason(findings: Iterable[Finding]) -> str:
     """The most important finding, and how many more there are that count."""
-    messages = [f.message for f in sort_by_severity(findings) if f.severity != "info"]
+    messages = [f.what for f in sort_by_severity(findings) if f.severity != "info"]
     if len(messages) < 2:
         return "".join(messages)
     others = len(messages) - 1

@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations, product
 from typing import Any
 
-from markupsafe import Markup
-
 from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.heat_map import heat_map
 from basecal.reporting.sweep.text import COLUMN_TITLES, row_texts
-from basecal.reporting.templates.environment import environment, own_file, policy
+from basecal.reporting.templates.environment import fill_page, own_file
 
 _QUANTITIES = (("error_mm", "error of the translation", "mm"), ("error_deg", "error of the rotation", "deg"))
 _MOST_TILES = 40  # along a side of a map
@@ -27,24 +25,19 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
         summary: As `studies.summary` gives it.
         file: The study's own file.
     """
-    style = own_file("templates/page.css") + own_file("templates/study.css")
     reasons = dict.fromkeys(reason for point in summary["points"] for reason in point["reasons"])
     rows = [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
-    return (
-        environment()
-        .get_template("study.html")
-        .render(
-            summary=summary,
-            style=Markup(style),
-            policy=policy(style),
-            groups=[(axis, _curves(summary, axis)) for axis in _varied_axes(summary)],
-            maps=_maps(summary),
-            head=[*summary["axes"], *COLUMN_TITLES],
-            rows=rows[:_MOST_ROWS],
-            row_count=len(rows),
-            reasons=list(reasons),
-            file=file,
-        )
+    return fill_page(
+        "study.html",
+        own_file("templates/page.css") + own_file("templates/study.css"),
+        summary=summary,
+        groups=[(axis, _curves(summary, axis)) for axis in _varied_axes(summary)],
+        maps=_maps(summary),
+        head=[*summary["axes"], *COLUMN_TITLES],
+        rows=rows[:_MOST_ROWS],
+        row_count=len(rows),
+        reasons=list(reasons),
+        file=file,
     )
 
 

@@ -6,6 +6,7 @@ import base64
 import hashlib
 from collections.abc import Sequence
 from importlib.resources import files
+from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -25,6 +26,12 @@ def environment() -> Environment:
     made.filters["svg"] = Markup
     made.filters["words"] = _mark_code
     return made
+
+
+def fill_page(template: str, style: str, scripts: Sequence[str] = (), **values: Any) -> str:
+    """A template as a page that holds its style and scripts, and a policy that lets nothing else in."""
+    own = {"style": Markup(style), "scripts": list(map(Markup, scripts)), "policy": policy(style, scripts)}
+    return environment().get_template(template).render(**own, **values)
 
 
 def _mark_code(text: str) -> Markup:

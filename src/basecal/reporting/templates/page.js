@@ -9,18 +9,30 @@
     selection.addRange(range);
     return document.execCommand("copy");
   };
-  for (const box of document.querySelectorAll(".copy")) {
-    const button = box.querySelector("button");
+  const copies = (button, text) => {
     button.hidden = false;
     button.addEventListener("click", async () => {
-      const pre = box.querySelector("pre");
-      let done = copied(pre);
+      let done = copied(text);
       if (!done && navigator.clipboard) {
-        done = await navigator.clipboard.writeText(pre.textContent).then(() => true, () => false);
+        done = await navigator.clipboard.writeText(text.textContent).then(() => true, () => false);
       }
       button.textContent = done ? "copied" : "selected";
       setTimeout(() => { button.textContent = "copy"; }, 1500);
     });
+  };
+  for (const box of document.querySelectorAll(".copy")) copies(box.querySelector("button"), box.querySelector("pre"));
+  for (const code of document.querySelectorAll(".do code")) {
+    if (!code.textContent.startsWith("basecal ")) continue;
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = "copy";
+    code.after(button);
+    copies(button, code);
+  }
+  const print = document.querySelector(".print");
+  if (print) {
+    print.hidden = false;
+    print.addEventListener("click", () => window.print());
   }
 
   const pickers = [...document.querySelectorAll(".picker")];
@@ -28,21 +40,22 @@
   const pick = (kind) => {
     for (const picker of pickers) {
       const panes = [...picker.querySelectorAll(".copy")];
-      const kinds = picker.querySelector(".kind"), ways = picker.querySelector(".way");
+      const ways = picker.querySelector(".way");
       const own = panes.some((pane) => pane.dataset.kind === kind) ? kind : panes[0].dataset.kind;
       const way = ways ? ways.value : panes[0].dataset.way;
       const exact = panes.some((pane) => pane.dataset.kind === own && pane.dataset.way === way);
-      kinds.value = own;
+      picker.dataset.kind = own;
+      for (const chip of picker.querySelectorAll(".chip")) chip.setAttribute("aria-pressed", chip.dataset.kind === own);
       for (const pane of panes) pane.hidden = pane.dataset.kind !== own || (exact && pane.dataset.way !== way);
     }
   };
   for (const picker of pickers) {
-    const kinds = picker.querySelector(".kind"), ways = picker.querySelector(".way");
-    kinds.addEventListener("change", () => pick(kinds.value));
-    if (ways) ways.addEventListener("change", () => pick(kinds.value));
+    const ways = picker.querySelector(".way");
+    for (const chip of picker.querySelectorAll(".chip")) chip.addEventListener("click", () => pick(chip.dataset.kind));
+    if (ways) ways.addEventListener("change", () => pick(picker.dataset.kind));
     picker.querySelector(".choices").hidden = false;
   }
-  if (pickers.length) pick(pickers[0].querySelector(".kind").value);
+  if (pickers.length) pick(pickers[0].querySelector(".chip").dataset.kind);
 
   const show = window.showSample;
   if (!show) return;

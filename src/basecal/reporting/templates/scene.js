@@ -144,6 +144,22 @@
     (body.on === null ? world : flanges[body.on]).add(group);
     name(body.name, group, colour);
   }
+  // The floor under the lowest base, a line every half metre, and how far the bases are apart.
+  const feet = data.arms.map((arm) => arm.base.slice(0, 3));
+  const floor = Math.min(...feet.map((foot) => foot[2]));
+  const STEP = 0.5, reach = STEP * Math.ceil(0.7 * data.size / STEP);
+  const [cx, cy] = [0, 1].map((axis) => STEP * Math.round(feet.reduce((sum, foot) => sum + foot[axis], 0) / feet.length / STEP));
+  const grid = [];
+  for (let d = -reach; d <= reach + 1e-9; d += STEP) {
+    grid.push([[cx + d, cy - reach, floor], [cx + d, cy + reach, floor]], [[cx - reach, cy + d, floor], [cx + reach, cy + d, floor]]);
+  }
+  world.add(lines(grid, "--line"));
+  for (const foot of feet.slice(1)) {
+    const between = new THREE.Group();
+    between.position.set(...[0, 1, 2].map((axis) => (feet[0][axis] + foot[axis]) / 2));
+    world.add(lines([[feet[0], foot]], "--soft"), between);
+    name(`${(1e3 * Math.hypot(...[0, 1, 2].map((axis) => feet[0][axis] - foot[axis]))).toFixed(0)} mm`, between, "--soft");
+  }
   world.add(new THREE.AmbientLight(0xffffff, 1.6));
   const light = new THREE.DirectionalLight(0xffffff, 1.8);
   light.position.set(1, -2, 3);
@@ -164,9 +180,16 @@
     }
   });
   const across = new THREE.Vector3(...data.across);
-  const from = new THREE.Vector3(0, 0, 1).cross(across).multiplyScalar(-0.9).add(new THREE.Vector3(0, 0, 0.43));
+  const away = new THREE.Vector3(0, 0, 1).cross(across);
+  const VIEWS = {
+    fit: away.clone().multiplyScalar(-0.9).add(new THREE.Vector3(0, 0, 0.43)),
+    top: away.clone().multiplyScalar(-0.01).add(new THREE.Vector3(0, 0, 1)),
+    front: away.clone().multiplyScalar(-1),
+    side: across.clone(),
+  };
   const middle = new THREE.Vector3();
-  const look = () => {
+  const look = (from) => {
+    middle.set(0, 0, 0);
     // Alternately centre what is seen and go as near as it allows.
     let distance = 4 * size;
     extent.forEach((point) => middle.addScaledVector(point, 1 / extent.length));
@@ -220,7 +243,7 @@
     renderer.setSize(width, height);
     eye.aspect = width / height;
     eye.updateProjectionMatrix();
-    if (!looked) { looked = true; look(); }
+    if (!looked) { looked = true; look(VIEWS.fit); }
     draw();
   };
 
@@ -235,6 +258,29 @@
     world.updateMatrixWorld(true);
     draw();
   };
+
+  const turn = (about, angle) => {
+    eye.position.sub(controls.target).applyAxisAngle(about, angle).add(controls.target);
+    controls.update();
+    draw();
+  };
+  const sideways = () => new THREE.Vector3(1, 0, 0).applyQuaternion(eye.quaternion);
+  const KEYS = {
+    ArrowLeft: () => turn(eye.up, -0.15),
+    ArrowRight: () => turn(eye.up, 0.15),
+    ArrowUp: () => turn(sideways(), -0.15),
+    ArrowDown: () => turn(sideways(), 0.15),
+    "+": () => { eye.position.lerp(controls.target, 0.15); draw(); },
+    "-": () => { eye.position.lerp(controls.target, -0.15); draw(); },
+  };
+  box.addEventListener("keydown", (event) => {
+    if (!KEYS[event.key]) return;
+    event.preventDefault();
+    KEYS[event.key]();
+  });
+  for (const button of document.querySelectorAll("[data-view]")) {
+    button.addEventListener("click", () => { look(VIEWS[button.dataset.view]); draw(); });
+  }
 
   box.append(renderer.domElement);
   box.hidden = false;

@@ -1,0 +1,42 @@
+"""How well each component of a position is known, beside the tolerance."""
+
+from __future__ import annotations
+
+from basecal.geometry import PoseEstimate
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.svg import drawing, element, text
+
+_WIDTH, _ROW, _LEFT, _RIGHT = 420.0, 30.0, 24.0, 90.0
+_INTERVAL_SIGMAS = 1.96  # sigmas on either side, within which 95 % of normal errors are
+
+
+def component_figure(child: str, estimate: PoseEstimate, tolerance_m: float | None) -> Figure:
+    """A whisker for x, y and z, over the band of the tolerance if one is stated."""
+    lengths = 1e3 * _INTERVAL_SIGMAS * estimate.sigma_t
+    limit = None if tolerance_m is None else 1e3 * tolerance_m
+    most = 1.1 * max(float(lengths.max()), limit or 0.0, 1e-9)
+    middle, half = (_LEFT + _WIDTH - _RIGHT) / 2, (_WIDTH - _RIGHT - _LEFT) / 2
+    height = 3 * _ROW
+    parts = [element("path", class_="rule", d=f"M{middle:.1f} 0V{height:g}")]
+    if limit is not None:
+        reach = half * limit / most
+        parts.insert(
+            0,
+            element(
+                "rect", class_="allowed", x=f"{middle - reach:.1f}", width=f"{2 * reach:.1f}", height=f"{height:g}"
+            ),
+        )
+    for row, (axis, length) in enumerate(zip("xyz", lengths, strict=True)):
+        y, reach = _ROW * (row + 0.5), half * length / most
+        kind = "beyond" if limit is not None and length > limit else "within"
+        ends = f"M{middle - reach:.1f} {y - 6}v12m0-6H{middle + reach:.1f}m0-6v12"
+        label = {"y": y + 4, "class_": "tick"}
+        parts += [
+            element("text", axis, x=6, **label),
+            element("path", class_=f"interval {kind}", d=ends),
+            element("text", text(f"± {two_digits(length)} mm"), x=_WIDTH - _RIGHT + 12, **label),
+        ]
+    also = "" if limit is None else f" Shaded: the tolerance, {limit:.3g} mm."
+    caption = f"Intervals that hold 95 % of errors along each axis of {child}.{also}"
+    return Figure("position by axis", drawing(_WIDTH, height, "95 % intervals by axis", *parts), caption)

@@ -1,0 +1,95 @@
+"""The answer in a few numbers, and what there is to know beside the verdict."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from basecal.accuracy.fit_details import FitDetails
+from basecal.accuracy.sample_use import sample_use
+from basecal.cell import Calibration, Cell, Recording
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import error_text
+from basecal.reporting.svg import drawing, element
+
+_SEVERITIES = ("error", "warning", "info")
+_WIDTH, _HEIGHT = 100.0, 8.0
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A number with its unit, what it is, and a drawing of it, if there is one."""
+
+    value: str
+    name: str
+    svg: str = ""
+
+
+def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: FitDetails) -> Iterator[Tile]:
+    """The expected error, sigma, held-out errors and what was used, as far as they are known."""
+    expected_m = expected_error_m(cell, calibration, details)
+    if expected_m is not None:
+        tolerance = calibration.tolerance
+        bar = "" if tolerance is None else _bar(expected_m, tolerance.asked_m)
+        yield Tile(f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %", bar)
+    known = [name for name in cell.asked if name in calibration.transforms]
+    for name in known[:1]:
+        sigma_m, sigma_rad = calibration[name].sigma_norms
+        yield Tile(_short(sigma_m, None if name in calibration.points else sigma_rad), f"1 sigma of {name}")
+    validation = calibration.validation
+    if validation is not None and validation.target_m is not None:
+        yield Tile(_short(validation.target_m, validation.target_rad), "on held-out samples, rms")
+    if calibration.residuals.rms_px is not None:
+        held_out = None if validation is None else validation.rms_px
+        also = "" if held_out is None else f", held out {two_digits(held_out)} px"
+        yield Tile(f"{two_digits(calibration.residuals.rms_px)} px", f"reprojection error, rms{also}")
+    use = sample_use(recording, calibration)
+    outliers = sum(len(each.ids) for each in calibration.outliers or ())
+    also = f", {outliers} points left out" if outliers else ""
+    yield Tile(f"{use.used} of {use.recorded}", f"samples used{also}")
+
+
+def expected_error_m(cell: Cell, calibration: Calibration, details: FitDetails) -> float | None:
+    """The length that 95 % of errors stay below where the arms worked [m]; None if something requested is unknown."""
+    if calibration.tolerance is not None:
+        return calibration.tolerance.expected_95_m
+    complete = {each.transform for each in details.errors} >= set(cell.asked)
+    return max((each.length_m for each in details.errors), default=None) if complete else None
+
+
+def _short(length_m: float, angle_rad: float | None) -> str:
+    return error_text(length_m, angle_rad).replace(" and ", ", ")
+
+
+def _bar(expected_m: float, asked_m: float) -> str:
+    """How long the expected error is beside the tolerance, which is a line."""
+    most = 1.05 * max(expected_m, asked_m)
+    place = f"{_WIDTH * asked_m / most:.1f}"
+    kind = "within" if expected_m <= asked_m else "beyond"
+    label = f"expected error {two_digits(1e3 * expected_m)} mm, tolerance {1e3 * asked_m:.3g} mm"
+    return drawing(
+        _WIDTH,
+        _HEIGHT,
+        label,
+        element("rect", class_="track", width=_WIDTH, height=_HEIGHT),
+        element("rect", class_=kind, width=f"{_WIDTH * expected_m / most:.1f}", height=_HEIGHT),
+        element("path", class_="limit", d=f"M{place} 0V{_HEIGHT}", vector_effect="non-scaling-stroke"),
+        stretch=True,
+    )
+
+
+def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> Iterator[str]:
+    """Sentences below the verdict: how sound the data are, where the error comes from, what more samples bring."""
+    count = Counter[str](finding.severity for finding in calibration.findings)
+    errors, warnings, notes = (_counted(count[severity], severity) for severity in _SEVERITIES)
+    yield f"{errors.capitalize()}, {warnings}, {notes.replace('info', 'note')}."
+    for entry in (calibration.budget or ())[:1]:
+        yield f"{100 * entry.share:.0f} % of the error at the task is {entry.source}."
+    if len(outlook) > 1:
+        more, expected_m = outlook[-1]
+        yield f"{more} more samples would leave {two_digits(1e3 * expected_m)} mm (95 %)."
+
+
+def _counted(count: int, name: str) -> str:
+    return f"{count or 'no'} {name}{'' if count == 1 else 's'}"

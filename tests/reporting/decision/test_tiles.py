@@ -1,0 +1,75 @@
+"""The numbers of the first screen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.fit_details import FitDetails
+from basecal.accuracy.task.expected_error import ExpectedError
+from basecal.cell import (
+    BudgetEntry,
+    Calibration,
+    Finding,
+    Outlier,
+    Recording,
+    Residuals,
+    Sample,
+    SampleResidual,
+    Tolerance,
+    Validation,
+)
+from basecal.geometry import SE3, PoseEstimate
+from basecal.reporting.decision.tiles import expected_error_m, remarks, tiles
+from basecal.simulation import Scenario, simulate
+
+BASE = "eye_base_from_hand_base"
+CELL = simulate(Scenario(samples=2), 0).cell
+DETAILS = FitDetails(errors=(ExpectedError(BASE, 4.384e-4, np.zeros(3)),))
+RECORDING = Recording(tuple(map(Sample, range(3))))
+CALIBRATION = Calibration(
+    "good",
+    {BASE: PoseEstimate(SE3.identity(), np.diag([1e-8] * 3 + [1e-8] * 3))},
+    residuals=Residuals(0.119, per_sample=(SampleResidual(0, "wrist", "board", 0.2),)),
+    validation=Validation("k-fold", 5, 1.069, 1.753e-3, np.radians(0.393)),
+    outliers=(Outlier(0, "wrist", "board", (3, 4), "far"),),
+)
+
+
+def test_what_is_known_is_a_tile() -> None:
+    """Each with two digits; a bar only beside a tolerance."""
+    found = [(tile.value, tile.name) for tile in tiles(CELL, RECORDING, CALIBRATION, DETAILS)]
+    assert found == [
+        ("0.44 mm", "expected error, 95 %"),
+        ("0.17 mm, 0.0099 deg", f"1 sigma of {BASE}"),
+        ("1.8 mm, 0.39 deg", "on held-out samples, rms"),
+        ("0.12 px", "reprojection error, rms, held out 1.1 px"),
+        ("1 of 3", "samples used, 2 points left out"),
+    ]
+    bare = [tile.name for tile in tiles(CELL, Recording(), Calibration("refused"), FitDetails())]
+    assert bare == ["samples used"]
+
+
+def test_the_tolerance_is_a_line() -> None:
+    """Right of the bar where it is met, and on it where it is missed."""
+    for expected, kind, shown in ((4e-4, "within", "0.40 mm"), (4e-3, "beyond", "4.0 mm")):
+        told = replace(CALIBRATION, tolerance=Tolerance(1e-3, expected, kind == "within"))
+        first = next(iter(tiles(CELL, RECORDING, told, DETAILS)))
+        assert f'class="{kind}"' in first.svg
+        assert first.value == shown
+    assert expected_error_m(CELL, replace(CALIBRATION, tolerance=Tolerance(1e-3, None, False)), DETAILS) is None
+    assert expected_error_m(CELL, CALIBRATION, FitDetails()) is None
+
+
+def test_remarks_count_and_point_ahead() -> None:
+    """Findings by severity, the largest source, and what more samples bring."""
+    found = Finding("overfit", "warning", (), "x"), Finding("same-stop", "info", (), "y")
+    budget = (BudgetEntry("repeatability of hand", 1e-3, 0.7, 5e-4),)
+    told = list(remarks(replace(CALIBRATION, findings=found, budget=budget), [(0, 2e-3), (40, 1.234e-3)]))
+    assert told == [
+        "No errors, 1 warning, 1 note.",
+        "70 % of the error at the task is repeatability of hand.",
+        "40 more samples would leave 1.2 mm (95 %).",
+    ]
+    assert list(remarks(CALIBRATION, ())) == ["No errors, no warnings, no notes."]
