@@ -88,7 +88,7 @@ def test_a_frame_every_so_often(tmp_path: Path, arm: SerialChain) -> None:
 
 def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
     """An episode that is not there, a folder without its info, a table without its columns, and a calibration."""
-    with pytest.raises(DatasetError, match="has no episode 7; there are: 0, 1"):
+    with pytest.raises(DatasetError, match="has no episode 7; it has 0 to 1"):
         read_episode(dataset(tmp_path / "a", list("abcdefg")), 7)
     with pytest.raises(DatasetError, match=r"info.json: cannot be read"):
         read_episode(tmp_path, 0)

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from basecal.bounded_file import read_bounded
+from basecal.bounded_file import check_regular, read_bounded
+from basecal.box import Frame, frames
 from basecal.cell import RobotState
-from basecal.errors import DatasetError, InputError, MissingExtra, list_names
+from basecal.errors import DatasetError, InputError, MissingExtra
 from basecal.exchange.importing.imported import Row
 from basecal.geometry import Array
 from basecal.kinematics import SerialChain
@@ -26,7 +29,6 @@ from basecal.kinematics import SerialChain
 JointUnit = Literal["deg", "rad", "normalised"]
 
 _LARGEST_INFO = 2**24  # bytes
-_LARGEST_DATA = 2**29  # bytes of a parquet file: v3.0 writes files of 100 MB
 _LARGEST_CALIBRATION = 2**20  # bytes
 _TICKS = 4096 - 1  # of a whole turn, as lerobot counts them
 _STATE = "observation.state"
@@ -48,36 +50,42 @@ class Episode:
 
 
 def read_episode(folder: Path, number: int) -> Episode:
-    """One episode of a dataset's folder.
+    """One episode of a dataset's folder, read by a process of its own.
 
     Raises:
         MissingExtra: if the library of parquet is not installed.
         DatasetError: if the folder is no dataset of LeRobot, or has no such episode.
     """
-    try:
-        from pyarrow import ArrowException, BufferReader
-        from pyarrow.parquet import ParquetFile
-    except ImportError:
-        raise MissingExtra("lerobot", "a recording of LeRobot") from None
+    if find_spec("pyarrow") is None:
+        raise MissingExtra("lerobot", "a recording of LeRobot")
     names = _names(folder / "meta" / "info.json")
-    values, stamps, known = [], [], set()
-    for path in sorted((folder / "data").rglob("*.parquet")):
-        content = BufferReader(read_bounded(path, _LARGEST_DATA))
-        try:
-            columns = ParquetFile(content).read(columns=[_STATE, "timestamp", "episode_index"]).to_pydict()
-            episodes = np.array(columns["episode_index"], dtype=np.int64).reshape(-1)
-            mine = np.flatnonzero(episodes == number)
-            values += [columns[_STATE][i] for i in mine]
-            stamps += [float(np.ravel(columns["timestamp"][i])[0]) for i in mine]
-        except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
-            message = f"not a table of LeRobot ({type(error).__name__}), expected {_STATE}, timestamp and episode_index"
-            raise DatasetError(str(path), message) from None
-        known |= set(episodes.tolist())
-    if not values:
-        raise DatasetError(
-            str(folder), f"has no episode {number}; there are: {list_names([str(n) for n in sorted(known)])}"
-        )
-    return Episode(names, _array(folder, values, len(names)), np.array(stamps))
+    expected = f"expected {len(names)} finite numbers in every {_STATE}"
+    parts: list[Array] = []
+    known: list[int] = []
+    for (count, *ends), content in _frames(folder, number):
+        known = [min(known + ends), max(known + ends)]
+        if content and count != len(names):
+            raise DatasetError(str(folder), expected)
+        parts += [np.frombuffer(content).reshape(-1, 1 + len(names))] if content else []
+    if not parts:
+        raise DatasetError(str(folder), f"has no episode {number}; it has {' to '.join(map(str, known)) or 'none'}")
+    rows = np.concatenate(parts)
+    if not np.isfinite(rows).all():
+        raise DatasetError(str(folder), expected)
+    return Episode(names, rows[:, 1:], rows[:, 0])
+
+
+def _frames(folder: Path, number: int) -> Iterator[Frame]:
+    paths = sorted((folder / "data").rglob("*.parquet"))
+    for path in paths:
+        check_regular(path)
+    words, size = [str(number), *(os.path.abspath(path) for path in paths)], sum(path.stat().st_size for path in paths)
+    try:
+        yield from frames("basecal.exchange.lerobot_boxed", words, size) if paths else ()
+    except DatasetError:
+        raise
+    except InputError as error:
+        raise DatasetError(str(folder), str(error)) from None
 
 
 def joint_rows(
@@ -149,16 +157,6 @@ def _names(path: Path) -> tuple[str, ...]:
         return tuple(str(name).removesuffix(".pos") for name in names)
     except (ValueError, LookupError, TypeError, AttributeError, StopIteration, RecursionError):
         raise DatasetError(str(path), f"not the info.json of LeRobot, expected features.{_STATE}.names") from None
-
-
-def _array(folder: Path, values: Sequence[Any], count: int) -> Array:
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (ValueError, TypeError):
-        array = np.zeros(0)
-    if array.shape != (len(values), count) or not np.isfinite(array).all():
-        raise DatasetError(str(folder), f"expected {count} finite numbers in every {_STATE}")
-    return array
 
 
 def _radians(

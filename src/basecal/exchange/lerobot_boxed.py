@@ -1,0 +1,50 @@
+"""The process that reads the tables of a LeRobot dataset: frames of one episode, a few at a time.
+
+Words are the episode and the tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pyarrow as pa
+from pyarrow.parquet import ParquetFile
+
+from basecal.box import Frame
+from basecal.errors import InputError
+from basecal.geometry import Array
+
+STATE = "observation.state"
+_COLUMNS = [STATE, "timestamp", "episode_index"]
+_MOST_ROWS = 20_000_000  # of a table: 100 hours at 50 Hz
+_AT_ONCE = 2**14  # rows
+
+
+def boxed(words: Sequence[str]) -> Iterator[Frame]:
+    """`[motors, first episode, last episode]` of some rows, with stamp and values of each that is of the episode."""
+    pa.set_memory_pool(pa.system_memory_pool())  # the others reserve more than they use
+    for path in words[1:]:
+        try:
+            yield from _frames(path, int(words[0]))
+        except (MemoryError, InputError):
+            raise
+        except (pa.ArrowException, OSError, ValueError, LookupError, TypeError) as error:
+            expected = f"expected {', '.join(_COLUMNS[:2])} and {_COLUMNS[2]}"
+            raise InputError(f"{path}: not a table of LeRobot ({type(error).__name__}), {expected}") from None
+
+
+def _frames(path: str, episode: int) -> Iterator[Frame]:
+    table = ParquetFile(path)
+    if table.metadata.num_rows > _MOST_ROWS:
+        raise InputError(f"{path}: has more than {_MOST_ROWS} rows; cut it")
+    for batch in table.iter_batches(_AT_ONCE, columns=_COLUMNS, use_threads=False):
+        episodes = np.array(batch.column("episode_index").to_pylist(), dtype=np.int64).reshape(-1)
+        of_episode = batch.filter(pa.array(episodes == episode))
+        rows = _rows(of_episode) if len(of_episode) else np.zeros((0, 1))
+        yield [rows.shape[1] - 1, int(episodes.min()), int(episodes.max())], rows.tobytes()
+
+
+def _rows(batch: pa.RecordBatch) -> Array:
+    stamps = [float(np.ravel(stamp)[0]) for stamp in batch.column("timestamp").to_pylist()]
+    return np.column_stack([stamps, np.array(batch.column(STATE).to_pylist(), dtype=np.float64)])

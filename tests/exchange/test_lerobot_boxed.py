@@ -1,0 +1,65 @@
+"""Tables of LeRobot in their box: a small file that says it holds more than there is memory takes little of it."""
+
+from __future__ import annotations
+
+import resource
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.lerobot import read_episode
+from exchange.test_lerobot import dataset
+
+pa = pytest.importorskip("pyarrow")
+pq = pytest.importorskip("pyarrow.parquet")
+lerobot_boxed = pytest.importorskip("basecal.exchange.lerobot_boxed")
+
+_MOTORS = 7
+
+
+def run_lengths(folder: Path, rows: int, groups: int = 1, numbers: int = _MOTORS) -> str:
+    """A dataset of zeros, which Parquet holds as how many there are; its table."""
+    dataset(folder, [f"motor{k}" for k in range(_MOTORS)])
+    path = folder / "data" / "chunk-000" / "zeros.parquet"
+    states = pa.ListArray.from_arrays(
+        np.arange(0, numbers * rows + 1, numbers, dtype=np.int32), np.zeros(numbers * rows, np.float32)
+    )
+    columns = [states, np.zeros(rows, np.float32), np.zeros(rows, np.int64)]
+    table = pa.table(columns, names=["observation.state", "timestamp", "episode_index"])
+    with pq.ParquetWriter(path, table.schema, compression="zstd") as writer:
+        for _ in range(groups):
+            writer.write_table(table)
+    return str(path)
+
+
+def test_rows_come_a_few_at_a_time(tmp_path: Path) -> None:
+    """However many a group has; of an episode that is not there only its numbers."""
+    path = run_lengths(tmp_path, 40_000)
+    frames = list(lerobot_boxed.boxed(["0", path]))
+    assert [len(content) // 8 // (1 + _MOTORS) for _, content in frames] == [2**14, 2**14, 40_000 - 2**15]
+    assert list(lerobot_boxed.boxed(["3", path])) == [([0, 0, 0], b"")] * 3
+    assert list(lerobot_boxed.boxed(["0", run_lengths(tmp_path / "none", 0)])) == []
+
+
+def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table says how many it has."""
+    path = run_lengths(tmp_path, 1000)
+    monkeypatch.setattr(lerobot_boxed, "_MOST_ROWS", 999)
+    monkeypatch.setattr(lerobot_boxed.ParquetFile, "iter_batches", None)
+    with pytest.raises(InputError, match="has more than 999 rows; cut it"):
+        list(lerobot_boxed.boxed(["0", path]))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="needs the most memory that a process had [kB]")
+@pytest.mark.parametrize(("rows", "groups", "numbers"), [(200_000, 60, _MOTORS), (4, 3, 20_000_000)])
+def test_run_lengths_take_little_memory(tmp_path: Path, rows: int, groups: int, numbers: int) -> None:
+    """Twelve million frames in 0.2 MB took 6 GB, and so would three rows of many numbers."""
+    path = run_lengths(tmp_path, rows, groups, numbers)
+    assert Path(path).stat().st_size < 10**6
+    with pytest.raises(DatasetError, match=r"has no episode 5|more memory"):
+        read_episode(tmp_path, 5)
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 2**20
