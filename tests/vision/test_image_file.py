@@ -153,6 +153,15 @@ def test_huge_images_are_refused_before_their_pixels() -> None:
     assert why == "has 30000 x 3000 pixels, expected 1 to 64 million"
 
 
+def test_scans_without_number() -> None:
+    """A JPEG of a megabyte whose ten thousand scans pass over 64 megapixels each took six minutes."""
+    data = cv2.imencode(".jpg", np.zeros((18, 24), np.uint8), [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
+    start, end = data.rfind(b"\xff\xc4"), data.rfind(b"\xff\xd9")
+    assert isinstance(grey_image(data, None), np.ndarray)
+    many = data[:end] + data[start:end] * 95 + data[end:]
+    assert grey_image(many, None) == "has 101 scans, expected at most 100: store it anew"
+
+
 def test_pixels_of_too_many_bytes() -> None:
     """Decoders hold an image twice: 60 megapixels of four channels and 16 bits would be a gigabyte."""
     start = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sIIBB", 13, b"IHDR", 8000, 7500, 16, 6)

@@ -16,9 +16,11 @@ from basecal.vision.detection import Image
 from basecal.vision.image_header import header, png_chunks
 
 _JPEG, _PNG, _BMP, _RIFF = b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"BM", b"RIFF"
+_SCAN = b"\xff\xda"
 _TO_GREY = {3: cv2.COLOR_BGR2GRAY, 4: cv2.COLOR_BGRA2GRAY}
 _LARGEST_BYTES = 2**28  # 256 MiB: 16 bits and two channels of 64 megapixels
 _MOST_PIXELS = 2**26  # 64 megapixels: the largest sensors of machine vision have that
+_MOST_SCANS = 100  # of a JPEG, each of which passes over all pixels; encoders write ten
 _MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
 _OPEN_FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _MOST_FILE_NAMES = 10_000  # of a folder that are looked through
@@ -109,6 +111,8 @@ def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
     if width * height * told.pixel_bytes > _MOST_DECODED_BYTES:
         mb = width * height * told.pixel_bytes // 2**20
         return f"has {mb} MB of pixels, expected at most {_MOST_DECODED_BYTES // 2**20}: store it grey, or with 8 bits"
+    if data.startswith(_JPEG) and (scans := data.count(_SCAN)) > _MOST_SCANS:
+        return f"has {scans} scans, expected at most {_MOST_SCANS}: store it anew"
     if size_px is not None and told.size_px != tuple(size_px):
         return f"has {width} x {height} pixels, its camera {size_px[0]} x {size_px[1]}{_cause(told.size_px, size_px)}"
     return "is truncated" if _is_cut(data) else None
@@ -155,7 +159,7 @@ def write_png(path: Path, image: Image) -> None:
 def _is_cut(data: bytes) -> bool:
     """Whether the end of an image is missing; decoders fill it with grey and say so only on the terminal."""
     if data.startswith(_JPEG):
-        return data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+        return data.rfind(b"\xff\xd9") < data.rfind(_SCAN)
     if data.startswith(_PNG):
         # A chunk that says it is longer than the file would have a decoder take as much memory as it says.
         return all(name != b"IEND" for name, _, _ in png_chunks(data))
