@@ -18,7 +18,7 @@ from basecal.errors import InputError
 TASKS = """
 import sys
 from basecal.errors import InputError
-def boxed(words):
+def read_frames(words):
     kind = words[0]
     yield [kind, 1.5], b"first"
     if kind == "memory":

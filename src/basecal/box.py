@@ -1,7 +1,8 @@
 """One box for untrusted files: who reads them runs in a process of its own, within memory, time and bytes.
 
-The process is `python -m basecal.box MODULE SECONDS BYTES WORDS...`: the module's `boxed(words)` gives frames, which
-are some plain data and some bytes, and are written to standard output. It ends with whoever started it, also by Ctrl-C.
+The process is `python -m basecal.box MODULE SECONDS BYTES WORDS...`: the module's `read_frames(words)` gives frames,
+which are some plain data and some bytes, and are written to standard output. It ends with whoever started it, also by
+Ctrl-C.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ Frame = tuple[Any, bytes]
 
 
 def frames(module: str, words: Sequence[str], size: int) -> Iterator[Frame]:
-    """What a module's `boxed` gives, one frame after another.
+    """What a module's `read_frames` gives, one frame after another.
 
     Args:
         module: Its full name.
@@ -112,7 +113,7 @@ def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], out: 
     task = import_module(module)
     limit(seconds, most_bytes)
     given = 0
-    for frame in task.boxed(words):
+    for frame in task.read_frames(words):
         given += _write(frame, out)
         if given > most_bytes:
             raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")

@@ -38,10 +38,10 @@ def run_lengths(folder: Path, rows: int, groups: int = 1, numbers: int = _MOTORS
 def test_rows_come_a_few_at_a_time(tmp_path: Path) -> None:
     """However many a group has; of an episode that is not there only its numbers."""
     path = run_lengths(tmp_path, 40_000)
-    frames = list(lerobot_boxed.boxed(["0", path]))
+    frames = list(lerobot_boxed.read_frames(["0", path]))
     assert [len(content) // 8 // (1 + _MOTORS) for _, content in frames] == [2**14, 2**14, 40_000 - 2**15]
-    assert list(lerobot_boxed.boxed(["3", path])) == [([0, 0, 0], b"")] * 3
-    assert list(lerobot_boxed.boxed(["0", run_lengths(tmp_path / "none", 0)])) == []
+    assert list(lerobot_boxed.read_frames(["3", path])) == [([0, 0, 0], b"")] * 3
+    assert list(lerobot_boxed.read_frames(["0", run_lengths(tmp_path / "none", 0)])) == []
 
 
 def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +50,7 @@ def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(lerobot_boxed, "_MOST_ROWS", 999)
     monkeypatch.setattr(lerobot_boxed.ParquetFile, "iter_batches", None)
     with pytest.raises(InputError, match="has more than 999 rows; cut it"):
-        list(lerobot_boxed.boxed(["0", path]))
+        list(lerobot_boxed.read_frames(["0", path]))
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ _MOST_ROWS = 20_000_000  # of a table: 100 hours at 50 Hz
 _AT_ONCE = 2**14  # rows
 
 
-def boxed(words: Sequence[str]) -> Iterator[Frame]:
+def read_frames(words: Sequence[str]) -> Iterator[Frame]:
     """`[motors, first episode, last episode]` of some rows, with stamp and values of each that is of the episode."""
     pa.set_memory_pool(pa.system_memory_pool())  # the others reserve more than they use
     for path in words[1:]:

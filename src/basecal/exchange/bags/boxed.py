@@ -28,7 +28,7 @@ _TABLES = ("messages", "topics")
 _STEP = 9  # bytes before a record of MCAP: its kind, and its length
 
 
-def boxed(words: Sequence[str]) -> Iterator[Frame]:
+def read_frames(words: Sequence[str]) -> Iterator[Frame]:
     """Frames of a bag: `[topic, type, messages]`, or `[topic, nanoseconds]` with a message, or `{"damage": why}`."""
     path, topics = Path(words[0]), set(words[1:])
     reader = _reader(path)
