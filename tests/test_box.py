@@ -89,8 +89,10 @@ def test_who_stops_reading_ends_it(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_it(tmp_path: Path) -> None:
     """Within two seconds, and the process in the box ends too."""
-    words = """
+    words = f"""
+        import signal
         from basecal import box
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         found = box.frames("boxed_tasks", ["time", "{tmp_path}"], 10**9)
         print(next(found), flush=True)
         next(found)
