@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from basecal.accuracy.findings.better_optimum import guess_led_astray
-from basecal.accuracy.stages import concluding, judging, reading, solving
+from basecal.accuracy.stages import concluding, judging, pose_noise, reading, solving
 from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.estimation.settings import DEFAULT, LOG, Settings
@@ -40,6 +40,7 @@ READING_STAGES = (
 SOLVING_STAGES = (
     Stage(None, solving.solve_all),
     Stage("conventions", solving.screen_conventions),
+    Stage(None, pose_noise.shape_pose_noise),
     Stage(None, solving.leave_outliers_out),
     Stage(None, solving.widen_lenses),
     Stage("noise", solving.integrate_noise),

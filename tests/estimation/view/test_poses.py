@@ -61,3 +61,24 @@ def test_poses_of_a_batch_are_taken_with_their_rows():
     np.testing.assert_array_equal(taken.weight, 2 * stated[[1]])
     alike = PoseMeasurement(ahead[0], STATED, STATED).of_batch(np.array([1]))
     np.testing.assert_array_equal(alike.measured_camera_from_target.translation[..., 0], [0.0, 1.0, 2.0])
+
+
+def test_shaped_errors_are_weighed_by_their_whitening() -> None:
+    """Cost, gradient and the least information about a rotation are those of whitened errors."""
+    rng = np.random.default_rng(3)
+    measured, near = (SE3.exp(rng.normal(size=(4, 6))) for _ in range(2))
+    shape, weight = np.tril(rng.normal(size=(4, 6, 6))), rng.uniform(1, 2, (4, 6))
+    views = PoseMeasurement(measured, np.zeros((4, 6)), weight, shape)
+    error = weight * (shape @ (measured.inverse() @ near).log()[..., None])[..., 0]
+    found = views.linearise(near, None, False)
+    np.testing.assert_allclose(found.cost, np.sum(error**2, axis=1))
+    step = 1e-6 * np.eye(6)[3]
+    moved = (
+        views.linearise(near @ SE3.exp(step), None, False).cost
+        - views.linearise(near @ SE3.exp(-step), None, False).cost
+    )
+    np.testing.assert_allclose(found.gradient[:, 3], moved / 4e-6, rtol=1e-5)
+    np.testing.assert_allclose(sum(views.squares(near, None).values()), np.sum(error**2))
+    plain = PoseMeasurement(measured, np.zeros((4, 6)), weight)
+    np.testing.assert_array_equal(plain.least_rotation_weight(), weight[:, 3:].min(1))
+    assert np.all(views.least_rotation_weight() <= np.linalg.norm(shape[:, 3:, 3:], axis=(1, 2)) * weight[:, 3:].min(1))

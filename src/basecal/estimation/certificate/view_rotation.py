@@ -60,7 +60,7 @@ def view_costs(problem: Problem, state: State, group: ViewGroup) -> ViewCosts:
     """
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
-        least = measurement.weight[:, 3:].min(1)
+        least = measurement.least_rotation_weight()
         return _constant_costs(measurement.measured_camera_from_target, np.zeros(len(least)), 4 * least**2)
     if isinstance(measurement, PointMeasurement):
         return _point_costs(measurement)

@@ -25,11 +25,13 @@ class PoseMeasurement:
         measured_camera_from_target: (n,).
         stated: (n, 6) 1 / sigma, or 0 where none was stated [1/m, 1/rad].
         weight: (n, 6) 1 / sigma in use [1/m, 1/rad].
+        shape: (n, 6, 6) which makes errors [m, rad] of views independent and equal; None if they are so already.
     """
 
     measured_camera_from_target: SE3
     stated: Array
     weight: Array
+    shape: Array | None = None
 
     def _error(self, camera_from_target: SE3) -> Array:
         return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
@@ -37,12 +39,15 @@ class PoseMeasurement:
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
         error = self._error(camera_from_target)
-        jacobian = right_jacobian_inverse(error) * self.weight[..., None]
-        return information_of(error * self.weight, jacobian.mT)
+        whitening = self.weight[..., None] * (np.eye(6) if self.shape is None else self.shape)
+        jacobian = whitening @ right_jacobian_inverse(error)
+        return information_of((whitening @ error[..., None])[..., 0], jacobian.mT)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
-        squared = (self._error(camera_from_target) * self.weight * (self.stated == 0)) ** 2
+        error = self._error(camera_from_target)
+        shaped = error if self.shape is None else (self.shape @ error[..., None])[..., 0]
+        squared = (shaped * self.weight * (self.stated == 0)) ** 2
         return {"pose_m": float(squared[:, :3].sum()), "pose_rad": float(squared[:, 3:].sum())}
 
     def with_noise(self, noise: Noise) -> PoseMeasurement:
@@ -78,7 +83,17 @@ class PoseMeasurement:
         """See `Measurement`."""
         measured = self.measured_camera_from_target
         measured = measured[rows] if len(measured.shape) > 1 else measured
-        return PoseMeasurement(measured, of_batch_rows(self.stated, rows, 2), of_batch_rows(self.weight, rows, 2))
+        shape = None if self.shape is None else of_batch_rows(self.shape, rows, 3)
+        return PoseMeasurement(
+            measured, of_batch_rows(self.stated, rows, 2), of_batch_rows(self.weight, rows, 2), shape
+        )
+
+    def least_rotation_weight(self) -> Array:
+        """The least information about the rotation that each view holds, (n,), as 1 / sigma [1/rad]."""
+        least = self.weight[:, 3:].min(1)
+        if self.shape is None:
+            return np.asarray(least)
+        return np.asarray(least * np.linalg.svd(self.shape[:, 3:, 3:], compute_uv=False)[:, -1])
 
     def equations(self) -> IntArray:
         """See `Measurement`."""

@@ -1,0 +1,100 @@
+"""Poses of targets by `solvePnP`, as easy_handeye and apriltag have them: clean recordings, verdicts and ellipsoids.
+
+Command: python -m benchmarks.target_poses [--draws 60] [--samples 20].
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+import cv2
+import numpy as np
+from scipy.stats import chi2
+
+import basecal
+from basecal.geometry import SE3, Array
+from benchmarks.common import on_one_core, table, write
+
+DRAWS, SAMPLES = 60, 20
+LENS = np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]])
+PIXEL_PX = 0.2
+TARGETS = {
+    "a tag of 80 mm": 0.04 * np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0.0]]),
+    "5 x 5 corners 30 mm apart": 0.03 * np.array([[x, y, 0.0] for y in range(-2, 3) for x in range(-2, 3)]),
+}
+
+
+def sighted_poses(rng: np.random.Generator, count: int) -> SE3:
+    """camera_from_target from 0.35 to 0.8 m, tilted by up to 40 deg."""
+    tilt, about, roll = rng.uniform(0, 0.7, count), rng.uniform(0, 2 * np.pi, count), rng.normal(0, 0.5, count)
+    aslant = SE3.from_rotvec(
+        tilt[:, None] * np.stack([np.cos(about), np.sin(about), 0 * about], -1), np.zeros((count, 3))
+    )
+    rolled = SE3.from_rotvec(roll[:, None] * [0, 0, 1.0], np.zeros((count, 3)))
+    facing = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0])
+    places = np.c_[rng.normal(0, 0.07, count), rng.normal(0, 0.05, count), rng.uniform(0.35, 0.8, count)]
+    return SE3((facing @ rolled @ aslant).rotation, places)
+
+
+def pnp_pose(points_in_target: Array, pixels: Array) -> tuple[Array, Array]:
+    """Rotation vector and translation, refined."""
+    way = cv2.SOLVEPNP_IPPE_SQUARE if len(points_in_target) == 4 else cv2.SOLVEPNP_IPPE
+    _, turn, place = cv2.solvePnP(points_in_target, pixels, LENS, None, flags=way)
+    turn, place = cv2.solvePnPRefineLM(points_in_target, pixels, LENS, None, turn, place)
+    return np.ravel(turn), np.ravel(place)
+
+
+def trial(seed: int, samples: int, points_in_target: Array) -> dict[str, Any]:
+    """Verdict, codes, error [m] of the mount and its square in sigmas."""
+    rng = np.random.default_rng(seed)
+    mount = SE3.exp(np.r_[rng.normal(0, 0.05, 3), rng.normal(0, 0.5, 3)])
+    base_from_target = SE3.exp(np.r_[rng.normal(0, 0.5, 3), rng.normal(0, 1, 3)])
+    true = sighted_poses(rng, samples)
+    noise = SE3.exp(rng.normal(size=(samples, 6)) * np.repeat([1e-4, 2e-4], 3))
+    gripper = base_from_target @ true.inverse() @ mount.inverse() @ noise
+    seen = []
+    for k in range(samples):
+        points = true[k] @ points_in_target
+        pixels = points[:, :2] / points[:, 2:] * 900.0 + [640, 360] + rng.normal(0, PIXEL_PX, (len(points), 2))
+        seen.append(pnp_pose(points_in_target, pixels))
+    turns, places = (np.array(part) for part in zip(*seen, strict=True))
+    found = basecal.hand_eye(gripper.rotation, gripper.translation, turns, places)
+    off = (found["cam2gripper"].mean.inverse() @ mount).log()
+    square = float(off @ np.linalg.solve(found["cam2gripper"].covariance, off))
+    codes = [each.code for each in found.findings if each.severity != "info"]
+    return {"verdict": found.verdict, "codes": codes, "m": float(np.linalg.norm(off[:3])), "square": square}
+
+
+def summary(name: str, trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """A row."""
+    squares = np.array([each["square"] for each in trials])
+    return {
+        "target": name,
+        "not_good": sum(each["verdict"] != "good" for each in trials),
+        "codes": sorted({code for each in trials for code in each["codes"]}),
+        "rms_mm": 1e3 * float(np.sqrt(np.mean([each["m"] ** 2 for each in trials]))),
+        "held": float(np.mean(squares < chi2.ppf(0.95, 6))),
+        "mean_square": float(squares.mean() / 6),
+    }
+
+
+def main(arguments: list[str]) -> None:
+    """Run, print, and write results/target_poses.json of as many draws as are usual."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.target_poses", description=__doc__)
+    parser.add_argument("--draws", type=int, default=DRAWS)
+    parser.add_argument("--samples", type=int, default=SAMPLES)
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    rows = []
+    for name, points in TARGETS.items():
+        rows.append(summary(name, [trial(seed, asked.samples, points) for seed in range(asked.draws)]))
+        print(rows[-1], flush=True)
+    print(table(list(rows[0]), [list(row.values()) for row in rows]))
+    if asked.draws >= DRAWS:
+        write("target_poses", {"draws": asked.draws, "samples": asked.samples, "rows": rows})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
