@@ -89,11 +89,12 @@ class PoseMeasurement:
         )
 
     def least_rotation_weight(self) -> Array:
-        """The least information about the rotation that each view holds, (n,), as 1 / sigma [1/rad]."""
+        """Below what each view holds of any direction of its rotation, (n,), as 1 / sigma [1/rad]."""
         least = self.weight[:, 3:].min(1)
         if self.shape is None:
             return np.asarray(least)
-        return np.asarray(least * np.linalg.svd(self.shape[:, 3:, 3:], compute_uv=False)[:, -1])
+        inverse = np.linalg.inv(self.shape[:, 3:, 3:])
+        return np.asarray(least / np.linalg.norm(inverse, axis=(1, 2)))  # of the inverse of a least singular value
 
     def equations(self) -> IntArray:
         """See `Measurement`."""
