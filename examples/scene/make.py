@@ -49,15 +49,17 @@ def textures(seed: int, contrast: float = 1.0) -> list[np.ndarray]:
     return [texture(rng, (max(h, 32), max(w, 32)), contrast) for h, w in sizes]
 
 
-def picture(world_from_camera: SE3, lens: Camera, painted: list[np.ndarray], rng: np.random.Generator) -> np.ndarray:
-    """What a camera sees, (h, w) of grey levels."""
+def picture(
+    world_from_camera: SE3, lens: Camera, faces: list[tuple], painted: list[np.ndarray], rng: np.random.Generator
+) -> np.ndarray:
+    """What a camera sees of faces and what is painted on them, (h, w) of grey levels."""
     assert lens.size_px is not None
     width, height = lens.size_px
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2).astype(float)
     rays = lens.undistort(pixels)[0] @ world_from_camera.rotation.T
     centre = world_from_camera.translation
     nearest, level = np.full(len(rays), np.inf), np.full(len(rays), 90.0, dtype=np.float32)
-    for (corner, side, other), image in zip(FACES, painted, strict=True):
+    for (corner, side, other), image in zip(faces, painted, strict=True):
         a, b = np.array(side, dtype=float), np.array(other, dtype=float)
         normal = np.cross(a, b)
         with np.errstate(all="ignore"):
@@ -107,7 +109,7 @@ def make(
         (folder / f"recording/images/{name}_eye").mkdir(parents=True, exist_ok=True)
         for world_from_camera in looks(rng, views, -1.0 if arm == 0 else 1.0):
             path = f"images/{name}_eye/{sample:06d}.png"
-            cv2.imwrite(str(folder / "recording" / path), picture(world_from_camera, lens, painted, rng))
+            cv2.imwrite(str(folder / "recording" / path), picture(world_from_camera, lens, FACES, painted, rng))
             recorded = base.inverse() @ world_from_camera @ mount.inverse()
             recorded = recorded @ SE3.exp(rng.standard_normal(6) * np.repeat([ARM_M, ARM_RAD], 3))
             robots = {name: {"base_from_flange": pose(recorded)}}

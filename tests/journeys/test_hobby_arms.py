@@ -63,7 +63,7 @@ def are_offsets_within_three_sigmas(made: SimulatedCell, place: Path) -> bool:
     calibration = read_calibration(run_folder)
     squares, count = 0.0, 0
     for robot, name in (("eye", "leader"), ("hand", "follower")):
-        found = calibration.robot_parameters(name)["joint_offsets"]
+        found = calibration.parameters_of_robot(name)["joint_offsets"]
         assert found.covariance is not None
         off = (found.values - made.robots[robot].of("joint_offsets"))[found.seen]
         squares += float(off @ np.linalg.solve(found.covariance[np.ix_(found.seen, found.seen)], off))

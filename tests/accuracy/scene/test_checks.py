@@ -60,14 +60,17 @@ def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
 def test_each_lack_of_a_join_has_its_word() -> None:
     """No agreement, agreement as by chance, a rival, few points or few pictures are refused; else nothing is."""
 
-    def codes(found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12)) -> list[str]:
-        return [each.code for each in join_findings(NAMES, found, shared, of_each)]
+    def codes(
+        found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12), common: float = 0.9
+    ) -> list[str]:
+        return [each.code for each in join_findings(NAMES, found, shared, of_each, common)]
 
     assert codes(GOOD) == []
     assert codes(None) == ["scene-overlap"]
     assert codes(replace(GOOD, found=20)) == ["scene-overlap"]
     assert codes(replace(GOOD, found=900, by_chance=500.0)) == ["scene-overlap"]
     assert codes(replace(GOOD, rival=0.4 * GOOD.score)) == ["scene-rival"]
+    assert codes(GOOD, common=0.3) == ["scene-rival"]
     assert codes(GOOD, shared=99) == ["scene-overlap"]
     assert codes(GOOD, of_each=(3, 12)) == ["scene-overlap"]
 

@@ -23,7 +23,7 @@ def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -
 
 def codes(found: Join | None) -> list[str]:
     """Of the refusals, if enough points are shared."""
-    return [each.code for each in join_findings(NAMES, found, 200, (12, 12))]
+    return [each.code for each in join_findings(NAMES, found, 200, (12, 12), 1.0)]
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from basecal.accuracy.scene import merging
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.merging import merged_tracks, shared_points
+from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
 from basecal.geometry import IntArray
@@ -99,3 +102,17 @@ def test_two_features_of_one_view_are_no_image_of_a_point(
     tracks = merged_tracks(pictures, ones, [(0, 1, beside), (0, 1, join)])
     places = np.column_stack([tracks.view, tracks.point])
     assert len(np.unique(places, axis=0)) == len(places)
+
+
+def test_where_both_see_points_they_are_one(
+    scene: Scene, ones: tuple[OneCamera, OneCamera], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All points that both see are one; with a quarter of these sightings most are not; without cubes it is unknown."""
+    assert common_share(*ones, true_join(scene, ones)) == 1
+    monkeypatch.setattr(merging, "_CUBE_M", 0.5)
+    join = true_join(scene, ones)
+    assert common_share(*ones, join) > 0.9
+    quarter = tuple(each[join.sightings[1] % 4 == 0] for each in join.sightings)
+    assert common_share(*ones, replace(join, sightings=quarter)) < 0.5
+    none = tuple(each[:0] for each in join.sightings)
+    assert common_share(*ones, replace(join, sightings=none)) == 0

@@ -66,7 +66,7 @@ def test_the_same_base_as_from_the_cell(
 def test_a_bag_that_was_cut_off(
     kind: Kind, tmp_path: Path, simulated: SimulatedCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One line that names the bag, and nothing is written, wherever it was cut."""
+    """One line that names the bag; nothing is written if what is left has no robot."""
     bag = bag_by_tf(tmp_path, kind, simulated.recording).close()
     file = bag if bag.is_file() else next(each for each in bag.iterdir() if each.suffix in (".db3", ".mcap"))
     whole = file.read_bytes()
@@ -74,10 +74,10 @@ def test_a_bag_that_was_cut_off(
         file.write_bytes(whole[: int(share * len(whole))])
         code = main(["import", "bag", str(tmp_path / "c"), str(bag), *views(simulated), "--on", "wrist=eye"])
         said = capsys.readouterr().err
-        assert code == 3, (share, said)
+        assert code == (0 if "is read up to where it is damaged" in said and share > 0.99 else 3), (share, said)
         assert said.count("\n") == 1
         assert str(bag) in said
-        assert not (tmp_path / "c").exists()
+        assert (tmp_path / "c").exists() == (code == 0)
         assert not list(tmp_path.glob(".bag-*"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,8 @@ def test_a_data_set_of_robot_cal_tools(tmp_path: Path) -> None:
         values = zip(("x", "y", "z", "qx", "qy", "qz", "qw"), [*pose.translation, *pose.quaternion], strict=True)
         (tmp_path / "poses" / f"{sample.sample}.yaml").write_text("".join(f"{k}: {float(v)!r}\n" for k, v in values))
         picture = DATA / "rct_10x10" / sample.images["cam"]
-        listing += f"- image: {os.path.relpath(picture, tmp_path)}\n  pose: poses/{sample.sample}.yaml\n"
+        shutil.copy(picture, tmp_path / picture.name)
+        listing += f"- image: {picture.name}\n  pose: poses/{sample.sample}.yaml\n"
     (tmp_path / "cal_data.yaml").write_text(listing)
     (tmp_path / "target.yaml").write_text(
         "target_finder: {type: ModifiedCircleGridTargetFinder, rows: 10, cols: 10, spacing: 0.0254}\n"

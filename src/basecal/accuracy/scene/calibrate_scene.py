@@ -18,7 +18,7 @@ from basecal.accuracy.scene.checks import (
     kept_findings,
 )
 from basecal.accuracy.scene.joining import Join, join
-from basecal.accuracy.scene.merging import merged_tracks, shared_points
+from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
 from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
 from basecal.accuracy.scene.pictures import Pictures, read_pictures
 from basecal.accuracy.verdicts import judge_findings
@@ -95,12 +95,13 @@ def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: _Report) -> li
     for index in range(1, len(ones)):
         found = join(pictures, ones[0], ones[index])
         names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
-        shared, of_each = 0, (0, 0)
+        shared, of_each, common = 0, (0, 0), 0.0
         if found is not None:
+            common = common_share(ones[0], ones[index], found)
             joins.append((0, index, found))
             tracks = merged_tracks(pictures, ones, [joins[-1]])
             shared, of_each = shared_points(pictures, tracks, (0, index))
-        report.findings += join_findings(names, found, shared, of_each)
+        report.findings += join_findings(names, found, shared, of_each, common)
     return joins
 
 

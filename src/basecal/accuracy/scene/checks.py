@@ -27,6 +27,7 @@ _MOST_PX = 5.0  # [px] median distance of image points from their epipolar geome
 _LEAST_SCORE = 30.0  # standard deviations of a count
 _LEAST_RATIO = 2.5  # of points found over those found by chance
 _RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may have
+_LEAST_COMMON = 0.5  # median over places that both see; right rooms have 0.85 to 1, look-alike ones 0.15 to 0.3
 _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
 _RIDGE = 1e-6  # of rotations about a point, below which it has no place
@@ -70,9 +71,17 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
 
 
 def join_findings(
-    names: tuple[str, str], found: Join | None, shared: int, of_each: tuple[int, int]
+    names: tuple[str, str], found: Join | None, shared: int, of_each: tuple[int, int], common: float
 ) -> Iterator[Finding]:
-    """What two cameras' pictures lack of a common scene."""
+    """What two cameras' pictures lack of a common scene.
+
+    Args:
+        names: Of the cameras.
+        found: How they join; None if they do not.
+        shared: Points that both see.
+        of_each: Views of each that show some of them.
+        common: Share of points that are one, at places where both cameras have their own.
+    """
     first, second = names
     if found is None or found.score < _LEAST_SCORE or found.found < _LEAST_RATIO * found.by_chance:
         what = f"The pictures of {first} and {second} show no common part of the scene."
@@ -82,6 +91,10 @@ def join_findings(
         what = f"Two positions of {second} fit its pictures: the second has {share:.0%} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "The scene has objects that look alike.")
+    elif common < _LEAST_COMMON:
+        what = f"{common:.0%} of the points at places that {first} and {second} both see are the same point."
+        why = "Objects that look alike, or that moved between the pictures, were taken for one."
+        yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), why)
     elif shared < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
         what = f"{first} and {second} share {shared} points, in {of_each[0]} and {of_each[1]} pictures."
         why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} pictures of each are needed."

@@ -15,6 +15,9 @@ from basecal.accuracy.scene.pictures import Pictures
 from basecal.estimation.scene.views import FEWEST_VIEWS, Tracks
 from basecal.geometry import IntArray
 
+_CUBE_M = 0.1  # [m] sides of the cubes in which points of two cameras are compared
+_FEWEST_IN_CUBE = 4  # points of each camera
+
 
 def merged_tracks(pictures: Pictures, ones: Sequence[OneCamera], joins: Sequence[tuple[int, int, Join]]) -> Tracks:
     """The image points of all cameras, by points of one scene.
@@ -46,6 +49,41 @@ def shared_points(pictures: Pictures, tracks: Tracks, cameras: tuple[int, int]) 
     is_shared = (in_views[0] >= 2) & (in_views[1] >= 2)
     of_both = [np.unique(tracks.view[(camera == each) & is_shared[tracks.point]]) for each in cameras]
     return int(is_shared.sum()), (len(of_both[0]), len(of_both[1]))
+
+
+def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
+    """Of points at places where both cameras have their own, the share that is one with a point of the other.
+
+    Two equal objects, of which each camera sees one, fit; what is around them does not. The median over cubes, weighted
+    by the fewer points; 1 if there is no such cube.
+    """
+    assert first.fit is not None
+    assert second.fit is not None
+    view, point, feature = join.sightings
+    known = {
+        (int(v), int(f)): int(p)
+        for v, f, p in zip(second.fit.tracks.view, second.feature, second.fit.tracks.point, strict=True)
+    }
+    seen = zip(view.tolist(), feature.tolist(), strict=True)
+    of_second = np.array([known[key] for key in seen if key in known], dtype=np.int64)
+    points = first.fit.state.points, join.second_from_first.inverse() @ second.fit.state.points
+    cubes = [np.floor(each / _CUBE_M).astype(np.int64) for each in points]
+    _, number = np.unique(np.concatenate(cubes), axis=0, return_inverse=True)
+    count = int(number.max()) + 1
+    own = np.split(number.ravel(), [len(cubes[0])])
+    totals = [np.bincount(each, minlength=count) for each in own]
+    found = [
+        np.bincount(each[np.unique(shown)], minlength=count)
+        for each, shown in zip(own, (point, of_second), strict=True)
+    ]
+    fewer = np.minimum(*totals)
+    both = np.flatnonzero(fewer >= _FEWEST_IN_CUBE)
+    if not len(both):
+        return 1.0
+    share = np.maximum(*(f[both] / t[both] for f, t in zip(found, totals, strict=True)))
+    order = np.argsort(share)
+    weight = np.cumsum(fewer[both][order])
+    return float(share[order[np.searchsorted(weight, weight[-1] / 2)]])
 
 
 def _count(one: OneCamera) -> int:

@@ -15,13 +15,14 @@ from basecal.estimation.scene.mount_search import MountStart, find_mount
 from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import FEWEST_VIEWS, SceneViews, Tracks
 from basecal.geometry import SE3, Array, Camera, IntArray
-from basecal.vision.tracks.chains import chain_matches
+from basecal.vision.tracks.chains import chain_matches, longest_chains
 from basecal.vision.tracks.features import Descriptors
 from basecal.vision.tracks.matching import Matches, match_rigid
 
 _NEIGHBOURS = 20  # pictures of the most similar directions that each one is matched with
 _MOST_ALL = 60  # pictures that are all matched with one another
 _PAIRS = 3000  # of image points by which the mount is found
+_MOST_POINTS = 1500  # of a camera's own scene: more take time and move no answer (benchmarks.scene)
 _AT_WORLD = Unknown("fixed", SE3.identity())
 _FOCAL_SCALES = (0.65, 1.0, 1.5)  # of a guessed lens, that are tried
 
@@ -72,7 +73,7 @@ def solve_camera(pictures: Pictures, camera: int, stated: Array | None) -> OneCa
     lens = pictures.lenses[camera]
     matches = match_pictures(pictures, rows, lens, views)
     counts = [len(pictures.features[row]) for row in rows]
-    chains = chain_matches(counts, matches, FEWEST_VIEWS)
+    chains = longest_chains(chain_matches(counts, matches, FEWEST_VIEWS), _MOST_POINTS)
     pixels = [pictures.features[rows[v]].pixels[f] for v, f in zip(chains.view, chains.feature, strict=True)]
     tracks = Tracks(chains.view, chains.track, np.array(pixels).reshape(-1, 2))
     pairs = point_pairs(views, tracks, 0, _PAIRS)

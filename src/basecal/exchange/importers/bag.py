@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from basecal.cell import Cell
-from basecal.errors import UsageError
+from basecal.errors import InputError, UsageError
 from basecal.exchange.bags.bag import Bag, Message, fix_of, open_bag
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.entry import bag_entry, urdf_name
@@ -79,7 +79,10 @@ def read_bag(
     with open_bag(Path(bag)) as there:
         watched = there if progress is None else _count_messages(there, progress)
         survey = survey_bag(watched)
-        taken = choose_sources(there, survey, asked, known)
+        try:
+            taken = choose_sources(there, survey, asked, known)
+        except InputError as error:
+            raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
         if list:
             topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(there.topics.values()))
             would = (f"would take {line}" for line in taken.words)

@@ -42,3 +42,11 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
     kept = np.flatnonzero(is_single & enough)
     numbered = np.unique(track[kept], return_inverse=True)[1]
     return Chains(view[kept], kept - first[view[kept]], numbered.astype(np.int64))
+
+
+def longest_chains(chains: Chains, most: int) -> Chains:
+    """At most so many tracks, those that most pictures show."""
+    pictures = np.bincount(chains.track)
+    chosen = np.sort(np.argsort(-pictures, kind="stable")[:most])
+    kept = np.isin(chains.track, chosen)
+    return Chains(chains.view[kept], chains.feature[kept], np.searchsorted(chosen, chains.track[kept]))
