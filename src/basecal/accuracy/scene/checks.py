@@ -35,6 +35,7 @@ _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
 SAME_SPOT = "Take about five pictures with each arm of the same spot, from similar directions."
+_MISTAKEN = "Similar objects, or objects that moved between the pictures, were taken for one."
 _TURN = "Rotate the flange about two axes, by 20 deg and more, between pictures."
 _AIM = "Take pictures that do not all aim at one spot: move the arm along the viewing direction, too."
 
@@ -93,8 +94,7 @@ def join_findings(
         yield Finding("scene-rival", "error", names, what, do, "The scene has objects that look alike.")
     elif common < _LEAST_COMMON:
         what = f"{common:.0%} of the points at places that {first} and {second} both see are the same point."
-        why = "Objects that look alike, or that moved between the pictures, were taken for one."
-        yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), why)
+        yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
         what = f"{first} and {second} share {shared} points, in {of_each[0]} and {of_each[1]} pictures."
         why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} pictures of each are needed."
@@ -112,8 +112,7 @@ def kept_findings(names: tuple[str, str], before: int, after: int) -> Iterator[F
     """Whether points of both scenes are still of both once all is adjusted together."""
     if after < _LEAST_KEPT * before or after < _FEWEST_SHARED:
         what = f"{after} of {before} points that {names[0]} and {names[1]} seemed to share fit one scene."
-        why = "Objects that look alike, or that moved between the pictures, were taken for one."
-        yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), why)
+        yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
 
 
 def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (_TURN, _AIM)) -> Iterator[Finding]:
@@ -139,7 +138,7 @@ def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (
 def aim_covariance(fit: SceneFit, camera: int) -> Array:
     """What an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
 
-    The point c that stays still before the camera is found by least squares; what baselines are left, rms, tells scale.
+    The point c that stays still before the camera is found by least squares; the rms of the baselines that are left determines scale.
     An error e of the arm moves the camera along c by |c| e over that.
     """
     views, state = fit.views, fit.state

@@ -74,7 +74,7 @@ def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None
 
 
 def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
-    """Points of both that look alike in most pairs of pictures, (n, 2), and how far they may be apart, (n,) [m]."""
+    """Points of both with the same look in most pairs of pictures, (n, 2), and how far they may be apart, (n,) [m]."""
     assert first.fit is not None
     assert second.fit is not None
     votes: Counter[tuple[int, int]] = Counter()

@@ -121,7 +121,7 @@ def _sighting_rows(
 
 
 def _unite_points(point: IntArray, ties: Sequence[tuple[int, int]], count: int) -> IntArray:
-    """Points renumbered, tied ones alike."""
+    """Points renumbered, tied ones as one."""
     one, other = np.array(ties, dtype=np.int64).reshape(-1, 2).T
     graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1][point], dtype=np.int64)

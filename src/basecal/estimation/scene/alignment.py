@@ -100,7 +100,7 @@ def _refine(transform: SE3, first: Array, second: Array, tolerance_m: Array) -> 
 
 
 def _is_near(one: Alignment, other: Alignment, points: Array) -> bool:
-    """Whether two transforms move the middle of the points to one place, and turn alike."""
+    """Whether two transforms move the middle of the points to one place, and have one rotation."""
     middle = np.median(points, axis=0)
     apart = one.second_from_first @ middle - other.second_from_first @ middle
     turn = (one.second_from_first.inverse() @ other.second_from_first).rotvec

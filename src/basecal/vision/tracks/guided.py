@@ -46,7 +46,7 @@ def find_guided(features: Features, predicted_px: Array, descriptors: Descriptor
 def _found(
     features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float
 ) -> tuple[IntArray, IntArray]:
-    """Predictions and their most alike features, each feature once."""
+    """Predictions and their most similar features, each feature once."""
     seen = np.flatnonzero(np.isfinite(predicted_px).all(1))
     none = np.zeros(0, dtype=np.int64)
     if not len(seen) or not len(features):
