@@ -161,12 +161,14 @@ def apart(rng: np.random.Generator, overlap: float) -> Room:
     return replace(room, middle=MIDDLE + np.array([[-0.5], [0.5]]) * step)
 
 
-def moved_boxes(rng: np.random.Generator, share: float) -> Room:
-    """Boxes that stand elsewhere when the second arm looks; of the table so much contrast is left."""
-    faces = [*TABLE, *some_boxes(rng, 4, MIDDLE)]
-    levels = [*painted(rng, faces[:2], share), *painted(rng, faces[2:])]
-    shift = np.array([*rng.uniform(0.03, 0.2, 2), 0.0])
-    after = [*faces[:2], *[(c + shift, a, b) for c, a, b in faces[2:]]]
+def moved_boxes(rng: np.random.Generator, contrast: float, together: bool) -> Room:
+    """Boxes that stand elsewhere when the second arm looks, together or each for itself, on a table of some contrast."""
+    boxes = [some_boxes(rng, 1, MIDDLE) for _ in range(4)]
+    shifts = [np.array([*(rng.choice([-1, 1], 2) * rng.uniform(0.03, 0.2, 2)), 0.0]) for _ in boxes]
+    faces = [*TABLE, *(face for each in boxes for face in each)]
+    pairs = zip(boxes, [shifts[0]] * len(boxes) if together else shifts, strict=True)
+    after = [*TABLE, *((c + shift, a, b) for each, shift in pairs for c, a, b in each)]
+    levels = [*painted(rng, TABLE, contrast), *painted(rng, faces[len(TABLE) :])]
     return Room(((faces, levels), (after, levels)), np.tile(MIDDLE, (2, 1)))
 
 
@@ -178,7 +180,7 @@ ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
     "plain": plain,
     "a third of the contrast": lambda rng: plain(rng, 0.3),
     "a table alone": lambda rng: plain(rng, boxes=0),
-    "boxes moved, table seen": lambda rng: moved_boxes(rng, 1.0),
+    "each box moved, table seen": lambda rng: moved_boxes(rng, 1.0, together=False),
     "gripper in view": lambda rng: replace(plain(rng), gripper=True),
     "8 views": lambda rng: plain(rng, views=8),
     "two equal groups": lambda rng: equal_boxes(rng, 0.3),
@@ -187,7 +189,7 @@ ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
     "look-alike rooms": look_alike_rooms,
     "a fifth in common": lambda rng: apart(rng, 0.2),
     "nothing in common": lambda rng: apart(rng, 0.0),
-    "all boxes moved": lambda rng: moved_boxes(rng, 0.02),
+    "all boxes moved together, table bare": lambda rng: moved_boxes(rng, 0.02, together=True),
     "another order": lambda rng: replace(plain(rng), recorded=_shuffled),
     "shifted by one": lambda rng: replace(plain(rng), recorded=lambda own, other: [*own[1:], own[0]]),
     "inverted poses": lambda rng: replace(plain(rng), recorded=lambda own, other: [pose.inverse() for pose in own]),
