@@ -162,7 +162,7 @@ def apart(rng: np.random.Generator, overlap: float) -> Room:
 
 
 def moved_boxes(rng: np.random.Generator, contrast: float, together: bool) -> Room:
-    """Boxes that stand elsewhere when the second arm looks, together or each for itself, on a table of some contrast."""
+    """Boxes that move before the second arm looks, together or each for itself, on a table of some contrast."""
     boxes = [some_boxes(rng, 1, MIDDLE) for _ in range(4)]
     shifts = [np.array([*(rng.choice([-1, 1], 2) * rng.uniform(0.03, 0.2, 2)), 0.0]) for _ in boxes]
     faces = [*TABLE, *(face for each in boxes for face in each)]

@@ -138,8 +138,8 @@ def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (
 def aim_covariance(fit: SceneFit, camera: int) -> Array:
     """What an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
 
-    The point c that stays still before the camera is found by least squares. Scale is known from the rms of the baselines
-    that are left.
+    The point c that stays still before the camera is found by least squares. Scale is known from the rms of the
+    baselines that are left.
     An error e of the arm moves the camera along c by |c| e over that.
     """
     views, state = fit.views, fit.state
