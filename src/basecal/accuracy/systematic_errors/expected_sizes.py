@@ -2,7 +2,7 @@
 
 To first order about the solution. The sizes of one effect have one sigma, which is integrated over what it may be: if
 the data tell that they are small, they leave little. With U and P of docs/mathematics.md (11.1) and S the variances of
-all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Source: docs/mathematics.md (11.5).
+all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations

@@ -253,7 +253,7 @@ def _alternatives(situation: Situation, chosen: _Suspect, suspects: Sequence[_Su
 
 
 def _left(situation: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
-    """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.4)."""
+    """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.5)."""
     nulls = [_null_of(situation, each) for each in (suspect, other)]
     null = situation.about if situation.about in nulls else situation.null
     first, second = suspect.candidate, other.candidate
