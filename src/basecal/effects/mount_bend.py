@@ -2,7 +2,7 @@
 
 A turn of l x g, with g the direction of gravity in the flange: of a bracket whose load is at a lever, l is along that
 lever, as long as the turn where gravity is across it. To first order it is a tilt of the base. Source:
-docs/mathematics.md (11).
+docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations
