@@ -2,7 +2,7 @@
 
 A shift of T g, with g the direction of gravity in the flange, of any linear T: a slide along an axis, a spring, a bend
 about a point beside the flange. A fall that is equal in all directions is left out: it is a shift of the base, which
-nothing shows. Source: docs/mathematics.md (11).
+nothing shows. Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations
