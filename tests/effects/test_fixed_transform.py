@@ -7,7 +7,7 @@ import pytest
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Unknown
-from basecal.effects.fixed_transform import candidates
+from basecal.effects.fixed_transform import candidates, disagreement
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from made_views import views_of
@@ -35,3 +35,25 @@ def test_a_wrong_mount_is_named(turn_rad, verdict, codes):
     found = calibrate(made.cell.with_transform(MOUNT, Unknown("fixed", mount)), made.recording)
     assert found.verdict == verdict
     assert [finding.code for finding in found.findings if finding.severity != "info"] == codes
+
+
+def test_a_wrong_mount_is_not_taken_for_a_wrong_lens():
+    """5 mm of a camera's mount, noise stated: the mount is named with its size, though a lens takes most of it up."""
+    made = simulate(Scenario(samples=15, camera_mount="fixed", robot_noise=(1e-4, 2e-4)), 500)
+    mount = made.cell.transforms[MOUNT].mean @ SE3.exp(np.array([3e-3, 4e-3, 0, 0, 0, 0]))
+    found = calibrate(made.cell.with_transform(MOUNT, Unknown("fixed", mount)), made.recording)
+    (finding,) = (each for each in found.findings if each.severity != "info")
+    assert (finding.code, finding.about) == ("fixed-contradicted", (MOUNT,))
+    assert finding.what.startswith("The stated mount of wrist disagrees with the data by ")
+    shift_mm, _, sigma_mm = finding.what.split("by ")[1].split()[:3]
+    assert abs(float(shift_mm) - 5) < 3.5 * float(sigma_mm)
+
+
+@pytest.mark.parametrize(
+    ("name", "stated"), [("eye_base_from_hand_base", "base of hand"), ("hand_flange_from_board", "mount of board")]
+)
+def test_a_statement_is_named_by_what_it_places(name, stated):
+    """A base or a mount, with the shift and the rotation in sigmas of their own."""
+    what, do = disagreement(name, np.array([5e-3, 0, 0, 0, 0, 1e-3]), np.diag([1e-8] * 3 + [1e-10] * 3))
+    assert what == f"The stated {stated} disagrees with the data by 5.00 +/- 0.10 mm and 0.05730 +/- 0.00057 deg."
+    assert name in do[0]

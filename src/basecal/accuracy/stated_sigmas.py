@@ -134,18 +134,31 @@ def without_contradicted(
 ) -> RobustSolution:
     """The solution with the sigmas estimated that are larger than stated; as it is where there are none.
 
+    Where sigmas that are smaller than stated hide directions, these are estimated, if that shows more of them.
+
     Args:
         robust: With the sigmas as stated.
         contradictions: The sigmas that the residuals contradict.
         settings: How to solve; where robots are to be taken as stated, only what was seen is estimated.
     """
     small = [f for f in contradictions if f.is_too_small]
-    if not small:
+    if small or not contradictions:
+        return _estimated(robust, small, settings) if small else robust
+    hidden = robust.solution.observability.unobservable
+    if not hidden:
         return robust
+    estimated = _estimated(robust, contradictions, settings)
+    return estimated if estimated.solution.observability.unobservable < hidden else robust
+
+
+def _estimated(
+    robust: RobustSolution, contradictions: Sequence[ContradictedSigma], settings: Settings
+) -> RobustSolution:
+    """The solution with these sigmas estimated."""
     solution = robust.solution
-    everything = any(not f.about for f in small)
-    cameras = {f.about for f in small if not f.of_robot}
-    robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in small}}
+    everything = any(not f.about for f in contradictions)
+    cameras = {f.about for f in contradictions if not f.of_robot}
+    robots = {name for name in solution.problem.stops.robot if everything or name in {f.about for f in contradictions}}
     groups = (
         replace(g, measurement=g.measurement.without_sigmas()) if everything or g.camera in cameras else g
         for g in solution.problem.groups

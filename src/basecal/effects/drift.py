@@ -30,7 +30,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def words(effect: FoundEffect) -> Words:
     """What drifts, and by how much."""
-    what = f"{effect.about} drifts by {rounded_tangent(effect)} from the first sample to the last."
+    way = rounded_tangent(effect.size, effect.covariance)
+    what = f"{effect.about} drifts by {way} from the first sample to the last."
     do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN
     return Words("drift", what, do)
 

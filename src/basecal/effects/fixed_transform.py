@@ -8,20 +8,35 @@ from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found import AGAIN, FIX, FoundEffect, Words, rounded_tangent
 from basecal.effects.faces.views import Views
+from basecal.geometry import Array
+
+CODE = "fixed-contradicted"
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each fixed base and mount, by any tangent."""
     for name in views.fixed:
         moves = (views.frame_jacobian(k, name) if views.depends(k, name) else None for k in range(len(views.groups)))
-        yield one_candidate("fixed-contradicted", name, "", tuple(moves))
+        yield one_candidate(CODE, name, "", tuple(moves))
 
 
 def words(effect: FoundEffect) -> Words:
     """By how much it is off."""
-    what = f"{effect.about} is stated as fixed, and the data have it {rounded_tangent(effect)} aside."
-    do = f"Measure {effect.about} again, or state it as a prior with its sigmas."
-    return Words("fixed-contradicted", what, (do, AGAIN, FIX))
+    return Words(CODE, *disagreement(effect.about, effect.size, effect.covariance))
+
+
+def disagreement(name: str, size: Array, covariance: Array) -> tuple[str, tuple[str, ...]]:
+    """What a fixed transform is off by, and what to do.
+
+    Args:
+        name: Of the transform.
+        size: (6,) the tangent from where it is stated to where the data have it [m, rad].
+        covariance: (6, 6) of the tangent.
+    """
+    frame = name.rpartition("_from_")[2]
+    stated = f"base of {frame.removesuffix('_base')}" if frame.endswith("_base") else f"mount of {frame}"
+    what = f"The stated {stated} disagrees with the data by {rounded_tangent(size, covariance)}."
+    return what, (f"Measure {name} again, or state it as a prior with its sigmas.", AGAIN, FIX)
 
 
 EFFECT = Effect(

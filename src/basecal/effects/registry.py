@@ -83,8 +83,12 @@ CONTAINED = tuple(
 
 
 def describe_effect(effect: FoundEffect) -> Words:
-    """A found effect in words, with those that the data do not tell from it."""
-    each = [_words(one) for one in (effect, *effect.alternatives)]
+    """A found effect in words, with those that the data do not distinguish from it.
+
+    What was stated by hand is doubted before devices are.
+    """
+    found = sorted((effect, *effect.alternatives), key=lambda one: one.effect != fixed_transform.EFFECT.name)
+    each = [_words(one) for one in found]
     first, *others = each
     if not others:
         return first

@@ -39,7 +39,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def words(effect: FoundEffect) -> Words:
     """What moved, by how much and when."""
-    what = f"{effect.about} moved by {rounded_tangent(effect)} at about sample {effect.since}."
+    what = f"{effect.about} moved by {rounded_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
     do = "Check what was bumped, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)
 

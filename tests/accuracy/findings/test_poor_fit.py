@@ -1,12 +1,15 @@
 """`poor-fit`: residuals that nothing explains."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.poor_fit import poor_fit
 from basecal.accuracy.stated_sigmas import ContradictedSigma
+from basecal.simulation import Scenario, simulate
 
 
 @pytest.mark.parametrize(("ratio", "severity"), [(0.5, "info"), (1.09, "info"), (1.11, "warning")])
@@ -65,3 +68,15 @@ def test_sigmas_that_are_too_large_leave_other_reasons(evidence):
     found = poor_fit(evidence(of[0], **of[1], contradicted_sigmas=(small, large)))
     assert [f.severity for f in found] == ["warning", "info"]
     assert "times what the stated sigmas explain" in found[0].message
+
+
+def test_a_sigma_typed_in_other_units_is_named_with_what_the_data_show():
+    """Metres for millimetres: the noise hides directions until it is estimated, and the finding has both numbers."""
+    made = simulate(Scenario(samples=12, layout="eye_in_hand", robot_noise=(1e-4, 2e-4)), 1301)
+    arm = made.cell.robots["arm"]
+    robots = {"arm": replace(arm, noise=1e3 * arm.noise)}
+    found = calibrate(replace(made.cell, robots=robots), made.recording)
+    (finding,) = (each for each in found.findings if each.severity != "info")
+    assert (finding.code, finding.about, found.verdict) == ("poor-fit", ("arm",), "doubtful")
+    assert finding.what.startswith("The stated noise of arm is 100 mm and 200 mrad; the data show 0.")
+    assert found.unobservable == ()

@@ -15,6 +15,7 @@ from basecal.accuracy.input_check.noise_evidence import _scatter_gain, noise_evi
 from basecal.accuracy.input_check.target_sizes import target_size
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
+from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from quick import quick
 
@@ -140,10 +141,10 @@ def test_a_gain_is_of_both_likelihoods(monkeypatch, surprise, scatter):
     assert found.chance == pytest.approx(chi2.sf(max(gain, 0.0), 1))
 
 
-def test_of_free_lenses_it_is_how_far_they_are_from_those_stated(monkeypatch):
+def test_of_what_is_freed_it_is_how_far_it_is_from_what_was_stated(monkeypatch):
     """Of all that only the hypothesis estimates, squares and freedoms together."""
     squares = {"b": (5.0, 4), "c": (7.0, 9)}
-    monkeypatch.setattr(module, "_off", lambda solution, name, stated: squares[name if name == stated else ""])
+    monkeypatch.setattr(module, "_off", lambda solution, stated, name: squares[name])
     found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", 3.0, ["a", "b", "c"]))
     assert found.gain == 12.0
     assert found.chance == pytest.approx(chi2.sf(12.0, 13))
@@ -200,8 +201,26 @@ def test_a_lens_is_off_in_sigmas_of_all_of_its_terms():
     stated = np.array([500.0, 510.0, 320.0, 240.0])
     found = SimpleNamespace(parameters=np.append(stated, 0.0) + step)
     solution = SimpleNamespace(
-        state=SimpleNamespace(cameras={"wrist": found}), lens_covariance=lambda camera: np.diag(sigma**2)
+        problem=SimpleNamespace(columns={"wrist": slice(1, 6)}),
+        state=SimpleNamespace(cameras={"wrist": found}),
+        covariance=np.diag(np.append(7.0, sigma**2)),
     )
-    squared, count = module._off(solution, "wrist", stated)
+    before = SimpleNamespace(cameras={"wrist": SimpleNamespace(parameters=stated)})
+    squared, count = module._off(solution, before, "wrist")
     assert squared == pytest.approx(np.sum((step / sigma) ** 2))
     assert count == 5
+
+
+@pytest.mark.parametrize("size", [6, 3])
+def test_a_transform_is_off_by_its_tangent_in_sigmas(size):
+    """Of a point's mount the translation alone."""
+    step, sigma = np.array([3e-3, -1e-3, 5e-4, 0.01, 0.0, -0.02]), np.array([1e-3, 2e-3, 5e-4, 0.01, 0.02, 0.01])
+    before = SE3.exp(np.array([0.3, 0.1, -0.2, 0.4, -0.1, 0.2]))
+    solution = SimpleNamespace(
+        problem=SimpleNamespace(columns={"a_from_b": slice(0, size)}),
+        state=SimpleNamespace(cameras={}, transforms={"a_from_b": before @ SE3.exp(step)}),
+        covariance=np.diag(sigma[:size] ** 2),
+    )
+    squared, count = module._off(solution, SimpleNamespace(cameras={}, transforms={"a_from_b": before}), "a_from_b")
+    assert squared == pytest.approx(np.sum((step[:size] / sigma[:size]) ** 2), rel=1e-6)
+    assert count == size

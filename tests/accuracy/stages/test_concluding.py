@@ -45,7 +45,9 @@ def test_the_calibration_has_the_covariance_of_effects():
     assert calibration.findings == (warning,)
     np.testing.assert_allclose(calibration.joint_covariance, WIDER.covariance)
     assert not found.is_ended
-    assert concluding.find_error_at_task(found).calibration is calibration
+    at_work = concluding.find_error_at_task(found).calibration
+    assert at_work.meeting.where == "recorded places"
+    assert (at_work.budget, at_work.error_map, at_work.local) == (None, None, None)
 
 
 def test_clocks_widen_the_answer_and_are_reported(monkeypatch):

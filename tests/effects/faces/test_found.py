@@ -27,5 +27,5 @@ def test_a_tangent_is_a_shift_and_a_rotation():
     """In millimetres and degrees."""
     size, covariance = np.array([2e-3, 0, 0, 0, np.radians(0.5), 0]), np.diag([1e-8] * 3 + [1e-6] * 3)
     found = FoundEffect("step", "base-moved", "eye", False, False, 3, "", size, covariance, np.zeros(6))
-    assert rounded_tangent(found) == "2.00 +/- 0.10 mm and 0.500 +/- 0.057 deg"
+    assert rounded_tangent(size, covariance) == "2.00 +/- 0.10 mm and 0.500 +/- 0.057 deg"
     assert found.sigma == pytest.approx(1e-4)

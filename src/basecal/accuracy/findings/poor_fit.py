@@ -8,6 +8,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
+from basecal.geometry import Array
 
 _LITTLE_RATIO = 1.1  # true sigma over the stated one: the covariance is estimated then, and the answer hardly moves
 _DETECTOR_PX = 3.0  # [px] rms, far beyond the detectors of docs/benchmarks.md
@@ -18,7 +19,7 @@ _REPEATABILITY_RAD = 1e-2  # [rad] likewise
 def poor_fit(evidence: Evidence) -> list[Finding]:
     """A warning if residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
     solution, rms_px = evidence.solution, evidence.residuals.rms_px
-    found = [_stated_finding(each) for each in evidence.contradicted_sigmas]
+    found = [_stated_finding(each, evidence) for each in evidence.contradicted_sigmas]
     if any(f.severity == "warning" for f in found):
         return found
     robots = solution.noise.robots
@@ -35,10 +36,16 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
     return [Finding("poor-fit", "warning", (), what, do, "Something in the input is wrong."), *found]
 
 
-def _stated_finding(sigma: ContradictedSigma) -> Finding:
-    """A warning if stated sigmas are too small; an info where they are too large, or off by little."""
+def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
+    """A warning if stated sigmas are too small, or hid directions; an info if they are too large, or off by little."""
     whose = f"poses of {sigma.about}" if sigma.of_robot else f"what {sigma.about} saw" if sigma.about else "everything"
     about = (sigma.about,) if sigma.about else ()
+    found = evidence.solution.noise.robots.get(sigma.about)
+    if found is not None and not sigma.is_too_small:
+        stated = evidence.recorded.stops.sigma[[name == sigma.about for name in evidence.recorded.stops.robot]].mean(0)
+        what = f"The stated noise of {sigma.about} is {_noise(stated)}; the data show {_noise(found)}."
+        do = (f"State noise of {_noise(found)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
+        return Finding("poor-fit", "warning", about, what, do, "The answer is by the noise that the data show.")
     if not sigma.is_too_small:
         what = f"Noise of {whose} is {sigma.ratio:.2g} of what was stated."
         why = "The covariance is wider than it need be."
@@ -48,3 +55,8 @@ def _stated_finding(sigma: ContradictedSigma) -> Finding:
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
     severity: Severity = "warning" if sigma.ratio > _LITTLE_RATIO else "info"
     return Finding("poor-fit", severity, about, what, do, why)
+
+
+def _noise(sigma: Array) -> str:
+    """Sigmas of a robot, (6,), for people."""
+    return f"{1e3 * float(np.mean(sigma[:3])):.3g} mm and {1e3 * float(np.mean(sigma[3:])):.3g} mrad"

@@ -14,6 +14,7 @@ from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predictions
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
+from basecal.effects import fixed_transform
 from basecal.effects.faces.found import FIX
 from basecal.errors import sentence
 from basecal.geometry import SE3
@@ -82,8 +83,10 @@ def decide_hypotheses(
     winning = _beyond_noise([t for t in possible if _wins(cell, t, declared)], declared, explained)
     if winning:
         best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.whole)[0]
-        named = [_named(t, declared, certain) for t, certain in winning if _is_as_good(t, best.fit)]
-        return tuple(dict.fromkeys(named))
+        as_good = [(t, certain) for t, certain in winning if _is_as_good(t, best.fit)]
+        # What was stated by hand is doubted before devices are.
+        stated = [each for each in as_good if each[0].hypothesis.code == fixed_transform.CODE]
+        return tuple(dict.fromkeys(_named(cell, t, declared, certain) for t, certain in stated or as_good))
     if not plausible(declared.fit):
         what = f"The pose consistency error is {declared.fit.error_in_words()}."
         why = "No other convention of the input that was tried is consistent."
@@ -148,7 +151,7 @@ def _beyond_noise(
     return found
 
 
-def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> Finding:
+def _named(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> Finding:
     hypothesis = tried.hypothesis
     severity: Severity = "error" if certain else "warning"
     if tried.beside(declared.fit).is_taken:
@@ -156,7 +159,13 @@ def _named(tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> 
         why = f"Under this hypothesis the cross-validation error is {errors}."
     else:
         why = f"As declared it fits as well, but {' and '.join(declared.impossible)} is implausible."
-    what, do = sentence(hypothesis.words, hypothesis.about), (sentence(hypothesis.fix), FIX)
+    what = sentence(hypothesis.words, hypothesis.about)
+    do: tuple[str, ...] = (sentence(hypothesis.fix), FIX)
+    if hypothesis.code == fixed_transform.CODE:
+        (name,) = hypothesis.about
+        stated, found = cell.transforms[name].mean, tried.fit.solution.transforms[name]
+        assert stated is not None
+        what, do = fixed_transform.disagreement(name, (stated.inverse() @ found.mean).log(), found.covariance)
     return Finding(hypothesis.code, severity, hypothesis.about, what, do, why)
 
 

@@ -13,10 +13,10 @@ from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.model_comparison.comparison import Comparison
 from basecal.accuracy.model_comparison.nested import CONFIRMED, compare_nested
 from basecal.estimation.noise.view_estimates import STATED, view_estimates
+from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.estimation.view.points import PointMeasurement
-from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 
@@ -28,8 +28,9 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | 
     looked for from the declared one's, for where both the arms and the pictures may be what is off, two noises explain
     the views, and a gain of one over the other is none of the hypothesis.
 
-    Views that estimate their own lens say more than those that do not, so that of a free lens it is how far it is from
-    the stated one, squared, in sigmas.
+    Of a lens or a transform that is free it is how far it is from the stated one, squared, in sigmas: views that
+    estimate their own lens say more than those that do not, and likelihoods that are restricted by other unknowns are
+    not compared.
 
     Args:
         fit: The hypothesis' fit.
@@ -43,13 +44,13 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | 
     noisy = Settings(robot_noise="estimated")
     narrower = solve_at_mode(declared.solution.problem, declared.solution.state, noisy)
     wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, near=narrower.noise)
-    freed = [n for n in wider.state.cameras if n in wider.problem.columns and n not in narrower.problem.columns]
+    freed = [name for name in wider.problem.columns if name not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
         return compare_nested("size", gain, 1, CONFIRMED)
-    off = [_off(wider, n, narrower.state.cameras[n].parameters) for n in freed]
+    off = [_off(wider, narrower.state, name) for name in freed]
     gain = sum(square for square, _ in off)
-    return compare_nested("lens", gain, sum(count for _, count in off), CONFIRMED)
+    return compare_nested("freed", gain, sum(count for _, count in off), CONFIRMED)
 
 
 def _views(solution: Solution) -> int:
@@ -77,8 +78,14 @@ def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _off(solution: Solution, camera: str, stated: Array) -> tuple[float, int]:
-    """Squared distance of an estimated lens from a stated one, in sigmas, and its freedoms."""
-    found = solution.state.cameras[camera].parameters
-    step = found - np.pad(stated, (0, len(found) - len(stated)))
-    return float(step @ spectrum(solution.lens_covariance(camera)).inverse @ step), len(found)
+def _off(solution: Solution, stated: State, name: str) -> tuple[float, int]:
+    """Squared distance of an estimated lens or transform from the stated one, in sigmas, and its freedoms."""
+    where = solution.problem.columns[name]
+    if name in stated.cameras:
+        found = solution.state.cameras[name].parameters
+        before = stated.cameras[name].parameters
+        step = found - np.pad(before, (0, len(found) - len(before)))
+    else:
+        step = (stated.transforms[name].inverse() @ solution.state.transforms[name]).log()[: where.stop - where.start]
+    known = spectrum(solution.covariance[where, where])
+    return float(known.mahalanobis_squared(step)), int(known.rank)

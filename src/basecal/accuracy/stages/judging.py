@@ -20,6 +20,7 @@ from basecal.accuracy.systematic_errors.expected_sizes import with_expected_size
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.widening import largest_shift, widen
+from basecal.effects import fixed_transform
 from basecal.effects.faces.found import FoundEffect
 from basecal.effects.registry import CONTAINED
 from basecal.estimation.solve import Solution
@@ -73,7 +74,9 @@ def list_findings(case: Case) -> Case:
     """Put into words what the evidence shows."""
     found = (finding for check in ANSWER_CHECKS for finding in check(case.evidence))
     findings = sizes_once(case.cell, [*case.findings, *found], case.evidence.systematic_error)
-    return replace(case, findings=tuple(findings))
+    first = {(each.code, each.about): each for each in reversed(findings) if each.code == fixed_transform.CODE}
+    kept = (each for each in findings if first.get((each.code, each.about), each) is each)  # by either test, once
+    return replace(case, findings=tuple(kept))
 
 
 def cover_effects(case: Case) -> Case:

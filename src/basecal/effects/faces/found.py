@@ -87,8 +87,8 @@ def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
     return format_with_sigma(unit * length, unit * sigma)
 
 
-def rounded_tangent(effect: FoundEffect) -> str:
-    """Shift [mm] and rotation [deg] of a tangent."""
-    shift = rounded_length(effect.size[:3], effect.covariance[:3, :3], 1e3)
-    turn = rounded_length(effect.size[3:], effect.covariance[3:, 3:], float(np.degrees(1)))
+def rounded_tangent(size: Array, covariance: Array) -> str:
+    """Shift [mm] and rotation [deg] of a tangent, (6,), with their sigmas."""
+    shift = rounded_length(size[:3], covariance[:3, :3], 1e3)
+    turn = rounded_length(size[3:], covariance[3:, 3:], float(np.degrees(1)))
     return f"{shift} mm and {turn} deg"
