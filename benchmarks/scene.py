@@ -3,7 +3,8 @@
 Of a right room the base's error and its Mahalanobis distance are measured. Rooms that deceive have two equal boxes, a
 floor of equal tiles, little or nothing that both arms see, things that moved between the arms, a gripper in view, or
 poses in another order, inverted or of the other arm. A refusal is free there; an answer whose base is beyond the
-99.996 % ellipsoid (M2 of 30) is false. Cells are drawn by number, kinds in turn, and kept as they end.
+99.996 % ellipsoid (M2 of 30) is false. In two rooms all that has texture is copied or moved as one:
+no camera can tell, which is why a base from a scene alone stays doubtful. Cells are drawn by number, kinds in turn.
 """
 
 from __future__ import annotations
@@ -196,6 +197,7 @@ ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
     "the other arm's poses": lambda rng: replace(plain(rng), recorded=lambda own, other: other),
 }
 RIGHT = 6  # of these rooms are right
+AMBIGUOUS = "two equal groups on a bare table", "all boxes moved together, table bare"
 
 
 def draw(folder: Path, kind: str, seed: int) -> SE3:
@@ -280,11 +282,14 @@ def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     cells = result["cells"]
     rows = [row(kind, own) for kind in ROOMS if (own := [each for each in cells if each["kind"] == kind])]
-    deceiving = [each for each in cells if list(ROOMS).index(each["kind"]) >= RIGHT]
+    deceptions = [kind for kind in list(ROOMS)[RIGHT:] if kind not in AMBIGUOUS]
+    deceiving = [each for each in cells if each["kind"] in deceptions]
     false = sum(each.get("m2", 0.0) > FALSE_M2 for each in deceiving)
     about = f"""\
 Rendered rooms of two arms, {VIEWS} pictures of {SIZE[0]}x{SIZE[1]} each, poses off by 0.2 mm and 0.3 mrad. Of
 {len(deceiving)} cells that deceive, {false} were answered falsely (M2 of the base above {FALSE_M2:g}, 6 is right).
+Not counted are "{AMBIGUOUS[0]}" and "{AMBIGUOUS[1]}": all that has
+texture is copied or moved as one, which no camera can tell.
 A cell takes {np.median([each["cpu_s"] for each in cells]):.0f} s of the processor (median)."""
     return f"{about}\n\n{table(HEAD, rows)}"
 
