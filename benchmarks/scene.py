@@ -223,7 +223,7 @@ def draw(folder: Path, kind: str, seed: int) -> SE3:
         for arm, (at, mount) in enumerate(zip((SE3.identity(), base), mounts, strict=True))
     ]
     gripper = EXAMPLE.texture(rng, (SIZE[1] // 4, SIZE[0] // 3), 1.0)
-    lines = []
+    lines: list[str] = []
     for arm, name in enumerate(("left", "right")):
         (folder / f"recording/images/{name}_eye").mkdir(parents=True)
         # Poses are mistaken of the second arm alone.
