@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from basecal.cell import Recording
+import pytest
+
+from basecal.cell import Calibration, Recording, Tolerance
 from basecal.cli import main
-from basecal.cli.next_step import next_step
+from basecal.cli.next_step import next_command, next_step
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=3), 0)
@@ -54,3 +56,28 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
     assert "next, poses of eye, hand: basecal import poses" in capsys.readouterr().out
     assert main(["calibrate", str(tmp_path / "c")]) == 4
     assert "next, poses of eye, hand: basecal import poses" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("calibration", "command"),
+    [
+        (Calibration("good"), "basecal export cell --to ur"),
+        (Calibration("good", tolerance=Tolerance(1e-3, 5e-4, True)), "basecal export cell --to ur"),
+        (
+            Calibration("good", tolerance=Tolerance(1e-3, 2e-3, False), settings={"tolerance_m": 1e-3}),
+            "basecal plan cell --tolerance 1mm --task-point X Y Z -o plan.jsonl",
+        ),
+        (
+            Calibration(
+                "doubtful",
+                tolerance=Tolerance(5e-4, 2e-3, False),
+                settings={"tolerance_m": 5e-4, "task_point": [0.8, 0.1, 0.3]},
+            ),
+            "basecal plan cell --tolerance 0.5mm --task-point 0.8 0.1 0.3 -o plan.jsonl",
+        ),
+        (Calibration("refused"), "do what is said above, then basecal calibrate cell"),
+    ],
+)
+def test_each_verdict_has_a_command(calibration: Calibration, command: str) -> None:
+    """To use the answer, to plan more, or to fix what is wrong."""
+    assert next_command(MADE.cell, calibration, Path("cell")) == command

@@ -39,7 +39,9 @@ def test_stored_run_gives_the_same_page(calibrated: Path, capsys: pytest.Capture
     path.unlink()
     capsys.readouterr()
     assert main(["report", str(calibrated)]) == 0
-    assert Path(capsys.readouterr().err.removeprefix("page: ").rstrip()).resolve() == path.resolve()
+    page, after = capsys.readouterr().err.splitlines()
+    assert Path(page.removeprefix("page: ")).resolve() == path.resolve()
+    assert after.startswith("next: ")
     assert path.read_text(encoding="utf-8") == fresh
     assert 'class="arrows"' in fresh
     assert str(calibrated.parent) not in fresh

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from basecal.cli import main
-from basecal.cli.terminal import quote_path, say
+from basecal.cli.terminal import quote_path, say, say_verdict
 from basecal.errors import printable
 
 CLI = Path(__file__).parents[2] / "src" / "basecal" / "cli"
@@ -102,3 +102,30 @@ def test_several_mistakes_name_their_file_once(tmp_path: Path, capsys: pytest.Ca
     assert said.count("cell.yaml") == 1
     assert said.count("; line ") >= 2
     assert said.count("\n") == 1
+
+
+class Watched(io.StringIO):
+    """A stream that somebody watches."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("settings", "is_coloured"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
+)
+def test_a_verdict_has_a_colour(settings: dict[str, str], is_coloured: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its first word alone, where somebody watches and allows it."""
+    for name in ("NO_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    stream = Watched()
+    monkeypatch.setattr(sys, "stdout", stream)
+    say_verdict("FAIL: 3 mm\n\x1b[2J", "refused")
+    word = "\x1b[1;31mFAIL\x1b[0m" if is_coloured else "FAIL"
+    assert stream.getvalue() == f"{word}: 3 mm\n\\x1b[2J\n"
+    plain = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", plain)
+    say_verdict("FAIL: 3 mm", "refused")
+    assert plain.getvalue() == "FAIL: 3 mm\n"

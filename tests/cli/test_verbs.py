@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 from importlib import import_module
@@ -25,6 +26,24 @@ def test_every_verb_has_help_with_an_example(verb: str, capsys: pytest.CaptureFi
     told = capsys.readouterr().out
     assert "For example:" in told
     assert f"    basecal {verb}" in told
+
+
+@pytest.mark.parametrize("verb", [*_VERBS])
+def test_examples_survive_copying(
+    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a terminal of 80 columns each example is one line, as it is written."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([verb, "--help"]) == 0
+    told = capsys.readouterr().out
+    assert [line for line in written_examples(verb) if line not in told.splitlines()] == []
+
+
+def written_examples(verb: str) -> list[str]:
+    """Examples of the docstring of a verb."""
+    function = getattr(import_module(f"basecal.cli.{verb}"), verb)
+    lines = inspect.cleandoc(function.__doc__ or "").splitlines()
+    return [line for line in lines if line.startswith("    basecal ")]
 
 
 def test_help_lists_the_verbs(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from basecal.cli.detected import detected_recording
-from basecal.cli.next_step import next_step
-from basecal.cli.page import StoredRun, print_page_path, write_page
+from basecal.cli.next_step import next_command, next_step
+from basecal.cli.page import StoredRun, show_page, write_page
 from basecal.cli.task_point import Box, Point, task_points
-from basecal.cli.terminal import print_json, print_stages, progress, say
+from basecal.cli.terminal import print_json, print_stages, progress, say, say_next, say_verdict
 from basecal.errors import UsageError, printable
 from basecal.fields.typed_length import length_m
 
@@ -36,6 +38,7 @@ def calibrate(
     against: Literal["opencv"] | None = None,
     robot_noise: Literal["estimated", "stated"] = "estimated",
     tolerance: str | None = None,
+    opens_page: Annotated[bool, Parameter(name="--open")] = False,
     json: bool = False,
     verbose: bool = False,
 ) -> int:
@@ -57,6 +60,7 @@ def calibrate(
         basecal calibrate mycell --certify
         basecal calibrate mycell --against opencv
         basecal calibrate mycell --scene
+        basecal calibrate mycell --open
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
 
@@ -74,6 +78,7 @@ def calibrate(
         against: Print how well OpenCV's methods predict held-out views, beside ours.
         robot_noise: Whether noise of robots that state none is estimated, or these robots are assumed exact.
         tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected.
+        opens_page: Show the page in a browser.
         json: Print calibration.json instead of words, and the verdict on the tolerance.
         verbose: Print all of the report, and on stderr how long each stage took.
     """
@@ -97,24 +102,21 @@ def calibrate(
     if json:
         print_json(calibration_to_dict(made.calibration))
     else:
-        _say_all(made, described, cell, verbose)
+        _say_all(made, described, cell, verbose, opens_page)
     return exit_code(made.calibration)
 
 
-def _say_all(result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool) -> None:
-    show(cell, result.calibration, verbose)
-    print_page_path(result.run)
-    if result.calibration.verdict == "refused":
-        say_next_step(cell, folder)
-
-
-def say_next_step(cell: Cell, folder: Path) -> None:
-    """Print the command that brings in what a recording lacks, if there is one."""
+def _say_all(result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool, opens_page: bool) -> None:
     from basecal.cell.files import read_recording
 
-    missing = next_step(cell, read_recording(folder, cell), folder)
+    show(cell, result.calibration, verbose)
+    show_page(result.run, opens_page)
+    is_refused = result.calibration.verdict == "refused"
+    missing = next_step(cell, read_recording(folder, cell), folder) if is_refused else None
     if missing:
         say(missing)
+    else:
+        say_next(next_command(cell, result.calibration, folder))
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +193,11 @@ def calibrate_folder(
 
 def show(cell: Cell, calibration: Calibration, verbose: bool = False) -> None:
     """Print a calibration: what matters, or the whole report."""
+    from basecal.reporting.statement.verdict import COLOURS, verdict_word
     from basecal.reporting.summary import summary
     from basecal.reporting.text import text_report
 
-    say((text_report if verbose else summary)(cell, calibration))
+    say_verdict((text_report if verbose else summary)(cell, calibration), COLOURS[verdict_word(calibration)])
 
 
 def exit_code(calibration: Calibration) -> int:

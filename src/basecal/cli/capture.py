@@ -15,7 +15,7 @@ from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
-from basecal.cli.terminal import print_json, quote_path, say
+from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import InputError, UsageError
 from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
@@ -308,7 +308,8 @@ def _summarise(cell: Path, steps: Sequence[Step], replanned: Replanned | None, j
             say(replanned.words())
         for doubt in (doubt for doubt in doubts if doubt.is_lasting):
             say(f"WARNING: {doubt.message}")
-        say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken; next: basecal calibrate {quote_path(cell)}")
+        say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken")
+        say_next(f"basecal calibrate {quote_path(cell)}")
     is_doubtful = any(doubt.is_lasting for doubt in doubts)
     if replanned is not None and not replanned.is_reached:
         return 5

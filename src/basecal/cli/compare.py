@@ -7,7 +7,7 @@ from pathlib import Path
 from cyclopts import CycloptsError
 
 from basecal.cli.runs import find_run
-from basecal.cli.terminal import print_json, say
+from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
 
 
 def compare(*runs: Path, json: bool = False) -> int:
@@ -39,8 +39,15 @@ def compare(*runs: Path, json: bool = False) -> int:
     names = [str(run) for run in runs]
     first, *others = [read_calibration(find_run(run)) for run in runs]
     found = [compared(first, other) for other in others]
+    agree = all(each.agree for each in found)
     if json:
         print_json(comparison_dict(names, found))
     else:
-        say(comparison_text(names, found))
-    return 0 if all(each.agree for each in found) else 1
+        say_verdict(comparison_text(names, found), "good" if agree else "refused")
+        say_next(f"the figures of a run: basecal report {quote_path(_cell_folder(runs[-1]))}")
+    return 0 if agree else 1
+
+
+def _cell_folder(run: Path) -> Path:
+    """The cell of a run, or the cell itself."""
+    return run if (run / "cell.yaml").is_file() else run.parent.parent

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
-from basecal.cli.page import print_page_path
+from basecal.cli.page import show_page
 from basecal.cli.simulate import refuse_existing
 from basecal.cli.simulated_process import simulated_process
 from basecal.cli.terminal import print_json, quote_path, say
@@ -22,7 +24,14 @@ _JOURNALS = ("samples", "plan", "given_up")
 _UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 
 
-def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool = False) -> int:
+def demo(
+    folder: Path = Path("demo_cell"),
+    /,
+    *,
+    led: bool = False,
+    opens_page: Annotated[bool, Parameter(name="--open")] = False,
+    json: bool = False,
+) -> int:
     """Run two simulated arms, capture, calibrate, and compare with the truth.
 
     Two UR5e, a camera and a board run as a process of their own; the arms are
@@ -41,6 +50,7 @@ def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool =
     Args:
         folder: Where to write the cell; one that an earlier demo made is written anew.
         led: Shift a light as the paper does, instead of looking at a board.
+        opens_page: Show the page in a browser.
         json: Print calibration and true error as JSON.
     """
     from basecal.cell.files import calibration_to_dict, read_cell, read_truth
@@ -62,7 +72,7 @@ def demo(folder: Path = Path("demo_cell"), /, *, led: bool = False, json: bool =
         print_json({"folder": str(folder), "calibration": answer, "true_error": {_BASE: error}, **others})
     else:
         show(cell, found.calibration)
-        print_page_path(found.run)
+        show_page(found.run, opens_page)
         if closed_form:
             say(_comparison(closed_form, true_error(closed_form, truth), "the paper's closed form"))
         say(_comparison(estimate, error, "maximum likelihood" if led else _BASE) if estimate and error else "")

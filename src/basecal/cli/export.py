@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import CycloptsError, Parameter, validators
 
 from basecal.cli.publishing import check_publishing, publish_transforms
-from basecal.cli.terminal import quote_path, say
+from basecal.cli.terminal import quote_path, say, say_next
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exporters.registry import EXPORTERS
 
@@ -83,7 +83,7 @@ def export(
         folder=cell,
         run=folder.name,
     )
-    _write(text, output)
+    _write(text, output, cell)
     if calibration.verdict == "doubtful":
         say(f"basecal: warning: the calibration is doubtful: basecal report {quote_path(cell)}", sys.stderr)
     return 0
@@ -113,7 +113,7 @@ def _folder(cell: Path, run: str | None) -> Path:
     return found
 
 
-def _write(text: str, output: Path | None) -> None:
+def _write(text: str, output: Path | None, cell: Path) -> None:
     from basecal.cell.format.writing import write_output
 
     if output is None:
@@ -121,3 +121,4 @@ def _write(text: str, output: Path | None) -> None:
     else:
         write_output(output, text)
         say(f"written: {output}")
+    say_next(f"later, whether anything moved: basecal verify {quote_path(cell)} NEW.jsonl")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
 from basecal.cli.detected import detected_recording
-from basecal.cli.page import print_page_path
+from basecal.cli.page import show_page
 from basecal.cli.terminal import is_terminal, say
 from basecal.errors import UsageError
 
@@ -58,7 +58,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
     anew = read_cell(cell)
     made = calibrate_folder(cell, anew)
     show(anew, made.calibration)
-    print_page_path(made.run)
+    show_page(made.run)
     return exit_code(made.calibration)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import CycloptsError, Parameter
 
-from basecal.cli.terminal import quote_path, say
+from basecal.cli.terminal import quote_path, say, say_next
 
 _FEWEST_PARTS = 2
 
@@ -40,5 +40,6 @@ def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
         say(f"{part.folder}: {len(samples)} samples of {robots}, from number {first} on")
         for finding in part.recording.findings:
             say(f"left out: {finding.message}")
-    say(f"{len(merged.recording.samples)} samples written to {output}: basecal calibrate {quote_path(output)}")
+    say(f"{len(merged.recording.samples)} samples written to {output}")
+    say_next(f"basecal calibrate {quote_path(output)}")
     return 0

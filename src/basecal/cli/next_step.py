@@ -9,7 +9,24 @@ from basecal.cli.terminal import quote_path
 from basecal.errors import list_names
 
 if TYPE_CHECKING:
-    from basecal.cell import Cell, Recording
+    from basecal.cell import Calibration, Cell, Recording
+
+
+def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
+    """What to type after a calibration of a cell's folder."""
+    from basecal.exchange.exporters.registry import EXPORTERS
+    from basecal.reporting.statement.verdict import verdict_word
+
+    place, word = quote_path(folder), verdict_word(calibration)
+    if word in ("PASS", "GOOD"):
+        drivers = [robot.driver.kind for robot in cell.robots.values() if robot.driver is not None]
+        return f"basecal export {place} --to {next((kind for kind in drivers if kind in EXPORTERS), 'ur')}"
+    if word == "FAIL":
+        point = calibration.settings.get("task_point")
+        task = "X Y Z" if point is None else " ".join(f"{x:g}" for x in point)
+        tolerance = f"{1e3 * calibration.settings['tolerance_m']:.3g}mm"
+        return f"basecal plan {place} --tolerance {tolerance} --task-point {task} -o plan.jsonl"
+    return f"do what is said above, then basecal calibrate {place}"
 
 
 def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:

@@ -99,8 +99,8 @@ def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequ
         return ()
 
 
-def print_page_path(run: Path) -> None:
-    """Print to stderr where the page of a run is; from here where the line is too long else."""
+def show_page(run: Path, opens: bool = False) -> None:
+    """Print to stderr where the page of a run is, from here where the line is too long else; open it if requested."""
     from basecal.reporting.summary import LINE_WIDTH
 
     if sys.stderr is not None:
@@ -111,6 +111,10 @@ def print_page_path(run: Path) -> None:
             from_here = path
         line = f"page: {path}"
         say(line if len(line) <= LINE_WIDTH else f"page: {min(path, from_here, key=len)}", sys.stderr)
+    if opens:
+        import webbrowser
+
+        webbrowser.open((run / FILE).resolve().as_uri())
 
 
 def _run_time(run: Path) -> datetime | None:

@@ -57,8 +57,8 @@ def plan(
         basecal plan mycell --tolerance 0.2mm --task-point 0.8 0.1 0.3
         basecal plan mycell --tolerance 0.2mm --task-point "0.8 0.1 0.3" --json
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
-        basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 --to ur-script --robot eye -o eye.script
-        basecal plan mycell --pattern shifts --samples 28 --task-point 0.8 0.1 0.3 -o plan.jsonl
+        basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 --to csv
+        basecal plan mycell --pattern shifts --samples 28 --task-point 0.8 0.1 0.3
         basecal plan mycell --tolerance 1mm --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
 
     Args:

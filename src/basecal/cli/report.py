@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from basecal.cli.calibrate import exit_code, show
-from basecal.cli.page import print_page_path, stored_run, write_page
-from basecal.cli.terminal import print_json, progress, quote_path
+from basecal.cli.next_step import next_command
+from basecal.cli.page import show_page, stored_run, write_page
+from basecal.cli.terminal import print_json, progress, quote_path, say_next
 from basecal.errors import InputError
 from basecal.fields.typed_length import length_m
 
 
-def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, verbose: bool = False) -> int:
+def report(
+    cell: Path,
+    /,
+    *,
+    tolerance: str | None = None,
+    opens_page: Annotated[bool, Parameter(name="--open")] = False,
+    json: bool = False,
+    verbose: bool = False,
+) -> int:
     """Print the latest calibration in plain text, and write its page.
 
     The verdict, what was requested with its sigma, the cross-validation error
@@ -26,6 +38,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
     For example:
 
         basecal report mycell
+        basecal report mycell --open
         basecal report mycell --verbose
         basecal report mycell --tolerance 0.5mm
         basecal report mycell --json
@@ -34,6 +47,7 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         cell: Folder of the cell.
         tolerance: Length with its unit, such as 0.5mm, below which 95 % of position errors have to be expected;
             the one that calibrate was given where none is given here.
+        opens_page: Show the page in a browser.
         json: Print calibration.json instead, and the verdict on the tolerance.
         verbose: Print all of the report.
     """
@@ -60,5 +74,6 @@ def report(cell: Path, /, *, tolerance: str | None = None, json: bool = False, v
         show(described, calibration, verbose)
         with progress("writing the page"):
             write_page(described, calibration, stored)
-        print_page_path(run)
+        show_page(run, opens_page)
+        say_next(next_command(described, calibration, cell))
     return exit_code(calibration)

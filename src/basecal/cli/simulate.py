@@ -61,7 +61,7 @@ def simulate(
         basecal simulate rendered --images
         basecal simulate off --joints --joint-offset-deg 0.2
         basecal simulate running --process
-        basecal simulate pushed --process --speed 10 --fault base-bumped=5@12 --fault sag
+        basecal simulate pushed --process --speed 10 --fault base-bumped=5@12
 
     Args:
         cell: Folder to make.

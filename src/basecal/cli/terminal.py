@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,6 +13,8 @@ from typing import Any, TextIO
 
 from basecal.cli.time_left import TimeLeft
 from basecal.errors import printable
+
+_COLOURS = {"good": 32, "doubtful": 33, "refused": 31}  # codes of terminals, by verdict
 
 
 def say(text: str, to: TextIO | None = None) -> None:
@@ -27,6 +30,20 @@ def say(text: str, to: TextIO | None = None) -> None:
         raise OSError(errno.EBADF, "cannot be written to, it is closed", "stdout" if to is None else "stderr")
     encoding = stream.encoding or "utf-8"
     print(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream)
+
+
+def say_next(words: str) -> None:
+    """Print what to type next, on stderr: what is on stdout may be read by a program."""
+    if sys.stderr is not None:
+        say(f"next: {words}", sys.stderr)
+
+
+def say_verdict(text: str, colour: str) -> None:
+    """Print a text, its first word in a colour where a terminal shows it and NO_COLOR is not set."""
+    if is_terminal(sys.stdout) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
+        word, colon, text = text.partition(":")
+        sys.stdout.write(f"\x1b[1;{_COLOURS[colour]}m{printable(word)}\x1b[0m{colon}")
+    say(text)
 
 
 def is_terminal(stream: TextIO | None) -> bool:

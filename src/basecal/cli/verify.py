@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from basecal.cli.detected import counting
 from basecal.cli.runs import find_run
-from basecal.cli.terminal import print_json, say
+from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
@@ -76,8 +76,16 @@ def verify(
     if json:
         print_json(data)
     else:
-        say("\n".join(text))
+        moved = None if samples is None else found.moved
+        say_verdict("\n".join(text), "doubtful" if moved is None else "refused" if moved else "good")
+        say_next(_next_command(quote_path(cell), moved))
     return code
+
+
+def _next_command(place: str, moved: bool | None) -> str:
+    if moved:
+        return f"look what was bumped or loosened, then record again: basecal capture {place}"
+    return f"all verifications so far: basecal verify {place} --history"
 
 
 def _new_samples(cell: Path, described: Cell, samples: Path) -> Recording:

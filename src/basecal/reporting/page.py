@@ -209,7 +209,9 @@ def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tupl
         "budget_figure": budget_bar(budget),
         "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         # What `basecal plan` is asked for more samples.
-        "task_options": "" if point is None else f" --task-point {' '.join(f'{x:g}' for x in point)}",
+        "task_options": " --task-point X Y Z"
+        if point is None
+        else f" --task-point {' '.join(f'{x:g}' for x in point)}",
         "tolerance_text": "" if tolerance_m is None else f"{1e3 * tolerance_m:.3g}mm",
         "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }
