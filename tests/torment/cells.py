@@ -8,12 +8,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import numpy as np
 from ruamel.yaml import YAML
+from scipy.stats import chi2
 
-from basecal.cell.files import latest_run, read_calibration
+from basecal.cell.files import calibration_from_dict, latest_run, read_calibration
 from torment.outcome import of_command
 
 _FOLDER = TemporaryDirectory(prefix="torment-")  # removed when the process ends
+_FAR = float(chi2.ppf(0.999, 6))  # squared sigmas of a base beyond its 99.9 % ellipsoid
 KINDS = {
     "pose": ["--target", "pose", "--robot-noise-mm", "0.1", "--robot-noise-mrad", "0.2"],
     "charuco": ["--target", "charuco"],
@@ -49,6 +52,18 @@ def calibration(kind: str) -> Any:
     run = latest_run(made(kind).folder)
     assert run is not None
     return read_calibration(run)
+
+
+def moved_or_good(kind: str, answer: dict[str, Any]) -> str:
+    """`good and moved` where a good answer's base is beyond its ellipsoid from that of the undamaged recording."""
+    for name, before in calibration(kind).transforms.items():
+        if "_base_from_" not in name or name not in answer["transforms"]:
+            continue
+        now = calibration_from_dict(answer)[name]
+        off = (now.mean.inverse() @ before.mean).log()
+        if off @ np.linalg.pinv(now.covariance + before.covariance) @ off > _FAR:
+            return "good and moved"
+    return "good"
 
 
 def cell_text(cell: Any) -> str:

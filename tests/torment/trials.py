@@ -10,9 +10,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-import numpy as np
-from scipy.stats import chi2
-
 from basecal.cell.files import (
     calibration_from_dict,
     latest_run,
@@ -23,14 +20,14 @@ from basecal.errors import InputError
 from basecal.reporting.page import page
 from basecal.studies.study_file import read_study
 from torment import besides, disks, system_calls
-from torment.cells import KINDS, calibration, cell_text, made, write
+from torment.cells import KINDS, calibration, cell_text, made, moved_or_good, write
 from torment.damage import HOSTILE_TEXTS, damaged, places
 from torment.exports import EXPORTS
+from torment.numbers import calibrate_strange
 from torment.outcome import Fell, of_command, of_reader
 from torment.writes import write_fault
 
 Trial = Callable[[Random, Path], str]
-_FAR = float(chi2.ppf(0.999, 6))  # squared sigmas of a base beyond its 99.9 % ellipsoid
 
 
 def calibrate_damaged(chance: Random, folder: Path) -> str:
@@ -42,19 +39,7 @@ def calibrate_damaged(chance: Random, folder: Path) -> str:
         samples = damaged(samples, chance)
     write(folder, cell, samples if isinstance(samples, list) else [samples], urdfs)
     what, code, out = of_command(["calibrate", str(folder), "--json"])
-    return _moved(kind, json.loads(out)) if code == 0 else what
-
-
-def _moved(kind: str, answer: dict[str, Any]) -> str:
-    """`good and moved` where a good answer's base is beyond its ellipsoid from that of the undamaged recording."""
-    for name, before in calibration(kind).transforms.items():
-        if "_base_from_" not in name or name not in answer["transforms"]:
-            continue
-        now = calibration_from_dict(answer)[name]
-        off = (now.mean.inverse() @ before.mean).log()
-        if off @ np.linalg.pinv(now.covariance + before.covariance) @ off > _FAR:
-            return "good and moved"
-    return "good"
+    return moved_or_good(kind, json.loads(out)) if code == 0 else what
 
 
 def verify_damaged(chance: Random, folder: Path) -> str:
@@ -229,6 +214,7 @@ def _at(data: Any, place: tuple[Any, ...]) -> Any:
 
 WHOLE: dict[str, Trial] = {
     "calibrate": calibrate_damaged,
+    "calibrate, numbers": calibrate_strange,
     "command line": command_line,
     "page": hostile_page,
     "write faults": write_fault,

@@ -51,6 +51,11 @@ def made() -> SimulatedCell:
     return simulate(WIDE, 5)
 
 
+def test_without_an_observable_base_there_is_none(made: SimulatedCell) -> None:
+    """Arms that only translate leave no base to report, and a task point was then a fault of this program."""
+    assert local_fits(solve(made.cell, made.recording), []) == ()
+
+
 def test_noise_alone_is_best_averaged_over_all(made: SimulatedCell) -> None:
     """No part is predicted clearly better; every sample is in one part, each with enough."""
     found = local_fits(solve(made.cell, made.recording), [BASE])

@@ -46,14 +46,14 @@ def local_fits(
 
     Args:
         solution: The fit of all samples.
-        requested: Names of the transforms to report for the local fits.
+        requested: Names of the transforms to report for the local fits; there is none without them.
         box_m: (6,) two opposite corners of the only part, in the reference's base [m]; all parts where None.
     """
     problem = solution.problem
     places = [target_places(group, solution.state) for group in problem.groups]
     samples = [group.sample for group in problem.groups]
     split = next(splits(problem), None)
-    if not places or split is None:
+    if not (places and requested) or split is None:
         return ()
     where, of = np.concatenate(places), np.concatenate(samples)
     parts = list(_halves(where, of) if box_m is None else _samples_inside(where, of, box_m))
