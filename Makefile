@@ -9,7 +9,7 @@ BENCHMARKS := held_out two_arms semi_synthetic few_pictures real sag calibrate m
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-slow safety torment wheels lint docs bench mutants clean
+.PHONY: help setup demo test test-slow safety torment wheels dist lint docs bench mutants clean
 .NOTPARALLEL:
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo "make safety     links, controllers and processes that fail while arms move; deadlines: run nothing else beside it"
 	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
 	@echo "make wheels     the wheel in empty environments: the lowest versions allowed, and each Python from 3.11"
+	@echo "make dist       wheel and source archive in dist/, checked by twine"
 	@echo "make lint       ruff and mypy;    make docs        the documents, in site/"
 	@echo "make mutants    which small faults in the sources the tests of their room miss"
 	@echo "make bench      benchmarks;       make clean       remove what was made"
@@ -42,6 +43,11 @@ torment: $(VENV)/.test
 
 wheels:
 	.ci/wheels
+
+dist: $(VENV)/.dist
+	rm -rf dist
+	$(BIN)/python -m build --quiet
+	$(BIN)/twine check --strict dist/*
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .
@@ -72,6 +78,6 @@ $(VENV)/.core: pyproject.toml constraints.txt
 	$(INSTALL) --editable .
 	@touch $@
 
-$(VENV)/.test $(VENV)/.lint $(VENV)/.docs $(VENV)/.bench: $(VENV)/.%: $(VENV)/.core
+$(VENV)/.test $(VENV)/.lint $(VENV)/.docs $(VENV)/.dist $(VENV)/.bench: $(VENV)/.%: $(VENV)/.core
 	$(INSTALL) --group $*
 	@touch $@

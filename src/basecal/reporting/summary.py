@@ -13,6 +13,7 @@ from basecal.reporting.statement.verdict import (
     tolerance_sentence,
     transform_sentence,
     verdict_word,
+    work_sentences,
 )
 from basecal.reporting.text import local_rows, number_row, rival_lines, task_sentence, transform_rows
 
@@ -35,7 +36,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     asked = [name for name in cell.asked if name in calibration.transforms]
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
     grave = [finding for finding in findings if finding.severity != "info"]
-    first = [*_reasons(calibration, grave), *(transform_sentence(name, calibration) for name in asked)]
+    first = [*_reasons(calibration, grave, asked), *(transform_sentence(name, calibration) for name in asked)]
     first[:1] = [f"{verdict_word(calibration)}: {first[0] if first else _EMPTY_ANSWER}"]
     count = len(first) - len(asked)  # before those of transforms; of a good calibration its first begins with the word
     lines = [line for sentence in first[:count] for line in wrap_text(sentence)]
@@ -59,8 +60,8 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     return "\n".join(lines)
 
 
-def _reasons(calibration: Calibration, grave: Sequence[Finding]) -> Iterator[str]:
-    """Sentences before the transforms: the tolerance if it decides, and the gravest finding."""
+def _reasons(calibration: Calibration, grave: Sequence[Finding], names: Sequence[str]) -> Iterator[str]:
+    """Sentences before those of transforms of these names: what decides, the gravest finding, the error at the work."""
     tolerance = calibration.tolerance
     decides = tolerance is not None and verdict_word(calibration) in ("PASS", "FAIL")
     if tolerance is not None and decides:
@@ -69,6 +70,8 @@ def _reasons(calibration: Calibration, grave: Sequence[Finding]) -> Iterator[str
         yield f"{finding.severity}: {_finding_sentence(finding)}" if decides else _finding_sentence(finding)
     if tolerance is not None and not decides and calibration.verdict != "refused":
         yield tolerance_sentence(tolerance)
+    elif tolerance is None and names:
+        yield from work_sentences(calibration)
 
 
 def wrap_text(text: str) -> list[str]:

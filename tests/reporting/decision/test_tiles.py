@@ -12,6 +12,7 @@ from basecal.cell import (
     BudgetEntry,
     Calibration,
     Finding,
+    MeetingError,
     Outlier,
     Recording,
     Residuals,
@@ -60,6 +61,8 @@ def test_the_tolerance_is_a_line() -> None:
         assert first.value == shown
     assert expected_error_m(CELL, replace(CALIBRATION, tolerance=Tolerance(1e-3, None, False)), DETAILS) is None
     assert expected_error_m(CELL, CALIBRATION, FitDetails()) is None
+    at_work = replace(CALIBRATION, meeting=MeetingError(6e-4, "recorded places", 2e-4))
+    assert expected_error_m(CELL, at_work, DETAILS) == 6e-4
 
 
 def test_remarks_count_and_point_ahead() -> None:

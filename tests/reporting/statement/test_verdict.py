@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, Robot, Tolerance
+from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, MeetingError, Robot, Tolerance
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
@@ -57,3 +58,23 @@ def test_what_is_not_known_fails() -> None:
     """A tolerance on something that was not found."""
     made = Calibration("good", KNOWN, tolerance=Tolerance(1e-3, None, False))
     assert str(headline(CELL, made)) == "FAIL: not everything requested is known, tolerance 1 mm"
+
+
+@pytest.mark.parametrize(
+    ("where", "words"),
+    [
+        ("recorded places", "where the arms worked"),
+        ("task point", "at the task point"),
+        ("task box", "in the task box"),
+    ],
+)
+def test_the_error_at_the_work_comes_first(
+    where: Literal["task point", "task box", "recorded places"], words: str
+) -> None:
+    """Before the transform's sigma; a tolerance stands for it."""
+    made = Calibration("good", KNOWN, meeting=MeetingError(4.38e-4, where, 1.5e-4))
+    for said in (str(headline(CELL, made)), summary(CELL, made)):
+        assert said.startswith(f"GOOD: expected error 0.44 mm (95 %) {words}")
+        assert "eye_base_from_hand_base to 0.17 mm" in said
+    asked = replace(made, tolerance=Tolerance(1e-3, 4.38e-4, True))
+    assert words not in summary(CELL, asked)

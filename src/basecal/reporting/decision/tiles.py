@@ -54,6 +54,8 @@ def expected_error_m(cell: Cell, calibration: Calibration, details: FitDetails) 
     """The length that 95 % of errors stay below where the arms worked [m]; None if something requested is unknown."""
     if calibration.tolerance is not None:
         return calibration.tolerance.expected_95_m
+    if calibration.meeting is not None:
+        return calibration.meeting.expected_95_m
     complete = {each.transform for each in details.errors} >= set(cell.asked)
     return max((each.length_m for each in details.errors), default=None) if complete else None
 

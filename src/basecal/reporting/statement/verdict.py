@@ -17,6 +17,11 @@ Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
 COLOURS = {"PASS": "good", "GOOD": "good", "DOUBTFUL": "doubtful", "FAIL": "refused", "REFUSED": "refused"}
 """Of words: the colour of the verdict that they are shown in."""
 
+_PLACES = {
+    "task point": "at the task point",
+    "task box": "in the task box",
+    "recorded places": "where the arms worked",
+}
 _SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
 # What follows from something else is listed after it.
 _CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
@@ -115,9 +120,17 @@ def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
 
 def _answer(cell: Cell, calibration: Calibration) -> str:
     known = [transform_sentence(name, calibration) for name in cell.asked if name in calibration.transforms]
+    answer = "; ".join([*work_sentences(calibration), *known]) or "no transform is requested, all are fixed"
     errors = held_out_errors(calibration.validation)[:1]
-    answer = "; ".join(known) or "no transform is requested, all are fixed"
     return "; ".join([answer, *(f"cross-validation error, rms: {error}" for error in errors)])
+
+
+def work_sentences(calibration: Calibration) -> list[str]:
+    """The expected error where flanges meet, if anything is placed between robots."""
+    meeting = calibration.meeting
+    if meeting is None:
+        return []
+    return [f"expected error {two_digits(1e3 * meeting.expected_95_m)} mm (95 %) {_PLACES[meeting.where]}"]
 
 
 def _first_reason(findings: Iterable[Finding]) -> str:
