@@ -19,3 +19,15 @@ def test_the_page_holds_every_cell_escaped() -> None:
     assert "<gossip>" not in page
     assert page.index("it moved, too") < page.index("it moved<")
     assert "default-src &#39;none&#39;" in page or "default-src 'none'" in page
+
+
+def test_a_row_shows_its_status_and_leads_to_its_answer() -> None:
+    """Where there is one; the whole sentence is there, and the worst status has its colour above."""
+    rows = [*ROWS, {**ROWS[1], "cell": "line 1/e", "said": "x" * 300}]
+    page = fleet_page(summarise_fleet(Fleet(Path(), (), Path()), rows), rows)
+    assert '<header class="verdict unreadable">' in page
+    assert "4 of 5" in page
+    assert '<a href="cells/line%201/e/calibration.json">line 1/e</a>' in page
+    assert page.count("/calibration.json") == 4
+    assert "x" * 300 in page
+    assert page.count('<tr class="doubtful">') == 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
+from urllib.parse import quote
 
 from basecal.reporting.fleet.text import COLUMN_TITLES, row_texts, sort_by_verdict
 from basecal.reporting.templates.environment import fill_page, own_file
@@ -29,9 +30,16 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
     spreads = {label: summary[name] for name, label in _COLUMN_NAMES.items() if summary[name] is not None}
     return fill_page(
         "fleet.html",
-        own_file("templates/page.css") + own_file("templates/study.css"),
+        own_file("templates/page.css"),
+        [own_file("templates/table.js")],
         summary=summary,
         spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
         head=COLUMN_TITLES,
-        rows=[row_texts(row) for row in shown],
+        worst=next((row["verdict"] for row in shown), "good"),
+        rows=[(_link(row), row["verdict"], row_texts(row)) for row in shown],
     )
+
+
+def _link(row: Mapping[str, Any]) -> str:
+    """Where the calibration of a cell is, from the page; empty if there is none."""
+    return "" if row["verdict"] in ("failed", "unreadable") else f"cells/{quote(row['cell'])}/calibration.json"

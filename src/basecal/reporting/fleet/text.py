@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from basecal.reporting.summary import wrap_text
+
 COLUMN_TITLES = (
-    *("cell", "verdict", "transform", "sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "s"),
-    *("findings", "said"),
+    *("cell", "verdict", "said", "findings", "transform"),
+    *("sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "s"),
 )
 """Of the columns of a cell's row."""
 
@@ -16,7 +18,6 @@ VERDICT_ORDER = ("failed", "unreadable", "refused", "doubtful", "good")
 
 _NUMBER_COLUMNS = ("sigma_mm", "sigma_deg", "held_out_mm", "held_out_deg", "samples", "time_s")
 _MOST_CELLS = 20  # cells that are told: the table and the page have all
-_LONGEST_LINE = 100  # characters of what is said of a cell on a line
 
 Row = Mapping[str, Any]
 
@@ -29,7 +30,7 @@ def sort_by_verdict(rows: Sequence[Row]) -> list[Row]:
 def row_texts(row: Row) -> list[str]:
     """What a cell's row says under `COLUMN_TITLES`; nothing if it was not computed."""
     numbers = ["" if row[name] is None else f"{row[name]:.3g}" for name in _NUMBER_COLUMNS]
-    return [row["cell"], row["verdict"], row["transform"] or "", *numbers, row["findings"], row["said"]]
+    return [row["cell"], row["verdict"], row["said"], row["findings"], row["transform"] or "", *numbers]
 
 
 def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
@@ -40,8 +41,7 @@ def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
         lines.append(f"sigma: median {summary['sigma_mm']['median']:.3g} mm, 95 % {summary['sigma_mm']['p95']:.3g} mm")
     waiting = [row for row in sort_by_verdict(rows) if row["verdict"] != "good"]
     for row in waiting[:_MOST_CELLS]:
-        said = row["said"] if len(row["said"]) <= _LONGEST_LINE else f"{row['said'][:_LONGEST_LINE]}..."
-        lines.append(f"{row['cell']}: {row['verdict']}{f', {said}' if said else ''}")
+        lines += wrap_text(f"{row['cell']}: {', '.join(filter(None, (row['verdict'], row['said'])))}")
     if len(waiting) > _MOST_CELLS:
         lines.append(f"and {len(waiting) - _MOST_CELLS} more")
     return "\n".join(lines)

@@ -19,7 +19,7 @@ _SIZE_PX = 420
 _ROD_M, _JOINT_M = 0.035, 0.05  # radii of links and of joints
 _FRUSTUM_M = 0.15  # length of the lines that show what a camera sees
 _VIEWPOINT_M = (1.7, 1.0, 0.35)  # away from the middle of the bases, above it, and where it is looked at above it
-_COLOURS = ("#2563eb", "#c2410c", "#15803d", "#7e22ce")
+_COLOURS = ("#b5541c", "#1f6fb2", "#6a4fb3", "#0f7b6c")  # those of the report
 _BODY_COLOUR = "#111827"
 
 

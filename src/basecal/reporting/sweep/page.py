@@ -29,7 +29,7 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
     rows = [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
     return fill_page(
         "study.html",
-        own_file("templates/page.css") + own_file("templates/study.css"),
+        own_file("templates/page.css"),
         summary=summary,
         groups=[(axis, _curves(summary, axis)) for axis in _varied_axes(summary)],
         maps=_maps(summary),
