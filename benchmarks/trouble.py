@@ -406,7 +406,7 @@ def _on_map(truth: Truth, found: Any, base: Array, joints: tuple[Array, Array], 
 def shown(rows: Sequence[Mapping[str, Any]]) -> str:
     """A line for each family, stated and not."""
     lines = []
-    for family in dict.fromkeys(row["family"] for row in rows):
+    for family in FAMILIES:
         for stated in (True, False):
             of = [row for row in rows if row["family"] == family and row["stated"] == stated]
             if not of:
@@ -458,9 +458,8 @@ def main(arguments: Sequence[str]) -> None:
     given = parser.parse_args(arguments)
     on_one_core()
     rows = []
-    for family in given.families:
-        for k in range(given.cells):
-            seed = given.first + k
+    for seed in range(given.first, given.first + given.cells):
+        for family in given.families:
             rows.append(measured(family, seed, (15, 30, 60)[seed % 3], (seed // 3) % 2 == 0))
             print(rows[-1], file=sys.stderr, flush=True)
             if given.keep:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from basecal.effects.smooth import LENGTH_M, kernel, modes
+from basecal.effects.smooth import LENGTH_M, Modes, kernel
 from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.problem.build import build_problem
 from basecal.geometry import SE3
@@ -19,7 +19,7 @@ def test_modes_make_the_kernel():
     s = simulate(Scenario(samples=30), 1)
     problem, _ = build_problem(s.cell, s.recording)
     poses, seen = stands(problem, "hand")
-    found = modes(poses, seen)
+    found = Modes.from_poses(poses[seen]).sizes(poses)
     turn = rotation_log(np.swapaxes(poses.rotation, -1, -2)[:, None] @ poses.rotation[None])
     shift = poses.translation[:, None] - poses.translation[None]
     squared = np.sum(shift**2, -1) + np.sum(turn**2, -1)
@@ -48,7 +48,7 @@ def test_modes_are_the_strongest_sixteen_that_matter(spread_rad, fewer):
     poses, seen = stands(problem, "hand")
     values, vectors = np.linalg.eigh(kernel(poses, poses))
     kept = np.flatnonzero(values > 1e-2 * values[-1])[-16:]
-    found = modes(poses, seen)
+    found = Modes.from_poses(poses[seen]).sizes(poses)
     assert found.shape == (40, len(kept))
     assert (len(kept) < 16) == fewer
     expected = (vectors[:, kept] * values[kept]) @ vectors[:, kept].T

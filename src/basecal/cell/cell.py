@@ -95,6 +95,7 @@ class Robot:
         clock: Of the stamps of its poses; None if nothing is stated.
         driver: What talks to it while a recording is made; None if nothing does.
         reach_m: Farthest place of its flange from its base; None if it is not stated.
+        is_total_noise: Whether `noise` is of all that its poses are off by; else it is of its repeatability.
     """
 
     name: str
@@ -108,6 +109,7 @@ class Robot:
     clock: Clock | None = None
     driver: Driver | None = None
     reach_m: float | None = None
+    is_total_noise: bool = False
 
 
 @dataclass(frozen=True, eq=False)

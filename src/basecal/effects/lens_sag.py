@@ -1,7 +1,7 @@
 """Sag of a lens in its holder: the image shifts along gravity, as if the camera turned about its own centre.
 
-A shift of the principal point of s pixels is a turn of s / f about the axis across the optical axis and gravity, but
-for what is of second order in the angle of the field.
+A principal point that shifts by s pixels is a turn of s / f about the axis across gravity and the optical axis. What
+remains is of second order in the angle of the field.
 """
 
 from __future__ import annotations

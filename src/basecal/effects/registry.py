@@ -24,6 +24,7 @@ from basecal.effects import (
     row_time,
     smooth,
     step,
+    stretch,
     target_shape,
     target_size,
 )
@@ -54,6 +55,7 @@ EFFECTS: Mapping[str, Effect] = {
         step,
         drift,
         bending,
+        stretch,
         focal_length,
         principal_point,
         distortion,

@@ -6,6 +6,8 @@ it varies slowly, so that a dozen describe it. Source: Rasmussen & Williams 2006
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from basecal.effects.faces.effect import Effect
@@ -22,17 +24,28 @@ _MOST_MODES = 16  # of each of six coordinates, which bounds the time
 _LEAST_MODE = 1e-2  # of the largest variance: smaller ones are noise of single stops
 
 
+class Modes(NamedTuple):
+    """Modes of a smooth error: what a unit error of each is at any pose follows from recorded poses and weights."""
+
+    recorded: SE3
+    weights: Array
+
+    @classmethod
+    def from_poses(cls, poses: SE3) -> Modes:
+        """The strongest modes at recorded poses, (n,)."""
+        few = poses[:: -(-len(poses) // _MOST_STOPS)]
+        of = spectrum(kernel(few, few), _LEAST_MODE)
+        return cls(few, of.inverse_root[:, of.held][:, -_MOST_MODES:])
+
+    def sizes(self, poses: SE3) -> Array:
+        """Of a unit error of each mode the size at poses, (n,), equal in every coordinate, (n, k)."""
+        return np.asarray(kernel(poses, self.recorded) @ self.weights)
+
+
 def errors(poses: SE3, seen: BoolArray) -> SharedErrors | None:
     """Errors of each coordinate by modes, at recorded poses."""
-    found = modes(poses, seen)
+    found = Modes.from_poses(poses[np.flatnonzero(seen)]).sizes(poses)
     return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
-
-
-def modes(poses: SE3, seen: BoolArray) -> Array:
-    """Of a unit error of each mode the size at each stop of a robot, equal in every coordinate, (stops, k)."""
-    few = poses[np.flatnonzero(seen)[:: -(-int(seen.sum()) // _MOST_STOPS)]]
-    of = spectrum(kernel(few, few), _LEAST_MODE)
-    return np.asarray(kernel(poses, few) @ of.inverse_root[:, of.held][:, -_MOST_MODES:])
 
 
 def kernel(first: SE3, second: SE3) -> Array:

@@ -63,7 +63,7 @@ def _camera(name: str, scene: Scene, scenario: Scenario, rng: Generator) -> Cell
 
 def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) -> Robot:
     if arm is None:
-        return Robot(name, noise)
+        return Robot(name, noise, is_total_noise=noise is not None)
     metres, radians = scenario.link_error
     sigmas = {
         "joint_offsets": {"sigma_rad": scenario.joint_offset_rad},
@@ -76,7 +76,9 @@ def _robot(name: str, noise: Array | None, scenario: Scenario, arm: Arm | None) 
         if status != "fixed":
             of_kind = of_prior if status == "prior" else {}
             parameters[kind] = ROBOT_PARAMETERS[kind].stated(status=status, **of_kind)
-    return Robot(name, noise, arm.chain, parameters, f"{name}.urdf", BASE_LINK, FLANGE_LINK)
+    return Robot(
+        name, noise, arm.chain, parameters, f"{name}.urdf", BASE_LINK, FLANGE_LINK, is_total_noise=noise is not None
+    )
 
 
 def stated_cell(scene: Scene, scenario: Scenario, rng: Generator, arms: Mapping[str, Arm]) -> Cell:

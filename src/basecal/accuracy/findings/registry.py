@@ -6,6 +6,7 @@ from basecal.accuracy.findings.better_optimum import better_optimum
 from basecal.accuracy.findings.board_shape import board_shape
 from basecal.accuracy.findings.dropped_samples import many_dropped_samples
 from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
+from basecal.accuracy.findings.far_task import far_task
 from basecal.accuracy.findings.identity_poses import identity_poses
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
@@ -56,6 +57,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     prior_contradicted,
     stated_lens,
     unobserved_joint_parameters,
+    far_task,
     not_validated,
     inconsistent_folds,
     overfit,

@@ -1,8 +1,9 @@
 """Effects whose sizes are expected: by how much they move the answer, and what they leave uncertain in it.
 
 To first order about the solution. The sizes of one effect have one sigma, which is integrated over what it may be: if
-the data tell that they are small, they leave little. With U and P of docs/mathematics.md (11.1) and S the variances of
-all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Source: docs/mathematics.md (11.4).
+the data show that they are small, they leave little. With U and P of docs/mathematics.md (11.1) and S the variances of
+all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Fields of errors are eliminated first.
+Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.systematic_errors.pose_fields import SIGMAS_M, PoseField, stated_fields
 from basecal.accuracy.systematic_errors.score_tests import score_of, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
@@ -27,6 +29,7 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, BoolArray
 
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
+_MOST_ARMS = 2  # with fields: of more, each goes alone
 _MOST_TOGETHER = 60  # sizes: of more, those of each mount and target go alone, which bounds the time
 
 
@@ -38,11 +41,28 @@ class Expected(NamedTuple):
     sigmas: Array
 
 
-class SizeShift(NamedTuple):
-    """What sizes do to the columns of the answer: the shift that is expected, (p,), and its covariance, (p, p)."""
+class Gaussian(NamedTuple):
+    """What is known of some numbers: twice the log of the evidence for it, mean, (q,), and covariance, (q, q)."""
+
+    evidence: float
+    mean: Array
+    covariance: Array
+
+
+class SizePosterior(NamedTuple):
+    """What is known of fields of errors and of sizes of effects, given the data.
+
+    Attributes:
+        mean: (q,) as the answer contains them, those of fields first.
+        covariance: (q, q) about that.
+        by_sizes: (p, q) how the columns of the answer move with them.
+        field_m2: Mean of the variance of a field's shifts [m^2].
+    """
 
     mean: Array
     covariance: Array
+    by_sizes: Array
+    field_m2: float
 
 
 def with_expected_sizes(cell: Cell, solution: Solution, error: FoundEffect | None) -> Solution:
@@ -57,20 +77,77 @@ def with_expected_sizes(cell: Cell, solution: Solution, error: FoundEffect | Non
     if not solution.converged or not problem.width:
         return solution
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
-    shifts = [size_shift(situation, each) for each in _split_effects(list(_cell_effects(cell, situation, error)))]
-    moved = sum((shift.mean for shift in shifts), np.zeros(problem.width))
-    covariance = sum((shift.covariance for shift in shifts), solution.covariance)
+    known = [sizes for _, sizes in known_sizes(cell, situation, error)]
+    moved = sum((each.by_sizes @ each.mean for each in known), np.zeros(problem.width))
+    covariance = sum((each.by_sizes @ each.covariance @ each.by_sizes.T for each in known), solution.covariance)
     state = retract(problem, solution.state, linearise(problem, solution.state), moved)
     return replace(solution, state=state, covariance=covariance)
 
 
-def size_shift(situation: Situation, effects: Sequence[Expected]) -> SizeShift:
-    """What the sizes of some effects do to the answer, one sigma for all sizes of an effect."""
-    known = sums(situation.null, _combine_candidates([each.candidate for each in effects], situation))
+def known_sizes(
+    cell: Cell, situation: Situation, error: FoundEffect | None
+) -> list[tuple[Sequence[PoseField], SizePosterior]]:
+    """What is known of all fields and sizes of a cell, by parts that are independent, each with its fields."""
+    parts = _split_effects(stated_fields(cell, situation), list(_cell_effects(cell, situation, error)))
+    return [(fields, size_posterior(situation, fields, effects)) for fields, effects in parts]
+
+
+def size_posterior(
+    situation: Situation, fields: Sequence[PoseField], effects: Sequence[Expected] = ()
+) -> SizePosterior:
+    """What is known of fields of errors and of sizes of effects, one sigma for all of one kind."""
+    candidates = [field.candidate(situation) for field in fields] + [each.candidate for each in effects]
+    known = sums(situation.null, _combine_candidates(candidates, situation))
     scores = score_of(situation.null, known)
-    mean, covariance = _sizes(scores.gradient[0], scores.information[0], _nodes(effects), _is_stated(effects))
+    count = sum(each.sizes for each in candidates[: len(fields)])
+    sigmas = SIGMAS_M if fields else np.ones(1)
+    given = [_with_field(scores.gradient[0], scores.information[0], count, sigma, _nodes(effects)) for sigma in sigmas]
+    evidence, means, covariances = (np.array(each) for each in zip(*given, strict=True))
+    _, mean, covariance = _mixture(evidence, means, covariances)
+    contained = np.append(np.zeros(count), np.where(_is_stated(effects), 0.0, mean[count:]))
+    covariance += np.outer(mean - contained, mean - contained)
     by_sizes = -situation.null.inverse[: situation.problem.width] @ known.across[0].T
-    return SizeShift(by_sizes @ mean, by_sizes @ covariance @ by_sizes.T)
+    return SizePosterior(contained, covariance, by_sizes, float(_shares(evidence) @ sigmas**2))
+
+
+def _with_field(gradient: Array, information: Array, count: int, sigma_m: float, sigmas: Array) -> Gaussian:
+    """All sizes, the first `count` of them, of fields, with one sigma, the others' integrated over `sigmas`, (m, q)."""
+    u, across, p = gradient[:count], information[:count, count:], information[:count, :count]
+    inverse = np.linalg.inv(sigma_m**2 * p + np.eye(count))
+    spread = sigma_m**2 * 0.5 * (inverse + inverse.T)
+    back = -spread @ across
+    others = _with_sigmas(gradient[count:] + back.T @ u, information[count:, count:] + across.T @ back, sigmas)
+    evidence = others.evidence + float(np.linalg.slogdet(inverse)[1] + u @ spread @ u)
+    mean = np.append(back @ others.mean - spread @ u, others.mean)
+    both = np.concatenate([back, np.eye(len(others.mean))])
+    covariance = both @ others.covariance @ both.T
+    covariance[:count, :count] += spread
+    return Gaussian(evidence, mean, covariance)
+
+
+def _with_sigmas(gradient: Array, information: Array, sigmas: Array) -> Gaussian:
+    """Sizes over equally likely sigmas, (m, q)."""
+    scaled = sigmas[:, :, None] * information * sigmas[:, None, :] + np.eye(len(gradient))
+    inverse = np.linalg.inv(scaled)
+    means = -sigmas * (inverse @ (sigmas * gradient)[..., None])[..., 0]
+    evidence = -np.linalg.slogdet(scaled)[1] - means @ gradient
+    return _mixture(evidence, means, sigmas[:, :, None] * inverse * sigmas[:, None, :])
+
+
+def _mixture(evidence: Array, means: Array, covariances: Array) -> Gaussian:
+    """Of equally likely ones, (m,), (m, q) and (m, q, q)."""
+    shares = _shares(evidence)
+    mean = shares @ means
+    off = means - mean
+    most = float(evidence.max())
+    total = most + 2 * float(np.log(np.mean(np.exp(0.5 * (evidence - most)))))
+    return Gaussian(total, mean, np.tensordot(shares, covariances + off[..., None] * off[:, None], 1))
+
+
+def _shares(evidence: Array) -> Array:
+    """Probabilities by twice the logs of evidences, (m,)."""
+    shares = np.exp(0.5 * (evidence - evidence.max()))
+    return np.asarray(shares / shares.sum())
 
 
 def _nodes(effects: Sequence[Expected]) -> Array:
@@ -86,19 +163,6 @@ def _is_stated(effects: Sequence[Expected]) -> BoolArray:
     return np.repeat([each.effect not in CONTAINED for each in effects], [each.candidate.sizes for each in effects])
 
 
-def _sizes(gradient: Array, information: Array, sigmas: Array, is_stated: BoolArray) -> tuple[Array, Array]:
-    """Sizes, (q,), zero if stated, and their second moment about these, (q, q), over equally likely sigmas, (m, q)."""
-    scaled = sigmas[:, :, None] * information * sigmas[:, None, :] + np.eye(len(gradient))
-    inverse = np.linalg.inv(scaled)
-    means = -sigmas * (inverse @ (sigmas * gradient)[..., None])[..., 0]
-    log_shares = -0.5 * (np.linalg.slogdet(scaled)[1] + means @ gradient)
-    shares = np.exp(log_shares - log_shares.max())
-    shares /= shares.sum()
-    mean = np.where(is_stated, 0.0, shares @ means)
-    spread = sigmas[:, :, None] * inverse * sigmas[:, None, :] + (means - mean)[..., None] * (means - mean)[:, None]
-    return mean, np.tensordot(shares, spread, 1)
-
-
 def _combine_candidates(candidates: Sequence[Candidates], situation: Situation) -> Candidates:
     """Candidates as one that has the sizes of all."""
 
@@ -111,12 +175,15 @@ def _combine_candidates(candidates: Sequence[Candidates], situation: Situation) 
     return Candidates("", ("",), (None,), "", tuple(map(moves, range(len(situation.groups)))))
 
 
-def _split_effects(effects: Sequence[Expected]) -> list[list[Expected]]:
-    """All at once, or of many those of each mount and target alone."""
-    if sum(each.candidate.sizes for each in effects) <= _MOST_TOGETHER:
-        return [list(effects)] if effects else []
+def _split_effects(
+    fields: Sequence[PoseField], effects: Sequence[Expected]
+) -> list[tuple[Sequence[PoseField], Sequence[Expected]]]:
+    """All at once, or of many those of each robot, mount and target alone."""
+    if len(fields) <= _MOST_ARMS and sum(each.candidate.sizes for each in effects) <= _MOST_TOGETHER:
+        return [(fields, effects)] if fields or effects else []
     names = dict.fromkeys(each.candidate.about[0] for each in effects)
-    return [[each for each in effects if each.candidate.about[0] == name] for name in names]
+    alone = [((), [each for each in effects if each.candidate.about[0] == name]) for name in names]
+    return [*(([field], ()) for field in fields), *alone]
 
 
 def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -> Iterator[Expected]:

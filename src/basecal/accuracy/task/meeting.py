@@ -41,6 +41,7 @@ class Meeting:
         reference: The robot in whose base all is placed.
         points_m: (n, 3) in b [m].
         places_m: (n, 3) of each robot that meets, in its base [m].
+        cell: What was calibrated.
     """
 
     problem: Problem
@@ -49,6 +50,7 @@ class Meeting:
     reference: str
     points_m: Array
     places_m: Mapping[str, Array]
+    cell: Cell
 
     @cached_property
     def moves(self) -> Moves:
@@ -110,7 +112,7 @@ def make_meeting(cell: Cell, problem: Problem, state: State, transform: str, poi
     others = [name for name in cell.robots if name != cell.reference and cell.base_name(name) == transform]
     in_other = state.transforms[transform].inverse() @ points_m
     places = {cell.reference: points_m} | dict.fromkeys(others, in_other)
-    return Meeting(problem, state, transform, cell.reference, in_other, places)
+    return Meeting(problem, state, transform, cell.reference, in_other, places, cell)
 
 
 def worst_meeting(meetings: Iterable[Meeting], covariance: Array) -> Meeting:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.task.field_errors import field_covariance
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.meeting import Meeting, add_own
 from basecal.effects.faces.shared_errors import SharedErrors
@@ -39,7 +40,7 @@ def meeting_errors(
     models = _models_of_arms(solution, meeting.places_m)
     if not models:
         mean = np.zeros(meeting.moves.moved.shape[:2])
-        return mean, meeting.total_error(solution.covariance, own.values())
+        return mean, meeting.total_error(solution.covariance, own.values()) + field_covariance(meeting, solution)
     return _mixture([_model_error(meeting, solution, own, model, widening) for model in models])
 
 

@@ -38,7 +38,8 @@ def _unknown(unknown: Unknown, point: bool = False) -> dict[str, Any]:
 
 
 def _robot(robot: Robot) -> dict[str, Any]:
-    data: dict[str, Any] = {} if robot.noise is None else {"noise": sigma_dict(robot.noise)}
+    kind = {"kind": "total"} if robot.is_total_noise else {}
+    data: dict[str, Any] = {} if robot.noise is None else {"noise": sigma_dict(robot.noise) | kind}
     if robot.urdf is not None:
         data |= {"urdf": robot.urdf, "base_link": robot.base_link, "flange_link": robot.flange_link}
     data |= {} if robot.reach_m is None else {"reach_m": robot.reach_m}

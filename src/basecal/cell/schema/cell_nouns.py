@@ -53,6 +53,7 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
     return Robot(
         name=name,
         noise=None if noise is None else read_only([*noise.sigma_t_m, *noise.sigma_r_rad], (6,), "noise"),
+        is_total_noise=noise is not None and noise.kind == "total",
         chain=chain,
         parameters=entry.parameters,
         urdf=entry.urdf,

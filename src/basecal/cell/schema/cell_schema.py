@@ -39,6 +39,7 @@ class RobotNoiseEntry(Entry):
 
     sigma_t_m: Sigma3
     sigma_r_rad: Sigma3
+    kind: Literal["repeatability", "total"] = "repeatability"
 
 
 def _frame_name(name: str) -> str:

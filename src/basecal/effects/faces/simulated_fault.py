@@ -26,8 +26,8 @@ class SimulatedFault:
         is_sudden: Whether it occurs at a moment, after a number of moves of the arm.
         draw: Values of a robot's parameter of this size, of so many joints, if it is one.
         draw_lens: The true lens by the stated one, if it is a lens's.
-        move_mount: Tangent of a flange, (6,), by which what hangs on it moves, by the size and the direction of gravity
-            in the flange, (3,), if it is a mount's.
+        move_mount: By which tangent of the flange, (6,), a mount moves, if it is a mount's. Arguments: its size, and
+            the direction of gravity in the flange, (3,).
     """
 
     name: str

@@ -1,0 +1,37 @@
+"""`far-task`: the task is far from where an arm that records poses alone was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.cell import Finding
+from basecal.effects.smooth import LENGTH_M
+from basecal.geometry import SE3, Array
+
+
+def far_task(evidence: Evidence) -> list[Finding]:
+    """An info about robots whose errors at the task are hardly those at their samples."""
+    if evidence.settings.task_point is None:
+        return []
+    far = {robot: d for robot, d in _distances(evidence, np.array(evidence.settings.task_point)) if d > LENGTH_M / 2}
+    if not far:
+        return []
+    names = " and ".join(far)
+    what = f"The task point is {max(far.values()):.2g} m from the nearest recorded flange of {names}."
+    why = "The error there contains what arms err by that are not calibrated."
+    return [Finding("far-task", "info", tuple(far), what, ("Record samples where the arms will work.",), why)]
+
+
+def _distances(evidence: Evidence, point_m: Array) -> Iterator[tuple[str, float]]:
+    """Of each robot that records poses alone, how far its nearest recorded flange is from a point [m]."""
+    problem, transforms = evidence.solution.problem, evidence.solution.state.transforms
+    for robot in problem.robots:
+        ends = problem.ends_of(robot)
+        if any(end.joints is not None for end in ends):
+            continue
+        base = SE3.identity() if ends[0].base is None else transforms[ends[0].base]
+        places = np.concatenate([base @ end.base_from_flange.translation for end in ends])
+        yield robot, float(np.linalg.norm(places - point_m, axis=1).min())

@@ -1,0 +1,82 @@
+"""Fields of errors of arms that record poses alone: smooth in the pose, beside the repeatability.
+
+A stated repeatability says nothing of accuracy. Errors of an arm that is not calibrated are those of `effects.smooth`,
+by its modes at the recorded poses; what lies beyond these poses has errors of its own, of the same variance.
+Source: docs/mathematics.md (11).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.cell import Cell
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.shared_errors import SharedErrors
+from basecal.effects.faces.views import Views, robot_moves
+from basecal.effects.smooth import Modes
+from basecal.estimation.noise.robot_noise import stands, stops_made
+from basecal.geometry import SE3, Array
+
+SIGMAS_M = np.array([0.0, 6e-5, 2e-4, 6e-4])
+"""Of a shift along an axis, equally likely: none, that of arms that are accurate to 0.1 mm, and to 0.5 to 2 mm as they
+are sold (Nubiola & Bonev 2013)."""
+
+_LEVER_M = 0.5  # of a shift over a turn
+_FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose
+
+
+class PoseField(NamedTuple):
+    """A robot's field of errors, at unit shifts [m]."""
+
+    robot: str
+    modes: Modes
+
+    @property
+    def width(self) -> int:
+        """How many errors it has."""
+        return 6 * int(self.modes.weights.shape[1])
+
+    def flange_tangents(self, poses: SE3) -> Array:
+        """How a flange at poses, (n,), moves with each error, (n, 6, k), right tangents."""
+        shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses))
+        tangents: Array = shared.by_stop / np.where(shared.is_turn, _LEVER_M, 1.0)
+        return tangents
+
+    def unknown_share(self, poses: SE3) -> Array:
+        """Share of the variance at poses that no recorded pose has, (n,)."""
+        return np.asarray(np.maximum(1 - np.sum(self.modes.sizes(poses) ** 2, axis=1), 0.0))
+
+    def candidate(self, situation: Situation) -> Candidates:
+        """All its errors, as sizes of one candidate."""
+
+        def moves(views: Views, k: int, robot: str) -> Array:
+            """How views of a group move."""
+            tangents: Array = views.flange_jacobian(k, robot) @ self.flange_tangents(views.recorded_pose(k, robot))
+            return tangents
+
+        return one_candidate("pose-field", self.robot, "m", robot_moves(situation, self.robot, moves))
+
+
+def variances(field_m2: float) -> Array:
+    """Of a shift and a turn along an axis, (2,) [m^2, rad^2], by the variance of a field's shifts [m^2]."""
+    return np.array([field_m2, field_m2 / _LEVER_M**2])
+
+
+def stated_fields(cell: Cell, situation: Situation) -> list[PoseField]:
+    """Of arms that state a repeatability, and record poses alone."""
+    stated = (name for name, robot in cell.robots.items() if robot.noise is not None and not robot.is_total_noise)
+    return [field for name in stated if (field := pose_field(situation, name)) is not None]
+
+
+def pose_field(situation: Situation, robot: str) -> PoseField | None:
+    """The field of a robot; None if its joints are recorded, it made few stops, or random effects contain one."""
+    problem = situation.problem
+    common = {} if situation.noise is None else situation.noise.common
+    has_joints = any(end.joints is not None for end in problem.ends_of(robot))
+    if has_joints or stops_made(problem, robot) < _FEWEST_STOPS or any(robot in of for of in common.values()):
+        return None
+    poses, seen = stands(problem, robot)
+    return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)]))

@@ -1,0 +1,73 @@
+"""What fields of errors of arms that record poses alone add where flanges meet.
+
+Within the recorded poses they are known as far as the data show, with what the answer takes up of them; beyond, an arm
+is off by what arms are that are not calibrated. Source: docs/mathematics.md (14.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from basecal.accuracy.systematic_errors.expected_sizes import known_sizes, size_posterior
+from basecal.accuracy.systematic_errors.pose_fields import PoseField, pose_field, variances
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.accuracy.task.arms_at_points import to_base_axes
+from basecal.accuracy.task.meeting import Meeting
+from basecal.estimation.noise.robot_noise import stands
+from basecal.estimation.solve import Solution
+from basecal.geometry import SE3, Array
+
+
+def field_covariance(meeting: Meeting, solution: Solution) -> Array:
+    """What fields add to the covariance of place and turn where flanges meet, (n, 6, 6).
+
+    Args:
+        meeting: Who meets, and where.
+        solution: What came out.
+    """
+    problem = solution.noise.held_by(solution.problem)
+    situation = Situation(problem, solution.state, problem, {}, solution.noise)
+    (moved, columns), points_m = meeting.moves, meeting.places_m
+    total, seen = np.zeros((len(moved), 6, 6)), set[str]()
+    for fields, sizes in known_sizes(meeting.cell, situation, None):
+        count = sum(field.width for field in fields)
+        by_fields = np.zeros((len(moved), 6, count))
+        first = 0
+        for field in fields:
+            seen.add(field.robot)
+            if field.robot in points_m:
+                poses = _nearest_poses(situation, field.robot, points_m[field.robot])
+                tangents = to_base_axes(field.flange_tangents(poses), poses.rotation)
+                by_fields[..., first : first + field.width] = meeting.propagate(field.robot, tangents)
+                total += _unknown_covariance(field, poses, sizes.field_m2)
+            first += field.width
+        across = (sizes.by_sizes @ sizes.covariance)[columns, :count]
+        mixed = moved @ across @ by_fields.mT
+        total += mixed + mixed.mT + by_fields @ sizes.covariance[:count, :count] @ by_fields.mT
+    return total + _open_fields(situation, {r: at for r, at in points_m.items() if r not in seen})
+
+
+def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array | float:
+    """What robots whose noise is estimated are off by beyond their recorded poses: within these it contains it."""
+    total: Array | float = 0.0
+    for robot, points in points_m.items():
+        field = pose_field(situation, robot)
+        if field is not None and robot in situation.problem.unstated:
+            poses = _nearest_poses(situation, robot, points)
+            total = total + _unknown_covariance(field, poses, size_posterior(situation, [field]).field_m2)
+    return total
+
+
+def _unknown_covariance(field: PoseField, poses: SE3, field_m2: float) -> Array:
+    """Covariance of a flange beyond recorded poses, (n, 6, 6)."""
+    return field.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))
+
+
+def _nearest_poses(situation: Situation, robot: str, points_m: Array) -> SE3:
+    """Poses at points, (n, 3), turned as the recorded pose nearest to each."""
+    poses, seen = stands(situation.problem, robot)
+    recorded = poses[np.flatnonzero(seen)]
+    nearest = np.linalg.norm(points_m[:, None] - recorded.translation[None], axis=-1).argmin(1)
+    return SE3(recorded.rotation[nearest], points_m)

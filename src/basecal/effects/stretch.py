@@ -1,0 +1,56 @@
+"""Stretch: poses of a robot are longer along some directions than along others, as of an axis that is 0.1 % long.
+
+The linear field of errors of an arm that records poses alone; its turn is one of the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.views import Views, robot_moves
+from basecal.geometry import Array
+from basecal.geometry.rotation import cross_matrix
+
+_STRETCHES = np.concatenate([np.eye(3)[:, :, None] * np.eye(3)[:, None], np.abs(cross_matrix(np.eye(3))) / np.sqrt(2)])
+
+
+def candidates(views: Views) -> Iterator[Candidates]:
+    """Each robot that records poses alone, by the six coefficients of a symmetric matrix."""
+    for robot in views.robots:
+        if robot not in views.chains:
+            yield one_candidate("stretch", robot, "", robot_moves(views, robot, _moves))
+
+
+def _moves(views: Views, k: int, robot: str) -> Array:
+    pose = views.recorded_pose(k, robot)
+    tangents = np.zeros((len(pose), 6, 6))
+    tangents[:, :3] = pose.rotation.mT @ np.einsum("kij,nj->nik", _STRETCHES, pose.translation)
+    return views.flange_jacobian(k, robot) @ tangents
+
+
+def words(effect: FoundEffect) -> Words:
+    """By how much in all directions together."""
+    share = rounded_length(effect.size, effect.covariance, 100.0)
+    what = f"Poses of {effect.about} are stretched by {share} %, not equally in all directions."
+    check = f"Check the kinematic calibration of {effect.about}, the length of its axes and its tool."
+    return Words("stretch", what, (check, "Record where it will work.", AGAIN))
+
+
+EFFECT = Effect(
+    "stretch",
+    candidates=candidates,
+    words=words,
+    absent={
+        "statement": "links hold a robot's lengths",
+        "size": "a candidate without a prior: only a certain one is reported",
+        "unknown": "its robot's links are, if joints are recorded",
+        "random": "smooth errors contain it",
+        "map": "fields of smooth errors contain it",
+        "fault": "link-errors makes arms too long or too short",
+    },
+)
