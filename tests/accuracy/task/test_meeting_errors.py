@@ -176,7 +176,7 @@ def test_a_robots_own_variance_is_that_of_its_stops_and_of_what_these_have_in_co
     smooth = {"smooth": {"sigma": [3.0, 0.0, 0.0, 0.0, 0.0, 6.0]}}
     noise = {"robots": {"plain": {}, "smooth": smooth, "estimated": smooth}}
     stops = Stops(np.tile([1.0, 2.0, 3.0, 1.0, 1.0, 4.0], (3, 1)), ("plain", "smooth", "estimated"))
-    meeting = Meeting(SimpleNamespace(stops=stops), None, BASE, "plain", np.zeros((1, 3)), {})
+    meeting = Meeting(SimpleNamespace(stops=stops), None, BASE, "plain", np.zeros((1, 3)), {}, None)
     solution = SimpleNamespace(noise=SimpleNamespace(robot_variances={"estimated": np.arange(6.0)}))
     found = {name: _own_variance(meeting, solution, noise, name) for name in (*noise["robots"], "exact")}
     np.testing.assert_allclose(found["plain"], [14 / 3, 6.0])

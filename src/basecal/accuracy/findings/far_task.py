@@ -13,14 +13,14 @@ from basecal.geometry import SE3, Array
 
 
 def far_task(evidence: Evidence) -> list[Finding]:
-    """An info about robots whose errors at the task are hardly those at their samples."""
+    """An info if no arm that records poses alone was recorded near the task."""
     if evidence.settings.task_point is None:
         return []
-    far = {robot: d for robot, d in _distances(evidence, np.array(evidence.settings.task_point)) if d > LENGTH_M / 2}
-    if not far:
+    far = dict(_distances(evidence, np.array(evidence.settings.task_point)))
+    nearest_m = min(far.values(), default=0.0)
+    if nearest_m < LENGTH_M / 2:
         return []
-    names = " and ".join(far)
-    what = f"The task point is {max(far.values()):.2g} m from the nearest recorded flange of {names}."
+    what = f"The task point is {nearest_m:.2g} m from the nearest recorded flange of {' and '.join(far)}."
     why = "The error there contains what arms err by that are not calibrated."
     return [Finding("far-task", "info", tuple(far), what, ("Record samples where the arms will work.",), why)]
 
