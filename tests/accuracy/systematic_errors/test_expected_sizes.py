@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors import expected_sizes
-from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_shift, with_expected_sizes
+from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_posterior, with_expected_sizes
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.cell import RobotState
@@ -39,7 +40,11 @@ def alone(solution, module, *sigmas):
     problem = solution.noise.held_by(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     candidates = module.candidates(situation)
-    return size_shift(situation, [Expected(module.EFFECT.name, each, np.array(sigmas)) for each in candidates])
+    effects = [Expected(module.EFFECT.name, each, np.array(sigmas)) for each in candidates]
+    known = size_posterior(situation, (), effects)
+    return SimpleNamespace(
+        mean=known.by_sizes @ known.mean, covariance=known.by_sizes @ known.covariance @ known.by_sizes.T
+    )
 
 
 def bent(made, size_rad, robot="hand"):
@@ -94,7 +99,11 @@ def test_which_targets_have_a_size_that_counts(monkeypatch, made, stated, found,
     cell = replace(made.cell, targets={name: replace(made.cell.targets[name], **stated)})
     solution = solve(cell, made.recording, STATED)
     given = []
-    monkeypatch.setattr(expected_sizes, "size_shift", lambda _, each: given.extend(each) or size_shift(_, each))
+    monkeypatch.setattr(
+        expected_sizes,
+        "size_posterior",
+        lambda at, fields, each: given.extend(each) or size_posterior(at, fields, each),
+    )
     with_expected_sizes(cell, solution, found)
     assert any(each.effect == "target_size" for each in given) == counts
     assert any(each.effect == "mount_bend" for each in given)
@@ -146,7 +155,11 @@ def test_many_effects_count_by_mount(monkeypatch):
     """Of more sizes than go together, those of one mount or target at a time."""
     solution, given = solve(MADE.cell, MADE.recording, STATED), []
     monkeypatch.setattr(expected_sizes, "_MOST_TOGETHER", 3)
-    monkeypatch.setattr(expected_sizes, "size_shift", lambda _, each: given.append(each) or size_shift(_, each))
+    monkeypatch.setattr(
+        expected_sizes,
+        "size_posterior",
+        lambda at, fields, each: given.append(each) or size_posterior(at, fields, each),
+    )
     after = with_expected_sizes(MADE.cell, solution, None)
     names = [{each.candidate.about for each in group} for group in given]
     assert names == [{("eye_flange_from_wrist",)}, {("hand_flange_from_board",)}, {("wrist",)}, {("board",)}]
