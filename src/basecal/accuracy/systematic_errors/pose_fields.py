@@ -21,8 +21,7 @@ from basecal.estimation.noise.robot_noise import stands, stops_made
 from basecal.geometry import SE3, Array
 
 SIGMAS_M = np.array([0.0, 6e-5, 2e-4, 6e-4])
-"""Of a shift along an axis, equally likely: none, that of arms that are accurate to 0.1 mm, and to 0.5 to 2 mm as they
-are sold (Nubiola & Bonev 2013)."""
+"""Of a shift along an axis, equally likely: none, that of arms accurate to 0.1 mm, and of those sold as 0.5 to 2 mm."""
 
 _LEVER_M = 0.5  # of a shift over a turn
 _FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose
