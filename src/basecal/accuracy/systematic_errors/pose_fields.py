@@ -2,7 +2,7 @@
 
 A stated repeatability says nothing of accuracy. Errors of an arm that is not calibrated are those of `effects.smooth`,
 by its modes at the recorded poses; what lies beyond these poses has errors of its own, of the same variance.
-Source: docs/mathematics.md (11).
+Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations
