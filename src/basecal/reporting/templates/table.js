@@ -3,7 +3,7 @@
 (() => {
   const table = document.querySelector(".sortable"), body = table.tBodies[0], rows = [...body.rows];
   const filter = document.querySelector(".filter input");
-  filter.parentElement.hidden = false;
+  filter.closest(".filter").hidden = false;
   filter.addEventListener("input", () => {
     const wanted = filter.value.toLowerCase();
     for (const row of rows) row.hidden = !row.textContent.toLowerCase().includes(wanted);
