@@ -141,7 +141,11 @@ def test_stated_units_count(tmp_path: Path) -> None:
     ("text", "reading", "said"),
     [
         ("0.1,0.2,0.3,0,180,0\n", Reading("ur"), "angles up to 180 are no radians: give --deg"),
-        ("1,2,3,0.1,0,0\n1,2,3,0.2,0,1\n1,2,3,-3,0,0\n", Reading("kuka"), "these look like radians, give --rad"),
+        (
+            "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n",
+            Reading("kuka"),
+            "these look like radians, give --rad",
+        ),
         ("x_mm,y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x_mm: the column says mm, and it is read otherwise"),
         ("x,y,z,rx_deg,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "rx_deg: the column says deg, and it is read otherwise"),
         ("x [rad],y,z,rx,ry,rz\n1,2,3,0,0,0\n", Reading("ur"), "x [rad]: the column says rad, expected m, mm"),
@@ -169,7 +173,7 @@ def test_who_writes_no_angles_has_no_unit_of_them() -> None:
 
 def test_small_angles_are_no_mistake_where_degrees_are_stated(tmp_path: Path) -> None:
     """A flange that hardly turns is taken as stated; so is one that does not turn at all, stated or not."""
-    text = "1,2,3,0.1,0,0\n1,2,3,0.2,0,1\n1,2,3,-3,0,0\n"
+    text = "100,20,30,0.1,0,0\n100,20,30,0.2,0,1\n100,20,30,-3,0,0\n"
     assert len(poses(tmp_path, text, Reading("kuka", None, math.radians(1)))) == 3
     assert len(poses(tmp_path, "1,2,3,0,0,0\n4,5,6,0,0,0\n7,8,9,0,0,0\n", Reading("kuka"))) == 3
 

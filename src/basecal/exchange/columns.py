@@ -34,6 +34,7 @@ LARGEST_BYTES = 2**26
 """Of a text: 64 MB, two million points."""
 
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
+_SHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # how .xlsx, .ods and .xls begin
 MOST_POSES = 200_000
 """Of a stream: as many as a recording may have samples."""
 
@@ -44,8 +45,11 @@ def read_table_text(path: str, expected: str) -> str:
     Raises:
         DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `expected`.
     """
+    data = read_bounded(path, LARGEST_BYTES)
+    if data.startswith(_SHEETS):
+        raise DatasetError(path, "is a file of a spreadsheet program: save it as CSV, and import that")
     try:
-        return read_bounded(path, LARGEST_BYTES).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise DatasetError(path, f"not text, expected {expected}") from None
 

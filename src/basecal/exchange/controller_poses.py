@@ -18,11 +18,12 @@ from basecal.exchange.controllers.convention import (
     MILLIMETRE,
     RADIAN,
     AnyConvention,
+    Convention,
     MatrixConvention,
 )
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.text_table import TextTable, parse_number, read_text_table, rows_of_numbers
+from basecal.exchange.importing.text_table import TextTable, is_picture, parse_number, read_text_table, rows_of_numbers
 from basecal.exchange.poses import read_poses
 from basecal.geometry import SE3, Array
 
@@ -36,7 +37,7 @@ class _Unit(NamedTuple):
 
 _STAMP = "stamp_s"
 _KEYS = {
-    "image": ("image", "picture", "file", "filename", "img"),
+    "image": ("image", "picture", "file", "filename", "img", "bild", "foto", "photo"),
     "sample": ("sample",),
     _STAMP: ("stamp_s", "stamp", "timestamp", "time_s", "time", "t"),
 }
@@ -51,7 +52,9 @@ _LENGTHS = {"m": _Unit(METRE, "--length-unit m"), "mm": _Unit(MILLIMETRE, "--len
 _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}
 _FULL_TURN = 2 * np.pi  # [rad]
 _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
+_SHORT_MATRIX = 12  # numbers of a matrix without its last row
 _ROW = 4  # numbers of a row of a matrix
+_LONGEST_ARM_M = 20.0  # farther than any flange is in metres, and nearer than any is in millimetres
 _FEWEST_POSES = 3  # poses of which all are turned little, before that is taken for a unit
 
 
@@ -133,7 +136,7 @@ def read_pose_rows(path: str, reading: Reading, is_stream: bool = False) -> Pose
 
 def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     how = reading.convention
-    if reading.name == "matrix" and _is_stacked(path):
+    if reading.name == "matrix" and _is_stacked(path) and not _has_keys(path):
         stream = read_poses(path, "m")
         poses = SE3(stream.poses.rotation, stream.poses.translation * how.length)
         stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
@@ -142,8 +145,11 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     table = read_text_table(read_table_text(path, "a table of poses"), path, names)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
-    columns = _columns(table, how.names, reading)
+    is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(_plain, table.header)
+    columns = _columns(table, how.names[:_SHORT_MATRIX] if is_short else how.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
+    if is_short:
+        numbers = np.concatenate([numbers, np.tile([0.0, 0.0, 0.0, 1.0], (len(numbers), 1))], axis=1)
     _check_angles(path, numbers, how, reading)
     found = []
     for row, values in zip(table.rows, numbers, strict=True):
@@ -152,6 +158,15 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
         except BasecalError as error:
             raise DatasetError(table.path, str(error), row.line) from None
     return PoseRows(SE3.stack(found), tuple(keyed_rows(table)))
+
+
+def _has_keys(path: str) -> bool:
+    """Whether a table names pictures or samples beside m00 ... m23."""
+    if not path.lower().endswith(".csv"):
+        return False
+    first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
+    names = {_plain(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
+    return "m00" in names and bool(names & {*_KEYS["image"], *_KEYS["sample"]})
 
 
 def _is_stacked(path: str) -> bool:
@@ -239,6 +254,8 @@ def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Readin
     if isinstance(how, MatrixConvention) or "quaternion" in how.form.words:
         return
     angles = numbers[:, 3:]
+    if other := _other_controllers(numbers, how, reading):
+        raise DatasetError(path, f"these numbers are not of {reading.name}: {other}")
     if how.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
@@ -253,6 +270,27 @@ def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Readin
         )
 
 
+def _other_controllers(numbers: Array, how: Convention, reading: Reading) -> str:
+    """That both lengths and angles are in the units of other controllers; nothing if they need not be."""
+    if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
+        return ""
+    length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
+    units = (MILLIMETRE, DEGREE) if length > _LONGEST_ARM_M else (METRE, RADIAN)
+    fits = angle > _FULL_TURN if units[1] == DEGREE else 0 < angle <= _SMALL_TURN
+    if not fits or units == (how.length, how.angle) or how.length == units[0] or how.angle == units[1]:
+        return ""
+    names = [name for name, each in CONTROLLERS.items() if _units(each) == units]
+    words = "millimetres and degrees" if units[1] == DEGREE else "metres and radians"
+    return f"they look like {words}, as of {list_names(names)}: give --format"
+
+
+def _units(convention: AnyConvention) -> tuple[float, float] | None:
+    """Those of lengths and angles; None of a convention without angles."""
+    if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
+        return None
+    return convention.length, convention.angle
+
+
 def keyed_rows(table: TextTable) -> list[Row]:
     """A row for each of a table, with what says where it belongs: its columns `image`, `sample` and `stamp_s`.
 
@@ -261,6 +299,9 @@ def keyed_rows(table: TextTable) -> list[Row]:
     """
     there = {_plain(column): column for column in table.rows[0].cells}
     image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())
+    if image is None:
+        cells = table.rows[0].cells
+        image = next((name for name in cells if all(is_picture(row.cells.get(name, "")) for row in table.rows)), None)
     rows = []
     for row in table.rows:
         name = None if image is None else row.cells[image].strip("\"' ")

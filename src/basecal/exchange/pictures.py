@@ -40,6 +40,9 @@ _STAMP = re.compile(r"\d+(?:[._]\d+)?")
 _SINCE_1970 = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
 
 
+_FEWEST_NUMBERED = 3  # names that make a numbering
+
+
 def list_pictures(folder: Path) -> tuple[Path, ...]:
     """The pictures of a folder; 2.png stands before 10.png.
 
@@ -116,6 +119,20 @@ def time_from_name(name: str) -> float | None:
     if len(whole) in _SINCE_1970:
         return float(f"{whole}.{part or 0}") * _SINCE_1970[len(whole)]
     return float(f"{whole}.{part}") if part and len(whole) < min(_SINCE_1970) else None
+
+
+def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:
+    """Numbers that a few of numbered names leave out between the first and the last; none if names are not numbered.
+
+    Args:
+        names: Of pictures, such as `0001.png`.
+    """
+    found = [re.search(r"(\d+)\D*$", Path(name).stem) for name in names]
+    numbers = {int(each[1]): len(each[1]) for each in found if each is not None}
+    if len(numbers) < len(names) or len(names) < _FEWEST_NUMBERED:
+        return ()
+    gaps = sorted(set(range(min(numbers), max(numbers))) - numbers.keys()) if max(numbers) < 2 * len(names) else []
+    return tuple(f"{gap:0{min(numbers.values())}d}" for gap in gaps)
 
 
 def _natural(path: Path) -> tuple[tuple[int | str, ...], str]:

@@ -119,7 +119,7 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
     outliers = tuple(LeftOut(k, "wrist", "board", (), 40.0, 0.02, 0.01) for k in left_out)
     of_points = tuple(LeftOut(k, "wrist", "board", (3,), 9.0, off_px=2.0) for k in points)
     found = RobustSolution(solution, (*outliers, *of_points), None, samples, 0, tuple(agreeing))
-    return SimpleNamespace(robust=found)
+    return SimpleNamespace(robust=found, solution=solution, recorded=SimpleNamespace(groups=()))
 
 
 @pytest.mark.parametrize(

@@ -54,22 +54,22 @@ def read_as(recording, listed, read):
 
 
 def test_how_many_there_are():
-    """Of each stream the reverse order and shifts by 3 to 5 both ways; of each subset of arms 44 lists of angles."""
+    """Of each stream the reverse order, two by name and shifts by 3 to 5 both ways; of each subset of arms 43 lists."""
     assert Counter(h.code for h in rare_hypotheses(declared(MADE.cell, MADE.recording))) == {
-        "pairing-shifted": 3 * (1 + 6), "matrix-transposed": 3, "euler-order": 3 * (6 + 10 * 3 + 4 * 2),
-        "pixels-swapped": 1,
+        "pairing-shifted": 3 * (1 + 2 + 6), "matrix-transposed": 3, "euler-order": 3 * (5 + 10 * 3 + 4 * 2),
+        "pixels-swapped": 1, "position-axes": 3 * 6,
     }  # fmt: skip
     poses = simulate(Scenario(samples=8, target="pose", layout="eye_in_hand"), 1)
     assert Counter(h.code for h in rare_hypotheses(declared(poses.cell, poses.recording))) == {
-        "pairing-shifted": 1, "matrix-transposed": 2, "euler-order": 2 * 44,
+        "pairing-shifted": 1, "matrix-transposed": 2, "euler-order": 2 * 43, "position-axes": 2 * 6,
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(("listed", "read", "count"), [
-    ("xyz", "XYZ", 1), ("XYZ", "xyz", 1), ("XYZ", "ZYX", 1), ("ZYX", "XYZ", 1), ("ZYX", "xyz", 2),
+    ("xyz", "XYZ", 1), ("XYZ", "xyz", 1), ("XYZ", "ZYX", 1), ("ZYX", "XYZ", 1), ("ZYX", "xyz", 1),
 ])  # fmt: skip
 def test_angles_read_in_another_order_are_undone(listed, read, count):
-    """By the hypothesis that says so, and where each order is the other one backwards by its twin as well."""
+    """By the one hypothesis that says so, also where each order is the other one backwards."""
     mixed = read_as(MADE.recording, listed, read)
     back = [h for h in hypotheses(MADE, "euler-order") if h.about == ("hand",)]
     undone = [h for h in back if np.allclose(reread(h, mixed), rotations(MADE.recording))]
@@ -200,7 +200,10 @@ def test_the_shorter_list_has_the_lesser_sum_of_squares():
 def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
     """Both ways, by less than a third of the recording; each goes by the order of all samples."""
     for stream, who in ((None, "what the cameras saw"), ("hand", "what hand recorded")):
-        turned, *shifted = _of_order([stream], samples)
+        turned, *others = _of_order([stream], samples)
+        by_name = others[: 2 * (samples > 10)]
+        assert all("sorted as text" in each.words for each in by_name)
+        shifted = others[len(by_name) :]
         assert turned.words == f"{who} stands in reverse order"
         assert turned.about == (() if stream is None else ("hand",))
         words = [f"{who} belongs {by} samples {way}" for by in shifts for way in ("later", "earlier")]
@@ -227,3 +230,30 @@ def test_a_mean_of_what_is_free_is_not_stated():
     assert {h.about[0] for h in rare_hypotheses(declared(cell, MADE.recording)) if h.code == "transform-inverted"} == {
         known.mount_name("wrist"), known.mount_name("board"),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_rows_sorted_as_text_are_put_in_order(first):
+    """By the hypothesis that names that order: 1, 10, 11, 12, 2."""
+    made = simulate(Scenario(samples=13), 3)
+    order = [int(text) - first for text in sorted(map(str, range(first, first + 13)))]
+    samples = made.recording.samples
+    mixed = tuple(
+        replace(s, robots={**s.robots, "hand": samples[k].robots["hand"]}) for s, k in zip(samples, order, strict=True)
+    )
+    known = rare_hypotheses(declared(made.cell, made.recording))
+    words = f"what hand recorded is sorted as text: {'0, 1, 10, 11' if first == 0 else '1, 10, 11, 12'}"
+    (hypothesis,) = (each for each in known if each.words == words)
+    found = hypothesis.reread(declared(made.cell, replace(made.recording, samples=mixed)))
+    expected = [sample.robots["hand"].base_from_flange.matrix for sample in samples]
+    np.testing.assert_array_equal(found.tracks["hand"].pose.matrix, expected)
+
+
+def test_axes_of_positions_are_put_right():
+    """Exchanged axes and wrong signs are undone, rotations stay."""
+    swapped = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation[..., [1, 0, 2]])})
+    known = [h for h in hypotheses(MADE, "position-axes") if h.about == ("hand",)]
+    (hypothesis,) = (each for each in known if "x and y exchanged" in each.words)
+    track = hypothesis.reread(declared(MADE.cell, swapped)).tracks["hand"]
+    expected = declared(MADE.cell, MADE.recording).tracks["hand"].pose.matrix
+    np.testing.assert_array_equal(track.pose.matrix, expected)

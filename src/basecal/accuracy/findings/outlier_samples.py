@@ -8,6 +8,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.outlier import outlier_reason
+from basecal.accuracy.phrases.outlier_cause import outlier_causes
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
@@ -30,7 +31,8 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     outlier = "an outlier" if one else "outliers"
     what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
     why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
-    moved = _moved_sentence(numbers, evidence.robust.solution.problem)
+    causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
+    moved = f" {' '.join(causes)}" if causes else _moved_sentence(numbers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
     severity: Severity = "warning" if len(numbers) > _FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))

@@ -7,6 +7,7 @@ from basecal.accuracy.findings.board_shape import board_shape
 from basecal.accuracy.findings.dropped_samples import many_dropped_samples
 from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
 from basecal.accuracy.findings.far_task import far_task
+from basecal.accuracy.findings.identical_robots import identical_robots
 from basecal.accuracy.findings.identity_poses import identity_poses
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
 from basecal.accuracy.findings.joint_parameters import unobserved_joint_parameters
@@ -33,6 +34,7 @@ from basecal.accuracy.findings.unobservable_direction import unobservable_direct
 from basecal.accuracy.findings.weak_direction import weak_directions
 
 INPUT_CHECKS: tuple[InputCheck, ...] = (many_dropped_samples, too_few_samples, identity_poses, same_stop)
+INPUT_CHECKS += (identical_robots,)
 
 ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     rounded_poses,

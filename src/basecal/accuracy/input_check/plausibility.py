@@ -74,10 +74,21 @@ def _of_robots(cell: Cell, recording: Recording) -> list[str]:
         poses = [s.base_from_flange.translation for s in states if s.base_from_flange is not None]
         joints = [s.joints_rad for s in states if s.joints_rad is not None]
         if poses:
+            numbers = [s.sample for s in recording.samples if name in s.robots and s.robots[name].base_from_flange]
+            found += _few_far(name, numbers, lengths(np.array(poses)))
             found += _outside(f"flange of {name}", float(lengths(np.array(poses)).max()), _REACH_M)
         if joints and robot.chain is not None:
             found += _of_joints(name, np.array(joints), robot.chain.lower, robot.chain.upper)
     return found
+
+
+def _few_far(robot: str, numbers: list[int], distances: Array) -> list[str]:
+    """Samples in millimetres among others in metres."""
+    far = distances > _REACH_M[1]
+    if not far.any() or np.median(distances) > _REACH_M[1]:
+        return []
+    few = ", ".join(str(number) for number, is_far in zip(numbers, far, strict=True) if is_far)
+    return [f"samples {few} of {robot} look like millimetres among metres"]
 
 
 def _of_joints(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:

@@ -45,6 +45,16 @@ _LISTINGS = {
 }
 
 
+_AXES = {
+    "x and y exchanged": np.eye(3)[[1, 0, 2]],
+    "x and z exchanged": np.eye(3)[[2, 1, 0]],
+    "y and z exchanged": np.eye(3)[[0, 2, 1]],
+    "x with the wrong sign": np.diag([-1.0, 1, 1]),
+    "y with the wrong sign": np.diag([1, -1.0, 1]),
+    "z with the wrong sign": np.diag([1, 1, -1.0]),
+}
+
+
 def rare_hypotheses(declared: Reading) -> list[ConventionHypothesis]:
     """All of them that this reading can have."""
     robots, cell = declared.by_pose, declared.cell
@@ -142,9 +152,29 @@ def _of_pixels() -> Iterator[ConventionHypothesis]:
 def _of_order(moved: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
     for stream in moved:
         yield _turned_round(stream)
+        yield from (_sort_by_number(stream, first) for first in (0, 1) if count > 10)
         for by in _FAR_SHIFTS:
             if abs(by) < count // 3:
                 yield shift(stream, by)
+
+
+def _sort_by_number(stream: str | None, first: int) -> ConventionHypothesis:
+    """Rows that were sorted as text by their numbers from `first`: 1, 10, 11, 2."""
+    who = "what the cameras saw" if stream is None else f"what {stream} recorded"
+
+    def reread(reading: Reading) -> Reading:
+        """Each row where its number belongs."""
+        return reading.pair_stream(stream, np.argsort(sorted(range(first, first + len(reading.order)), key=str)))
+
+    return ConventionHypothesis(
+        "pairing-shifted",
+        () if stream is None else (stream,),
+        f"{who} is sorted as text: {', '.join(sorted(map(str, range(first, first + 12)))[:4])}",
+        "sort it by number",
+        "let the arms stand in clearly different poses from one sample to the next",
+        reread,
+        by_order=True,
+    )
 
 
 def _turned_round(stream: str | None) -> ConventionHypothesis:
@@ -174,7 +204,13 @@ def _of_rotations(
         tell,
         rewritten(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
+    yield from _position_axes(names, rewritten, who)
     for meant, read in permutations(_LISTINGS, 2):
+        if (_LISTINGS[meant], _LISTINGS[read]) == ("ZYX", "xyz"):
+            continue  # the same three numbers the other way round, as the reverse is
+        words = f"the rotations of {who} are {meant} that were read as {read}"
+        if (_LISTINGS[meant], _LISTINGS[read]) == ("xyz", "ZYX"):
+            words = f"the angles of {who} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C are mixed up"
         # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.
         of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
         choices = (
@@ -184,11 +220,29 @@ def _of_rotations(
             yield ConventionHypothesis(
                 "euler-order",
                 names,
-                f"the rotations of {who} are {meant} that were read as {read}",
+                words,
                 f"turn them into rotations as {meant}",
                 tell,
                 rewritten(names, _relisted(_LISTINGS[meant], _LISTINGS[read], choose)),
             )
+
+
+def _position_axes(
+    names: tuple[str, ...], rewritten: Callable[[tuple[str, ...], PoseMap], Reread], who: str
+) -> Iterator[ConventionHypothesis]:
+    for words, axes in _AXES.items():
+        yield ConventionHypothesis(
+            "position-axes",
+            names,
+            f"the positions of {who} have {words}",
+            "correct the order and the signs of x, y and z: axes are right-handed",
+            "turn every arm further between samples",
+            rewritten(names, _with_axes(axes)),
+        )
+
+
+def _with_axes(axes: Array) -> PoseMap:
+    return lambda poses: SE3(poses.rotation, poses.translation @ axes)
 
 
 def _relisted(meant: str, read: str, choose: Callable[[Array], Array]) -> PoseMap:

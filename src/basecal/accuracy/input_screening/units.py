@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
 from basecal.geometry.rotation import lengths
@@ -31,6 +32,9 @@ def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
         *_view_findings(recording),
         *_target_findings(cell, recording),
     ]
+
+
+_NEARER_THOUSAND = 1000**0.5  # times the usual, beyond which a length is nearer to a thousand times it than to it
 
 
 def _degrees(cell: Cell, recording: Recording) -> Iterator[Finding]:
@@ -63,15 +67,23 @@ def _joints(recording: Recording, robot: str) -> Array:
 
 def _millimetres(recording: Recording) -> Iterator[Finding]:
     reaches: dict[str, list[float]] = {}
+    numbers: dict[str, list[int]] = {}
     for sample in recording.samples:
         for name, state in sample.robots.items():
             if state.base_from_flange is not None:
                 reaches.setdefault(name, []).append(float(np.linalg.norm(state.base_from_flange.translation)))
+                numbers.setdefault(name, []).append(sample.sample)
     far = {name: float(np.median(of)) for name, of in reaches.items() if np.median(of) > _LARGEST_DISTANCE_M}
     if far:
         who = " and ".join(far)
         what = f"The poses of {who} are in millimetres: a flange is {max(far.values()):.0f} m from its base."
         yield Finding("length-unit", "error", tuple(far), what, _DIVIDE_ADVICE)
+    for name in reaches.keys() - far.keys():
+        limit = max(_LARGEST_DISTANCE_M, _NEARER_THOUSAND * float(np.median(reaches[name])))
+        few = [number for number, reach in zip(numbers[name], reaches[name], strict=True) if reach > limit]
+        if few:
+            what = f"{list_samples(few)} of {name} look like millimetres among metres."
+            yield Finding("length-unit", "error", (name,), what[:1].upper() + what[1:], _DIVIDE_ADVICE)
 
 
 def _view_findings(recording: Recording) -> Iterator[Finding]:

@@ -159,6 +159,10 @@ class Reading:
         """One stream in reverse order."""
         return self._paired(stream, np.arange(len(self.order))[::-1])
 
+    def pair_stream(self, stream: str | None, source: IntArray) -> Reading:
+        """One stream with what stood at positions `source`, (m,), in the place of its own."""
+        return self._paired(stream, source)
+
     def _paired(self, stream: str | None, source: IntArray) -> Reading:
         """One stream with what stood at positions `source`, (m,), in the place of its own; without what is at -1."""
         kept = source >= 0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.euler import rpy_of_rotation, zyz_of_rotation
 from basecal.geometry.rotation import quaternion_from_rotation, rotation_exp, rotation_log
@@ -80,6 +81,10 @@ class MatrixConvention:
             InputError: if they are no rigid transform.
         """
         matrix = numbers.reshape(*numbers.shape[:-1], 4, 4)
+        if _is_homogeneous(matrix) and self.is_by_columns and not _is_homogeneous(_transpose(matrix)):
+            raise InputError("the last row of the matrix is 0 0 0 1: it is written by rows, give --format matrix")
+        if _is_homogeneous(_transpose(matrix)) and not self.is_by_columns and not _is_homogeneous(matrix):
+            raise InputError("the last column of the matrix is 0 0 0 1: it is transposed, give --format franka")
         pose = SE3.from_matrix(_transpose(matrix) if self.is_by_columns else matrix)
         return SE3(pose.rotation, pose.translation * self.length)
 
@@ -88,6 +93,11 @@ class MatrixConvention:
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
         whole = _transpose(matrix) if self.is_by_columns else matrix
         return whole.reshape(*whole.shape[:-2], 16)
+
+
+def _is_homogeneous(matrix: Array) -> bool:
+    """Whether the last rows are 0 0 0 1."""
+    return bool(np.allclose(matrix[..., 3, :], (0, 0, 0, 1)))
 
 
 AnyConvention = Convention | MatrixConvention

@@ -10,11 +10,11 @@ from typing import Any, Literal
 
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
-from basecal.errors import InputError, list_names
+from basecal.errors import InputError, list_names, nearest
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.exchange.importing.known import known_cell, recorded_samples
-from basecal.exchange.pictures import list_pictures, time_from_name, unreadable_pictures, usual_size
+from basecal.exchange.pictures import list_pictures, missing_numbers, time_from_name, unreadable_pictures, usual_size
 from basecal.fields.problems import Loc
 
 _PAIRING_HELP: dict[str, By] = {"order": "order", "name": "image", "time": "stamp_s"}
@@ -142,8 +142,10 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
     others = unreadable_pictures(folder)
     of_all = f"{len(damaged)} of {len(files)} pictures cannot be read, and will not be used: {list_names(damaged)}"
     of_sizes = f"{len(odd)} pictures have another size than the rest, and will not be used: {list_names(odd)}"
+    gaps = missing_numbers([path.name for path in files])
+    of_gaps = f"pictures {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
     of_kinds = f"{len(others)} files of other kinds are left out: {list_names(others)}"
-    said = ((damaged, of_all), (odd, of_sizes), (others, of_kinds))
+    said = ((damaged, of_all), (odd, of_sizes), (others, of_kinds), (gaps, of_gaps))
     return _Look(size_px, tuple(f"{folder}: {text}" for names, text in said if names))
 
 
@@ -175,6 +177,9 @@ def _carrier(folder: str | Path, known: Cell | None, name: str, on: str | None) 
             raise InputError(f"{folder} has no cell.yaml, and so no robot in whose base {name!r} could stand: {make}")
         raise InputError(f"{folder} has no cell.yaml: say which robot carries {name!r}, as --on ROBOT; or {make}")
     if on is not None:
+        close = "" if known is None or on in ("world", *known.robots) else nearest(on, known.robots)
+        if known is not None and close:
+            raise InputError(f"{folder} has no robot {on!r}{close}; there are: {list_names(list(known.robots))}")
         return on
     robots = [] if known is None else list(known.robots)
     if len(robots) == 1:

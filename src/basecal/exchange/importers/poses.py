@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +36,7 @@ def read_poses(
     target: str | None = None,
     invert: tuple[Inverted, ...] = (),
     streams: bool = False,
+    still: bool = False,
     on: str | None = None,
     target_on: str | None = None,
 ) -> Imported:
@@ -56,6 +57,7 @@ def read_poses(
 
         basecal import poses mycell --robot left left.csv --format ur
         basecal import poses mycell --robot right right.txt --format kuka
+        basecal import poses mycell --robot still still.csv --format ur --still
         basecal import poses mycell --length-unit mm \\
             --eye-base-from-flange A.txt --hand-base-from-flange C.txt \\
             --camera-from-target B.txt
@@ -85,6 +87,7 @@ def read_poses(
         invert: Files that hold the inverse, by the name of their option; a table of a robot is base-from-flange, of a
             target camera-from-target.
         streams: Each row, at its time (column stamp_s, else the first), makes a line of its own.
+        still: The robot stands still: the one row of its file is of every sample.
         on: What carries a camera that is new, with a table of a target: a robot, or world.
         target_on: What carries a target that is new; the world where the camera is on a robot.
 
@@ -102,7 +105,7 @@ def read_poses(
         if robot is None or table is None:
             missing = "--robot" if robot is None else "FILE"
             raise UsageError(f"{missing} is missing: CELL --robot NAME FILE")
-        return _robot_poses(robot, table, _is_inverted(invert, "base-from-flange"))
+        return replace(_robot_poses(robot, table, _is_inverted(invert, "base-from-flange")), is_still=still)
     if streams:
         raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from dataclasses import replace as dataclass_replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from basecal.cell.files import (
 from basecal.cell.format.originals import keep_originals
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
-from basecal.errors import DatasetError
+from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.pairing import Pairing, pair, plain_name
 from basecal.exchange.importing.placed import place_files
@@ -80,6 +81,7 @@ def add_to_cell(
         text, changed = completed_cell_text(started, added, str(path), replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
+        imported = _repeat_row(imported, recorded) if imported.is_still else imported
         names = _names(folder)
         pairing = pair(imported, recorded.samples, names) if imported.rows else None
         samples, pictures = _samples(imported.rows, pairing)
@@ -104,6 +106,19 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
     """The reference of a new cell: its first robot."""
     first = next(iter(cell.get("robots", {})), None)
     return {} if first is None else {"reference": first}
+
+
+def _repeat_row(imported: Imported, recording: Recording) -> Imported:
+    """The same with its one row for each sample that is recorded.
+
+    Raises:
+        InputError: if it has more rows, or nothing is recorded.
+    """
+    if len(imported.rows) != 1 or not recording.samples:
+        there = f"holds {len(imported.rows)} rows" if len(imported.rows) != 1 else "comes first"
+        raise InputError(f"{imported.source}: {there}: --still takes one row, after what moves is imported")
+    rows = tuple(dataclass_replace(imported.rows[0], sample=sample.sample) for sample in recording.samples)
+    return dataclass_replace(imported, rows=rows, by="sample")
 
 
 def _places(data: Mapping[str, Any], within: Loc = ()) -> Iterator[Loc]:

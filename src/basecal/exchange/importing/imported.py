@@ -58,6 +58,7 @@ class Imported:
         files: Other files that the cell needs, such as a URDF, by their path in it.
         is_stream: Whether each row makes a line of its own, by the clock of what recorded it.
         by: What rows and samples are paired by; None for what both have.
+        is_still: Whether its one row is of every sample, as of an arm that stands still.
         is_linked: Whether pictures become hard links instead of copies.
         advice: Which option to check if the input is implausible.
         is_strict: Whether implausible input is refused, and not only reported.
@@ -76,6 +77,7 @@ class Imported:
     files: Mapping[str, Path] = field(default_factory=dict)
     is_stream: bool = False
     by: By | None = None
+    is_still: bool = False
     is_linked: bool = False
     advice: str = "check the options"
     is_strict: bool = True

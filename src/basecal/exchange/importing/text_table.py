@@ -14,6 +14,7 @@ from basecal.fields.problems import shorten
 _SEPARATORS = (";", "\t", ",", None)  # None: white space
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:[,.' ]\d{3})+[.,]\d+")
 _NAMED_NUMBER = re.compile(r"([A-Za-z]\w*)(?:\s*[:=]\s*|\s+)([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _PICTURE = re.compile(r"\.(?:png|jpe?g|tiff?|bmp|webp|pgm|ppm)$", re.IGNORECASE)
 _COMMENTS = ("#", "!", ";", "//")
@@ -92,7 +93,8 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
     try:
         value = written_number(text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
-        raise DatasetError(path, f"{shorten(text)} is not a number", line, name) from None
+        cause = ": it has thousands separators, leave them out" if _THOUSANDS.fullmatch(text) else ""
+        raise DatasetError(path, f"{shorten(text)} is not a number{cause}", line, name) from None
     if not abs(value) <= _LARGEST:
         raise DatasetError(path, f"{shorten(text)} is not finite, or beyond {_LARGEST:g}", line, name)
     return value
@@ -158,7 +160,7 @@ def _leading_picture(line: str, bracketed: str) -> dict[str, str]:
 
 
 def _count_message(cells: Sequence[str], expected: Sequence[str], separator: str | None, is_bare: bool) -> str:
-    if separator == "," and len(cells) == 2 * len(expected):
+    if separator == "," and len(expected) < len(cells) <= 2 * len(expected) and not any("." in c for c in cells):
         return (
             f"{len(cells)} cells for {len(expected)} columns: decimal commas need another separator than a comma, "
             "such as a semicolon"

@@ -22,6 +22,8 @@ _MATRIX = ("cameramatrix", "cameramat", "intrinsicmatrix", "intrinsics", "intrin
 _TERMS = ("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoeff", "distortion", "dist", "d", "coeffs")
 _SIZE = ("imagesize", "imgsize", "size", "resolution", "framesize")
 _WIDTHS, _HEIGHTS = ("imagewidth", "width", "w"), ("imageheight", "height", "h")
+_FOCAL_AND_CENTRE = ("fx", "fy", "cx", "cy")
+_TERM_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
 _FISHEYE = ("fisheyemodel", "fisheye", "isfisheye")
 _MATRIX_SIZE = 9
 
@@ -48,6 +50,8 @@ def read_opencv(path: str | Path, model: str | None = None, which: int | None = 
     named = _fields_by_name(root)
     suffix = "" if which is None else str(which)
     matrix = _first_matrix(named, (f"{each}{suffix}" for each in _MATRIX), _MATRIX_SIZE)
+    if matrix is None and all(name in named for name in _FOCAL_AND_CENTRE):
+        return _lens_of_numbers(root, named, model or "pinhole")
     if matrix is None:
         both = _first_matrix(named, (f"{each}1" for each in _MATRIX), _MATRIX_SIZE)
         if which is None and both is not None:
@@ -65,6 +69,23 @@ def read_opencv(path: str | Path, model: str | None = None, which: int | None = 
         made_camera(terms or matrix, lens, [*parameters, *usual], size),
         f"OpenCV's {matrix.loc[-1]}, {lens} of {len(usual)} distortion terms"
         f"{'' if size is None else f', {size[0]} x {size[1]} px'}, the centre of the top-left pixel is (0, 0)",
+    )
+
+
+def _lens_of_numbers(root: Field, named: dict[str, Field], lens: str) -> StatedLens:
+    """A lens of a file that has fx, fy, cx, cy each under its name, and terms so or as a list."""
+    listed = _first_matrix(named, _TERMS)
+    if listed is not None:
+        values = _data(listed).numbers()
+    else:
+        count = max((k + 1 for k, name in enumerate(_TERM_NAMES) if name in named), default=0)
+        values = [_scalar(named[name]).number() if name in named else 0.0 for name in _TERM_NAMES[:count]]
+    usual = values if len(values) in term_counts(lens) else opencv_terms(listed or root, values)
+    parameters = [_scalar(named[name]).number() for name in _FOCAL_AND_CENTRE]
+    size = _size(named)
+    return StatedLens(
+        made_camera(root, lens, [*parameters, *usual], size),
+        f"fx, fy, cx, cy, {lens} of {len(usual)} distortion terms, the centre of the top-left pixel is (0, 0)",
     )
 
 

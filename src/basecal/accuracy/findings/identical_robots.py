@@ -1,0 +1,41 @@
+"""`identical-robots`: two robots whose recorded poses are the same numbers."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Input
+from basecal.cell import Finding
+from basecal.geometry import Array
+
+_FEWEST_POSES = 3  # poses that two robots do not share by chance
+
+
+def identical_robots(inputs: Input) -> list[Finding]:
+    """An error about each pair of robots that move and have identical poses, such as of one file for both."""
+    poses = {robot: _recorded_poses(inputs, robot) for robot in inputs.problem.robots}
+    return [
+        Finding(
+            "identical-robots",
+            "error",
+            (first, second),
+            f"{first} and {second} have identical poses.",
+            (f"Import the poses of {second} from its own file, with --replace.",),
+            "One file was probably imported for both.",
+        )
+        for first, second in combinations(poses, 2)
+        if len(poses[first]) >= _FEWEST_POSES and np.array_equal(poses[first], poses[second])
+    ]
+
+
+def _recorded_poses(inputs: Input, robot: str) -> Array:
+    """Distinct poses of a robot in the order of samples, as rows of 16 numbers; none of joints."""
+    rows: dict[int, Array] = {}
+    for group in inputs.problem.groups:
+        end = group.end_of(robot)
+        if end is not None and end.joints is None:
+            rows |= dict(zip(group.sample.tolist(), end.base_from_flange.matrix.reshape(-1, 16), strict=True))
+    ordered = [rows[number] for number in sorted(rows)]
+    return np.array(ordered) if len({each.tobytes() for each in ordered}) >= _FEWEST_POSES else np.zeros((0, 16))

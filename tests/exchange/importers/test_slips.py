@@ -1,0 +1,124 @@
+"""Slips in tables and names of files, each named with its cure before anything is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import read_cell, read_recording
+from basecal.cli import main
+from basecal.errors import DatasetError, InputError
+from basecal.exchange.importers.opencv import read_opencv
+from basecal.exchange.importers.poses import read_poses
+from basecal.exchange.pictures import missing_numbers
+from basecal.geometry import SE3
+
+POSES = SE3.exp(np.random.default_rng(0).normal(size=(5, 6)) * 0.4)
+UR = "".join(f"{', '.join(map(repr, [*p.translation.tolist(), *p.rotvec.tolist()]))}\n" for p in POSES)
+KUKA = "".join(
+    f"{', '.join(map(repr, [*(1e3 * p.translation).tolist(), *np.degrees(p.rpy[::-1]).tolist()]))}\n" for p in POSES
+)
+MATRICES = [pose.matrix for pose in POSES]
+
+
+def table(folder: Path, text: str, name: str = "poses.csv") -> str:
+    (folder / name).write_text(text)
+    return str(folder / name)
+
+
+def rows_of(matrices: list[np.ndarray]) -> str:
+    return "".join(", ".join(map(repr, matrix.ravel().tolist())) + "\n" for matrix in matrices)
+
+
+@pytest.mark.parametrize(
+    ("text", "form", "told"),
+    [
+        (KUKA, "ur", "they look like millimetres and degrees, as of .*kuka"),
+        (UR, "kuka", "they look like metres and radians, as of .*ur"),
+        (rows_of(MATRICES), "franka", "it is written by rows, give --format matrix"),
+        ("x y z rx ry rz\n1,234.5 0 0 0 0 0\n", "ur", "thousands separators"),
+        ("x,y,z,rx,ry,rz\n0,1,0,2,0,3,0,0,0,5,1\n", "ur", "decimal commas need another separator"),
+    ],
+)
+def test_tables(tmp_path: Path, text: str, form: str, told: str) -> None:
+    """A file of another controller, matrices by rows, and commas that mean something else."""
+    with pytest.raises(DatasetError, match=told):
+        read_poses(tmp_path, table(tmp_path, text, "poses.txt"), robot="arm", format=form)
+
+
+def test_transposed_matrices(tmp_path: Path) -> None:
+    """The last column of a matrix by rows is 0 0 0 1."""
+    text = "image," + ",".join(f"m{i}{j}" for i in range(4) for j in range(4)) + "\n"
+    text += "".join(f"{k}.png,{row}\n" for k, row in enumerate(rows_of([m.T for m in MATRICES]).splitlines()))
+    with pytest.raises(InputError, match="it is transposed, give --format franka"):
+        read_poses(tmp_path, table(tmp_path, text), robot="arm", format="matrix")
+
+
+def test_matrices_beside_pictures(tmp_path: Path) -> None:
+    """A column `image` beside m00 ... m23 says where each row belongs."""
+    text = "image," + ",".join(f"m{i}{j}" for i in range(3) for j in range(4)) + "\n"
+    text += "".join(f"{k:04}.png,{row}\n" for k, row in enumerate(rows_of([m[:3] for m in MATRICES]).splitlines()))
+    found = read_poses(tmp_path, table(tmp_path, text), robot="arm", format="matrix")
+    assert [row.image for row in found.rows] == [f"{k:04}.png" for k in range(5)]
+    np.testing.assert_allclose(found.rows[3].robots["arm"].base_from_flange.matrix, POSES[3].matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("header", ["Bild", "anything"])
+def test_a_column_of_pictures_says_where_rows_belong(tmp_path: Path, header: str) -> None:
+    """By any name."""
+    text = f"{header},x,y,z,rx,ry,rz\n" + "".join(f"p{k}.png,{row}\n" for k, row in enumerate(UR.splitlines()))
+    found = read_poses(tmp_path, table(tmp_path, text), robot="arm", format="ur")
+    assert [row.image for row in found.rows] == [f"p{k}.png" for k in range(5)]
+
+
+def test_a_spreadsheet(tmp_path: Path) -> None:
+    """It is to be saved as CSV."""
+    (tmp_path / "poses.xlsx").write_bytes(b"PK\x03\x04" + bytes(100))
+    with pytest.raises(DatasetError, match="save it as CSV"):
+        read_poses(tmp_path, str(tmp_path / "poses.xlsx"), robot="arm", format="ur")
+
+
+def test_an_arm_that_stands_still(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its one row is of every sample; more rows, or none to join, are refused."""
+    cell = str(tmp_path / "cell")
+    still = ["import", "poses", cell, table(tmp_path, UR.splitlines()[0], "one.txt"), "--robot", "b", "--format", "ur"]
+    assert main([*still, "--still"]) == 3
+    assert "after what moves is imported" in capsys.readouterr().err
+    moving = ["import", "poses", cell, table(tmp_path, UR, "all.txt"), "--format", "ur"]
+    assert main([*moving, "--robot", "a"]) == 0
+    assert main([*still, "--still"]) == 0
+    described = read_cell(cell)
+    states = [sample.robots["b"].base_from_flange for sample in read_recording(cell, described).samples]
+    np.testing.assert_allclose(SE3.stack(states).matrix, np.broadcast_to(POSES[0].matrix, (5, 4, 4)), atol=1e-9)
+    assert main([*moving, "--robot", "c", "--still"]) == 3
+    assert "holds 5 rows" in capsys.readouterr().err
+
+
+def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They are named by their samples, and nothing is written."""
+    rows = UR.splitlines()
+    numbers = [float(cell) for cell in rows[2].split(",")]
+    rows[2] = ", ".join(map(repr, [1e3 * 10 * value for value in numbers[:3]] + numbers[3:]))
+    words = ["import", "poses", str(tmp_path / "cell"), table(tmp_path, "\n".join(rows)), "--robot", "arm"]
+    assert main([*words, "--format", "ur"]) == 3
+    assert "samples 2 of arm look like millimetres among metres" in capsys.readouterr().err
+
+
+def test_numbers_that_pictures_leave_out() -> None:
+    """The one that is missing among numbered pictures; names without numbers have none."""
+    assert missing_numbers([f"{k:02}.png" for k in range(12) if k != 7]) == ("07",)
+    assert missing_numbers(["a.png", "b.png", "c.png"]) == ()
+    assert missing_numbers(["1.png", "1000.png", "2000.png"]) == ()
+
+
+def test_a_lens_of_numbers_by_name(tmp_path: Path) -> None:
+    """fx, fy, cx, cy and terms, each under its name."""
+    (tmp_path / "cell").mkdir()
+    text = (
+        "width: 640\nheight: 480\nfx: 600.0\nfy: 601.0\ncx: 320.0\ncy: 240.0\nk1: -0.1\nk2: 0.01\np1: 0.0\np2: 0.001\n"
+    )
+    found = read_opencv(tmp_path / "cell", table(tmp_path, text, "camera.yaml"), camera="wrist", on="arm")
+    lens = found.cell["cameras"]["wrist"]["intrinsics"]
+    assert (lens["fx"], lens["cy"], lens["distortion"][0]) == (600.0, 240.0, -0.1)
