@@ -143,15 +143,15 @@ def without_contradicted(
     """
     small = [f for f in contradictions if f.is_too_small]
     if small or not contradictions:
-        return _estimated(robust, small, settings) if small else robust
+        return _estimate_sigmas(robust, small, settings) if small else robust
     hidden = robust.solution.observability.unobservable
     if not hidden:
         return robust
-    estimated = _estimated(robust, contradictions, settings)
+    estimated = _estimate_sigmas(robust, contradictions, settings)
     return estimated if estimated.solution.observability.unobservable < hidden else robust
 
 
-def _estimated(
+def _estimate_sigmas(
     robust: RobustSolution, contradictions: Sequence[ContradictedSigma], settings: Settings
 ) -> RobustSolution:
     """The solution with these sigmas estimated."""

@@ -144,7 +144,7 @@ def test_a_gain_is_of_both_likelihoods(monkeypatch, surprise, scatter):
 def test_of_what_is_freed_it_is_how_far_it_is_from_what_was_stated(monkeypatch):
     """Of all that only the hypothesis estimates, squares and freedoms together."""
     squares = {"b": (5.0, 4), "c": (7.0, 9)}
-    monkeypatch.setattr(module, "_off", lambda solution, stated, name: squares[name])
+    monkeypatch.setattr(module, "_distance", lambda solution, stated, name: squares[name])
     found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", 3.0, ["a", "b", "c"]))
     assert found.gain == 12.0
     assert found.chance == pytest.approx(chi2.sf(12.0, 13))
@@ -206,7 +206,7 @@ def test_a_lens_is_off_in_sigmas_of_all_of_its_terms():
         covariance=np.diag(np.append(7.0, sigma**2)),
     )
     before = SimpleNamespace(cameras={"wrist": SimpleNamespace(parameters=stated)})
-    squared, count = module._off(solution, before, "wrist")
+    squared, count = module._distance(solution, before, "wrist")
     assert squared == pytest.approx(np.sum((step / sigma) ** 2))
     assert count == 5
 
@@ -221,6 +221,8 @@ def test_a_transform_is_off_by_its_tangent_in_sigmas(size):
         state=SimpleNamespace(cameras={}, transforms={"a_from_b": before @ SE3.exp(step)}),
         covariance=np.diag(sigma[:size] ** 2),
     )
-    squared, count = module._off(solution, SimpleNamespace(cameras={}, transforms={"a_from_b": before}), "a_from_b")
+    squared, count = module._distance(
+        solution, SimpleNamespace(cameras={}, transforms={"a_from_b": before}), "a_from_b"
+    )
     assert squared == pytest.approx(np.sum((step[:size] / sigma[:size]) ** 2), rel=1e-6)
     assert count == size

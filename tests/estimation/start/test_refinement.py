@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
+from basecal.estimation.solve import solve
 from basecal.estimation.start.pair_views import pair_views
-from basecal.estimation.start.refinement import Refinement, pair_problem, refine_jointly
+from basecal.estimation.start.refinement import Refinement, _lowest_costs, pair_problem, refine_jointly
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -106,3 +108,20 @@ def test_every_view_of_a_pair_counts():
     best = bundle_adjust(pair_problem(asked.views, asked.loop, False), state, 1).state
     for name, at in zip("xyz", found, strict=True):
         np.testing.assert_allclose((best.transforms[name].inverse() @ at).log(), 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", [21, 57, 141])
+def test_a_small_board_far_away_is_started_by_both_poses_of_its_views(seed):
+    """Sixteen points within 90 mm, 1.5 to 2.5 m away, look alike from two sides: the optimum is that of the noise."""
+    seen = {"board": chessboard_target((4, 4), 0.03), "distance_m": (1.5, 2.5), "pixel_px": 1.5}
+    scenario = Scenario(9, "chessboard", spread_rad=0.4, robot_noise=(1e-4, 2e-4), **seen)
+    made = simulate(scenario, seed)
+    solution = solve(made.cell, made.recording)
+    assert solution.cost < 1.3 * solution.dof
+
+
+def test_starts_that_cost_least_are_refined_further():
+    """Of each wish as many as asked for, the lowest first; a cost that is no number is the last."""
+    cost, owner = np.array([3.0, np.nan, 1.0, 7.0, 5.0]), np.array([0, 0, 0, 1, 1])
+    assert _lowest_costs(cost, owner, 2).tolist() == [2, 0, 4, 3]
+    assert _lowest_costs(cost, owner, 1).tolist() == [2, 4]

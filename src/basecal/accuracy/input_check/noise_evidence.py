@@ -48,7 +48,7 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | 
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
         return compare_nested("size", gain, 1, CONFIRMED)
-    off = [_off(wider, narrower.state, name) for name in freed]
+    off = [_distance(wider, narrower.state, name) for name in freed]
     gain = sum(square for square, _ in off)
     return compare_nested("freed", gain, sum(count for _, count in off), CONFIRMED)
 
@@ -78,14 +78,14 @@ def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _off(solution: Solution, stated: State, name: str) -> tuple[float, int]:
+def _distance(solution: Solution, before: State, name: str) -> tuple[float, int]:
     """Squared distance of an estimated lens or transform from the stated one, in sigmas, and its freedoms."""
     where = solution.problem.columns[name]
-    if name in stated.cameras:
+    if name in before.cameras:
         found = solution.state.cameras[name].parameters
-        before = stated.cameras[name].parameters
-        step = found - np.pad(before, (0, len(found) - len(before)))
+        stated = before.cameras[name].parameters
+        step = found - np.pad(stated, (0, len(found) - len(stated)))
     else:
-        step = (stated.transforms[name].inverse() @ solution.state.transforms[name]).log()[: where.stop - where.start]
+        step = (before.transforms[name].inverse() @ solution.state.transforms[name]).log()[: where.stop - where.start]
     known = spectrum(solution.covariance[where, where])
     return float(known.mahalanobis_squared(step)), int(known.rank)

@@ -37,18 +37,28 @@ class PairViews:
         candidates: (n, k) poses of the target in each view, best first; None if it is seen as a light.
         weight: (n,) how far the poses are to be trusted, at most 1.
         total: How many views there were before thinning.
+        is_ambiguous: (n,) views of a plane whose next best pose fits as well; None if none is.
     """
 
     group: ViewGroup
     candidates: SE3 | None
     weight: Array
     total: int
+    is_ambiguous: BoolArray | None = None
 
     def loop(self, x: SE3 | None, y: SE3 | None, z: SE3 | None, choice: IntArray) -> Loop:
         """The loop's factors, with the `choice` (n,) candidate of each view."""
         rows = np.arange(len(self.group))
         b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, choice]
         return Loop(self.group.eye.base_from_flange, b, self.group.hand.base_from_flange, x, y, z, self.weight)
+
+    def loop_with_both(self, loop: Loop) -> Loop | None:
+        """A loop with both poses of ambiguous views as samples of their own; None if no view is ambiguous."""
+        if self.candidates is None or self.is_ambiguous is None:
+            return None
+        row = np.concatenate([np.arange(len(self.group)), np.flatnonzero(self.is_ambiguous)])
+        pose = (np.arange(len(row)) >= len(self.group)).astype(np.int64)
+        return loop._replace(a=loop.a[row], b=self.candidates[row, pose], c=loop.c[row], weight=self.weight[row])
 
     def predict_poses(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
         """Poses of the target in each view by X, Y and Z, (n,)."""
@@ -123,7 +133,7 @@ def _pixel_views(
     sigma = np.sqrt(np.trace(spread[:, 3:, 3:], axis1=-2, axis2=-1))
     alike = poses.cost[:, 1] - poses.cost[:, 0] < _AMBIGUOUS_CHI2
     weight = 1 / (1 + sigma / _UNSURE_RAD) * np.where(alike, _AMBIGUOUS_WEIGHT, 1.0)
-    sight = PairViews(group, poses.camera_from_target, weight, total)
+    sight = PairViews(group, poses.camera_from_target, weight, total, alike if alike.any() else None)
     return sight if group.half_turn is None else _with_half_turns(sight, group.half_turn)
 
 

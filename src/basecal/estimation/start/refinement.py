@@ -12,14 +12,15 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_bat
 from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.start.closed_form import Loop, Rotations, solve_translations
 from basecal.estimation.start.pair_views import PairViews
-from basecal.estimation.start.rotation_search import pose_starts
+from basecal.estimation.start.rotation_search import pose_starts, settled_rotations
 from basecal.geometry import SE3, Array, IntArray
-from basecal.numerics.batch import stack
+from basecal.numerics.batch import stack, take
 
 Triple = tuple[SE3, SE3, SE3]
 
 _GRID_CELLS = 16  # of the grid of rotations that are refined; judged by benchmarks.starts
 _REFINEMENT_STEPS = 30  # a start that needs more is in no basin; the best is refined again with all views
+_FINALISTS, _FINAL_STEPS = 4, 100  # starts of a search that are refined further
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +62,7 @@ def refine_jointly(wishes: Sequence[Refinement], iterations: int = _REFINEMENT_S
 def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     """Of wishes of one structure; those of fewer views are filled up with views of no weight."""
     if wishes[0].searched:
-        found = pose_starts([wish.loop for wish in wishes], _GRID_CELLS)
-        turns = [[Rotations(*turn, True) for turn in of] for of in found]
-        more = [[solve_translations(w.loop, turn) for turn in of] for w, of in zip(wishes, turns, strict=True)]
-        wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, more, strict=True)]
+        wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, _search_starts(wishes), strict=True)]
     most = max(len(wish.views.group) for wish in wishes)
     problems = [pair_problem(wish.views, wish.loop, wish.is_point) for wish in wishes]
     rows = [np.minimum(np.arange(most), len(wish.views.group) - 1) for wish in wishes]
@@ -73,15 +71,47 @@ def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     owner = np.repeat(np.arange(len(wishes)), [len(wish.starts) for wish in wishes])
     starts = [dict(zip("xyz", start, strict=True)) for wish in wishes for start in wish.starts]
     states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
-    together = problems[0].with_groups([group.of_batch(owner)])
-    ends = bundle_adjust_batch(together, states, dof=1, iterations=iterations, weights=[weight[owner]])
-    return [_best_triple(ends.state, ends.cost, np.flatnonzero(owner == k)) for k in range(len(wishes))]
+    # Of starts far from any optimum the lowest after few steps need not lead to the lowest optimum.
+    for steps, most_left in ((iterations, _FINALISTS), (_FINAL_STEPS, 1)) if wishes[0].searched else ((iterations, 1),):
+        together = problems[0].with_groups([group.of_batch(owner)])
+        ends = bundle_adjust_batch(together, states, dof=1, iterations=steps, weights=[weight[owner]])
+        left = _lowest_costs(ends.cost, owner, most_left)
+        states, owner = take(ends.state, left), owner[left]
+    of = states.transforms
+    return [(of["x"][k], of["y"][k], of["z"][k]) for k in range(len(wishes))]
 
 
-def _best_triple(states: State, cost: Array, rows: IntArray) -> Triple:
-    row = rows[np.argmin(np.where(np.isnan(cost[rows]), np.inf, cost[rows]))]
-    x, y, z = (states.transforms[k][row] for k in "xyz")
-    return x, y, z
+def _lowest_costs(cost: Array, owner: IntArray, count: int) -> IntArray:
+    """Rows of the starts of each wish that cost least, at most so many, by wish and cost."""
+    known = np.where(np.isnan(cost), np.inf, cost)
+    rows = [np.flatnonzero(owner == k) for k in range(owner.max() + 1)]
+    return np.concatenate([of[np.argsort(known[of], kind="stable")[:count]] for of in rows])
+
+
+def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
+    """Starts by a search over rotations, with the better pose of each view, and with both of those that have two."""
+    both = {k: loop for k, wish in enumerate(wishes) if (loop := wish.views.loop_with_both(wish.loop)) is not None}
+    found = pose_starts([*(wish.loop for wish in wishes), *both.values()], _GRID_CELLS)
+    starts = [[_place_rotations(wish.loop, turn) for turn in of] for wish, of in zip(wishes, found, strict=False)]
+    for k, of in zip(both, found[len(wishes) :], strict=True):
+        views, loop = wishes[k].views, wishes[k].loop
+        chosen = [_choose_poses(views, loop, turn) for turn in of]
+        starts[k] += [_place_rotations(*each) for each in zip(chosen, of, strict=True)]
+        settled = settled_rotations(chosen, of)
+        starts[k] += [_place_rotations(_choose_poses(views, loop, each[:3]), each[:3]) for each in settled]
+    return starts
+
+
+def _choose_poses(views: PairViews, loop: Loop, rotations: tuple[Array, Array, Array]) -> Loop:
+    """A loop with the pose of each view that is nearer to what rotations of X, Y and Z predict."""
+    assert views.candidates is not None
+    choice = views.nearer_pose(_place_rotations(loop, rotations))
+    return loop._replace(b=views.candidates[np.arange(len(choice)), choice])
+
+
+def _place_rotations(loop: Loop, rotations: tuple[Array, Array, Array]) -> Triple:
+    """Rotations of X, Y and Z with their translations."""
+    return solve_translations(loop, Rotations(*rotations, True))
 
 
 def pair_problem(views: PairViews, loop: Loop, is_point: bool) -> Problem:
