@@ -93,7 +93,7 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
                 Live(get_renderable=lambda: terminal_view(watch.snapshot), refresh_per_second=_A_SECOND)
             )
         yield CaptureView(watch, key, not is_seen and not quiet)
-        watch.end("over")
+        watch.end("The capture is over. Its last lines in the terminal say what is next.")
 
 
 def say_step(step: Step, place: int) -> None:

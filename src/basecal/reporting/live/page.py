@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -38,13 +39,15 @@ def serve_page(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
 
     with serving(build, "capture", "the page of a capture", port) as address:
         yield address
+        if watch.snapshot.is_over:
+            time.sleep(2 * _REFRESH_S)  # so that who looks sees the end
 
 
 def _build(ui: Any, extra: Any, watch: Watch, cell: Cell) -> None:
     """The page, and what renews it; `extra` runs what takes long in a thread of its own."""
     with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
         doing = ui.label().style("font-size: 1.4rem; font-weight: 600")
-        advice = ui.label().style("color: #b35c00; font-size: 1.1rem")
+        advice = ui.label().style("color: #b35c00; font-weight: 600; font-size: 1.1rem")
         doubts = ui.label().style("color: #b00020; font-weight: 600; white-space: pre-line")
         with ui.row().style("width: 100%"):
             pictures = {name: ui.interactive_image().style("width: 100%; max-width: 640px") for name in cell.cameras}
@@ -53,7 +56,7 @@ def _build(ui: Any, extra: Any, watch: Watch, cell: Cell) -> None:
                 covered = ui.html("", sanitize=False).style("width: 240px")
                 sigma = ui.html("", sanitize=False).style("width: 360px")
             arms = ArmsView(ui, cell)
-        said = ui.label().style("white-space: pre-line; color: #666")
+        said = ui.label().style("white-space: pre-line; opacity: 0.75")
     shown: dict[str, Grey] = {}
 
     async def renew() -> None:

@@ -47,7 +47,7 @@ def serving(build: Build, title: str, subject: str, port: int = 0) -> Iterator[s
     line = _listening(port)
     at = f"{HOST}:{line.getsockname()[1]}"
     inside = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    ui.run_with(inside, root=lambda: build(ui, run.io_bound), title=title, show_welcome_message=False)
+    ui.run_with(inside, root=lambda: build(ui, run.io_bound), title=title, show_welcome_message=False, dark=None)
     guard = Guard(inside, token, [at, at.replace(HOST, "localhost")])
     server = uvicorn.Server(uvicorn.Config(guard, log_level="error", ws_max_size=2**20))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [line]}, daemon=True)
