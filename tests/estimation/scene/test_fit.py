@@ -44,3 +44,13 @@ def test_gross_errors_are_left_out():
     where = scene_columns(fit.views, fit.state.lenses).mounts[0]
     assert off @ np.linalg.solve(scene_covariance(fit)[where, where], off) < 27.9
     assert np.abs(residuals_px(fit.views, fit.tracks, fit.state)).max() < 6 * PIXEL
+
+
+def test_a_scene_of_which_nothing_is_left_is_no_scene():
+    """Image points of which no two rays meet in front of the cameras end in one error, not in a fault."""
+    scene = made_scene(2, count=5, points=40)
+    rng = np.random.default_rng(6)
+    anywhere = rng.uniform(0, 700, scene.tracks.pixels.shape)
+    tracks = Tracks(scene.tracks.view, scene.tracks.point, anywhere)
+    with pytest.raises(np.linalg.LinAlgError):
+        fit_scene(scene.views, tracks, started(scene), (LENS,), (None,))

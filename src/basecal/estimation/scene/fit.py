@@ -42,7 +42,7 @@ def fit_scene(
         stated: (6,) noise of each robot [m, rad]; None if it is to be estimated.
 
     Raises:
-        np.linalg.LinAlgError: if too few points are left.
+        np.linalg.LinAlgError: if no points are left, or too few.
     """
     reach_m = _reach_m(views)
     stop_sigma = _first_sigmas(views, stated, reach_m)
@@ -52,16 +52,23 @@ def fit_scene(
     state = replace(state, points=points[kept])
     sigma_px = _FIRST_PX
     for number in range(_REFINEMENTS):
+        _check_points(tracks)
         found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses, _TAIL), state)
         sigma_px = _robust_sigma(found)
         stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stated, reach_m).stop_sigma
         limit_px = max(_GROSS * sigma_px, _FIRST_LIMIT_PX / 2**number if number < _REFINEMENTS - 1 else 0.0)
         tracks, state = _without_gross(found, limit_px)
+    _check_points(tracks)
     for _ in range(2):
         found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
         sigmas = estimate_sigmas(found, stated, reach_m)
         sigma_px, stop_sigma, state = sigmas.sigma_px, sigmas.stop_sigma, found.state
     return adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
+
+
+def _check_points(tracks: Tracks) -> None:
+    if not len(tracks):
+        raise np.linalg.LinAlgError("no point of the scene is left")
 
 
 def _reach_m(views: SceneViews) -> list[float]:

@@ -122,5 +122,6 @@ def _likelihood(fit: SceneFit, stated: Sequence[Array | None], reach_m: Sequence
     errors[own] = fit.state.errors.ravel()
     carried = fit.pixel_information @ errors
     residuals = residuals_px(fit.views, fit.tracks, fit.state)
+    residuals = residuals[np.isfinite(residuals)]  # without points behind a camera, which the next round leaves out
     squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
     return _Likelihood(fit, stated, reach_m, prior, fit.pixel_gradient - carried, squares)
