@@ -40,7 +40,8 @@ def without_samples(
 ) -> WithoutSamples:
     """The calibration without samples of these numbers.
 
-    Its covariance is that of the calibration, and what the samples contributed to it by the noise that was found.
+    It is the calibration moved by what the samples moved it, with its covariance and what they contributed to that, by
+    the noise that was found.
 
     Args:
         cell: What was calibrated.
@@ -58,8 +59,11 @@ def without_samples(
     solution, whole = (_solve_again(cell, each, calibration) for each in (kept, recording))
     seen = {n: solution.transforms[n] for n in cell.asked if n in _observable_names(solution)}
     for name in seen.keys() & calibration.transforms.keys() & _observable_names(whole):
-        lost = seen[name].covariance - whole.transforms[name].covariance
-        seen[name] = replace(seen[name], covariance=calibration[name].covariance + lost)
+        before, answer = whole.transforms[name], calibration[name]
+        mean = answer.mean @ before.mean.inverse() @ seen[name].mean
+        seen[name] = replace(
+            answer, mean=mean, covariance=answer.covariance + seen[name].covariance - before.covariance
+        )
     return WithoutSamples(seen, residuals(solution), solution.converged)
 
 
