@@ -87,3 +87,11 @@ def test_a_folder_whose_name_is_no_text(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["calibrate", named]) in (0, 1)
     (page,) = Path(named).glob("runs/*/report.html")
     assert "bad\ufffd" in page.read_text(encoding="utf-8")
+
+
+def test_a_message_quotes_no_more_than_fits(capsys: pytest.CaptureFixture[str]) -> None:
+    """A word of 20 kB is cut in its middle: the line keeps what is wrong at its start and the advice at its end."""
+    assert main(["calibrate", "x", "--method", "y" * 20_000]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("basecal: error: ")
+    assert 2000 < len(said) < 2100

@@ -5,25 +5,32 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
 
+from basecal.exchange.hand_eye.arrays import read_record_of_arrays
 from basecal.exchange.hand_eye.easy_handeye import read_easy_handeye
 from basecal.exchange.hand_eye.industrial import read_data_set
 from basecal.exchange.hand_eye.moveit import is_joint_states, read_joint_states, read_moveit_samples
+from basecal.exchange.joints import read_joints
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.exchange.lens_files.colmap import read_colmap
 from basecal.exchange.lens_files.kalibr import read_camchain, read_target
 from basecal.exchange.lens_files.mrcal import read_cameramodel
 from basecal.exchange.lens_files.opencv import read_opencv
+from basecal.exchange.lerobot import read_episode
+from basecal.kinematics import read_chain
 from torment.damage import damaged, torn_bytes
 from torment.outcome import of_reader
 
 Trial = Callable[[Random, Path], str]
 _BY_BYTES = 0.4  # of the trials; in the others the data is damaged, and written as JSON
+_SIX_AXIS = Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf"
+_TORN = 0.8  # of the tables of LeRobot
 _MATRIX = [766.5, 0.0, 640.9, 0.0, 765.4, 358.8, 0.0, 0.0, 1.0]
 _POSE = {"translation": {"x": 0.1, "y": 0.2, "z": 0.3}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
 _FLAT = {"x": 0.1, "y": 0.2, "z": 0.3, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
@@ -89,7 +96,45 @@ def _data_set(path: Path) -> object:
     return read_data_set(path)
 
 
+def _joints(path: Path) -> object:
+    return read_joints(str(path), "hand", read_chain(_SIX_AXIS, "base_link", "tool0"), True)
+
+
+def read_damaged_tables(chance: Random, folder: Path) -> str:
+    """A dataset of LeRobot, its description or its table damaged."""
+    if find_spec("pyarrow") is None:
+        return "no pyarrow"
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    (folder / "meta").mkdir()
+    (folder / "data").mkdir()
+    feature = {"features": {"observation.state": {"names": ["a.pos", "b.pos"]}}}
+    (folder / "meta" / "info.json").write_text(
+        json.dumps(damaged(feature, chance) if chance.random() < 0.3 else feature)
+    )
+    rows = 2 ** chance.randint(0, 18)
+    states = pa.ListArray.from_arrays(np.arange(0, 2 * rows + 1, 2, dtype=np.int32), np.zeros(2 * rows))
+    columns = [states, np.zeros(rows), np.zeros(rows, np.int64)]
+    table = pa.table(columns, names=["observation.state", "timestamp", "episode_index"])
+    pq.write_table(table, folder / "data" / "a.parquet", compression=chance.choice(["none", "zstd", "snappy"]))
+    content = (folder / "data" / "a.parquet").read_bytes()
+    at = chance.choice([0, len(content) // 2, max(len(content) - 400, 0)])  # at its end it says what it holds
+    if chance.random() < _TORN:
+        (folder / "data" / "a.parquet").write_bytes(content[:at] + torn_bytes(content[at:], chance))
+    return of_reader(lambda: read_episode(folder, chance.choice([0, 0, 1])))
+
+
 FOREIGN: dict[str, Trial] = {
+    "arrays": _of_data(
+        {name: np.tile(np.eye(3), (3, 1, 1)).tolist() for name in ("R_gripper2base", "R_target2cam")}
+        | {name: np.zeros((3, 3)).tolist() for name in ("t_gripper2base", "t_target2cam")},
+        "a.json",
+        lambda path: read_record_of_arrays(path, None, 1.0),
+    ),
+    "joints": _of_texts(
+        {"a.csv": b",".join(b"joint_%d" % k for k in range(1, 7)) + b"\n0,-90,90,0,20,0\n10,-80,80,5,20,-5\n"}, _joints
+    ),
     "easy-handeye": _of_data(
         {"parameters": {"calibration_type": "eye_on_base"}, "samples": [{"robot": _POSE, "tracking": _POSE}]},
         "a.samples",

@@ -23,6 +23,7 @@ from torment import besides, disks, system_calls
 from torment.cells import KINDS, calibration, cell_text, made, moved_or_good, write
 from torment.damage import HOSTILE_TEXTS, damaged, places
 from torment.exports import EXPORTS
+from torment.foreign import read_damaged_tables
 from torment.numbers import calibrate_strange
 from torment.outcome import Fell, of_command, of_reader
 from torment.writes import write_fault
@@ -222,6 +223,7 @@ WHOLE: dict[str, Trial] = {
     "faults of system calls": system_calls.fault,
     "slow disk": disks.slow_disk,
     "read-only": disks.read_only,
+    "lerobot": read_damaged_tables,
     "import bag": besides.import_damaged_bag,
     "verify": verify_damaged,
     "compare": compare_damaged,

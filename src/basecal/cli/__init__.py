@@ -32,6 +32,7 @@ _VERBS = {
     "merge": "Make one cell of several that were recorded apart, such as each arm with the other still.",
 }
 """Each a function of a module of its name, and the first sentence of its help: none is loaded to list them."""
+_END_CHARACTERS = 1000  # of a message at each of its ends, if it is longer than both
 _IMPORT = "Make a cell and its recording from other programs' files, or complete what is there."
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.
@@ -156,6 +157,9 @@ def _report_failure(error: object, code: int) -> int:
     text = str(error)
     if isinstance(error, DatasetError):
         text = text.replace(f"\n{error.path}:", "; line ")
+    line = " ".join(text.split())
+    if len(line) > 2 * _END_CHARACTERS:  # what is quoted of the input, or of the command line, may have any length
+        line = f"{line[:_END_CHARACTERS]} ... {line[-_END_CHARACTERS:]}"
     if sys.stderr is not None:
-        say(f"basecal: error: {' '.join(text.split())}", sys.stderr)
+        say(f"basecal: error: {line}", sys.stderr)
     return code

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import socket
+import struct
+import subprocess
+import sys
+import textwrap
 import threading
+from contextlib import suppress
 
 import pytest
 from pydantic import ValidationError
@@ -72,3 +77,41 @@ def test_another_program_at_the_port():
         threading.Thread(target=hang_up, args=(other,), daemon=True).start()
         with pytest.raises(DriverError, match=r"eye: the server (does not answer|says)"):
             session(other.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        bytes(4000),
+        b"ACKF\xff\xff\xff\x7f" + bytes(1000),
+        b"ERRF" + struct.pack("<I8s", 16, b"\xff" * 8),
+        b"ACKF" + struct.pack("<6I", 28, 0, *[2**16] * 4) + b"OPNF" + struct.pack("<I52s", 60, b"\xff" * 52),
+    ],
+    ids=["zeros", "huge", "error", "channel"],
+)
+def test_a_hostile_server_is_one_line(answer):
+    """Whatever it answers, the library's own tracebacks do not reach the terminal."""
+    words = """
+        from basecal.acquisition.opcua.options import OpcuaOptions
+        from basecal.acquisition.opcua.session import Session
+        from basecal.errors import DriverError
+        options = OpcuaOptions(url="opc.tcp://127.0.0.1:PORT", joints=["ns=2;s=j"], unit="rad")
+        try:
+            Session("eye", options, lambda client: [client.get_node("ns=2;s=j")])
+        except DriverError as error:
+            print(error)
+    """
+
+    def serve(other):
+        for _ in range(2):
+            with other.accept()[0] as connection, suppress(OSError):
+                connection.recv(4096)
+                connection.sendall(answer)
+
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        threading.Thread(target=serve, args=(other,), daemon=True).start()
+        words = textwrap.dedent(words).replace("PORT", str(other.getsockname()[1]))
+        ended = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, timeout=60, check=True)
+    assert ended.stdout.startswith("eye: the server")
+    assert ended.stdout.count("\n") == 1
+    assert ended.stderr == ""

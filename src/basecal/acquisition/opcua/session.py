@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -19,6 +20,7 @@ from basecal.errors import DriverError, MissingExtra
 from basecal.geometry import Array
 
 _ANSWER_S = 4.0  # a server has for an answer; some sign on slowly
+_LIBRARIES = ("asyncua", "asyncio")
 _GONE = ("Connection", "Session", "SecureChannel", "Timeout", "Shutdown", "ServerHalted")
 _REFUSED = ("UserAccessDenied", "IdentityToken", "SecurityPolicy", "SecurityMode", "SecurityChecks", "Unauthorized")
 
@@ -46,6 +48,8 @@ class Session:
         except ImportError:
             raise MissingExtra("opcua", "the driver 'opcua'") from None
         connect(self._name, options.host, options.port, "an OPC UA server").close()
+        for library in _LIBRARIES:
+            logging.getLogger(library).addHandler(logging.NullHandler())  # else its tracebacks go to stderr
         client = Client(options.url, timeout=_ANSWER_S)
         if options.user is not None:
             client.set_user(options.user)

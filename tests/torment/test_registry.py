@@ -1,0 +1,53 @@
+"""Torment has a trial of every kind that can be chosen by name; those that lack one are listed, and become fewer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import pytest
+
+from basecal.acquisition.drivers.registry import DRIVERS
+from basecal.cli import _VERBS
+from basecal.exchange.exporters.registry import EXPORTERS
+from basecal.exchange.importers.registry import IMPORTERS
+from basecal.exchange.motions.registry import MOTIONS
+from basecal.studies.solvers.registry import SOLVERS
+from torment.run import TRIALS
+
+_NAMES: Mapping[str, str] = {
+    "images": "image",
+    "bag": "import bag",
+    "industrial-calibration": "industrial",
+    "robot-cal-tools": "industrial",
+    "driver simulated": "replies",
+    "detect": "command line",
+    "simulate": "command line",
+    "new": "command line",
+    "report": "page",
+    "target": "command line",
+    "solver maximum_likelihood": "study, run",
+    "export": "export json",
+}
+"""Trials of another name than what they torment."""
+
+_WITHOUT: Mapping[str, frozenset[str]] = {
+    "verbs": frozenset({"completion", "demo", "capture", "fix", "view", "merge"}),
+    "drivers": frozenset(f"driver {kind}" for kind in ("replay", "folder", "typed", "opencv", "ur", "opcua", "ros2")),
+    "solvers": frozenset({"solver closed_form", "solver opencv"}),
+}
+
+
+@pytest.mark.parametrize(
+    ("room", "kinds"),
+    [
+        ("verbs", _VERBS),
+        ("importers", IMPORTERS),
+        ("exporters", [f"export {kind}" for kind in EXPORTERS]),
+        ("motions", [f"plan --to {kind}" for kind in MOTIONS]),
+        ("drivers", [f"driver {kind}" for kind in DRIVERS]),
+        ("solvers", [f"solver {kind}" for kind in SOLVERS]),
+    ],
+)
+def test_every_kind_has_its_torment(room: str, kinds: Iterable[str]) -> None:
+    """A kind that is added without a trial is named here; one that gets a trial leaves the list."""
+    assert {kind for kind in kinds if _NAMES.get(kind, kind) not in TRIALS} == _WITHOUT.get(room, set())
