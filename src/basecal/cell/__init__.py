@@ -34,6 +34,7 @@ from basecal.cell.recording import (
     Recording,
     RobotState,
     Sample,
+    TouchObservation,
     TrackObservation,
 )
 from basecal.cell.results.verification_file import MeasuredShift, PastVerification
@@ -82,6 +83,7 @@ __all__ = [
     "SampleResidual",
     "Target",
     "Tolerance",
+    "TouchObservation",
     "TrackObservation",
     "Unknown",
     "Validation",

@@ -16,6 +16,7 @@ from basecal.geometry.lenses.registry import model_lenses
 from basecal.kinematics import SerialChain
 
 Status = Literal["fixed", "prior", "free"]
+SensorKind = Literal["camera", "tracker", "tip"]
 WORLD = "world"
 
 
@@ -146,6 +147,7 @@ class CellCamera:
         clock: Of the stamps of its images; None if nothing is stated.
         driver: What gives its pictures while a recording is made; None if nothing does.
         rolling_shutter: Of its rows; None if all are seen at once.
+        kind: A `tracker` measures points in space all around it; a `tip` touches points at its own origin.
     """
 
     name: str
@@ -157,6 +159,7 @@ class CellCamera:
     clock: Clock | None = None
     driver: Driver | None = None
     rolling_shutter: RollingShutter | None = None
+    kind: SensorKind = "camera"
 
     @property
     def distortion_terms(self) -> int:
@@ -186,6 +189,11 @@ class CellTarget:
     mount: Unknown = Unknown()
     target: Target | None = None
     size_sigma: float | None = None
+
+    @property
+    def is_touched(self) -> bool:
+        """Whether it is a mark or a tip."""
+        return self.target is not None and self.target.kind in ("mark", "tip")
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,10 +226,11 @@ class Cell:
         bases: `<reference>_base_from_<robot>_base` of every other robot, by the robot's name.
         cameras: By name.
         targets: By name.
-        pixel_px: Sigma of a pixel coordinate where an observation states none; None if it is to be estimated.
+        pixel_px: Sigma of a pixel coordinate if an observation has no sigma; None if it is to be estimated.
         correlated_px: Sigma of an error that all points of a view share, per coordinate; None for none.
         keep_out: Boxes that arms stay out of, by name.
         sees_scene: Whether the static scene is what cameras see, in place of a target.
+        plates: `<reference>_base_from_<plate>` of rigid plates that carry marks, by name.
     """
 
     reference: str
@@ -233,6 +242,7 @@ class Cell:
     correlated_px: float | None = None
     keep_out: Mapping[str, KeepOut] = field(default_factory=dict)
     sees_scene: bool = False
+    plates: Mapping[str, Unknown] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse names that disagree.
@@ -246,7 +256,7 @@ class Cell:
                 raise InputError(f"{name!r} is the name under which {thing.name!r} is given: expected one name")
         carriers = {thing.name: thing.on for thing in self._things if thing.on != WORLD}
         for about, robot in {"reference": self.reference, **{name: name for name in self.bases}, **carriers}.items():
-            if robot not in self.robots:
+            if robot not in self.robots and robot not in self.plates:
                 there = list_names(list(self.robots))
                 raise InputError(f"{about}: no robot {robot!r}{nearest(robot, self.robots)}; there are: {there}")
 
@@ -258,6 +268,10 @@ class Cell:
     @property
     def _things(self) -> list[CellCamera | CellTarget]:
         return [*self.cameras.values(), *self.targets.values()]
+
+    def plate_name(self, plate: str) -> str:
+        """Name of the transform from a plate to the reference's base, `a_from_b`."""
+        return f"{self.reference}_base_from_{plate}"
 
     def base_name(self, robot: str) -> str:
         """Name of the transform from the base of `robot` to the reference's, `a_from_b`."""
@@ -273,6 +287,8 @@ class Cell:
         if thing is None:
             raise FrameNotFound(name, [*self.cameras, *self.targets])
         carrier = f"{self.reference}_base" if thing.on == WORLD else f"{thing.on}_flange"
+        if thing.on in self.plates:
+            carrier = thing.on
         return f"{carrier}_from_{name}"
 
     @property
@@ -280,6 +296,7 @@ class Cell:
         """Every unknown transform by name: bases, then mounts of cameras, then of targets."""
         others = [robot for robot in self.robots if robot != self.reference]
         named = {self.base_name(robot): self.bases.get(robot, Unknown()) for robot in others}
+        named |= {self.plate_name(plate): mount for plate, mount in self.plates.items()}
         for thing in self._things:
             named[self.mount_name(thing.name)] = thing.mount
         return named
@@ -289,7 +306,8 @@ class Cell:
         bases = {r: unknown for r in self.robots if r != self.reference and self.base_name(r) == name}
         cameras = {k: replace(c, mount=unknown) if self.mount_name(k) == name else c for k, c in self.cameras.items()}
         targets = {k: replace(c, mount=unknown) if self.mount_name(k) == name else c for k, c in self.targets.items()}
-        return replace(self, bases={**self.bases, **bases}, cameras=cameras, targets=targets)
+        plates = {k: unknown if self.plate_name(k) == name else known for k, known in self.plates.items()}
+        return replace(self, bases={**self.bases, **bases}, cameras=cameras, targets=targets, plates=plates)
 
     @property
     def asked(self) -> list[str]:

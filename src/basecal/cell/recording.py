@@ -71,6 +71,26 @@ class PointObservation:
 
 
 @dataclass(frozen=True, eq=False)
+class TouchObservation:
+    """A tip at a mark, or at the tip of another robot (`is_tip_to_tip`); `sigma_m` per axis, or None."""
+
+    tip: str
+    mark: str
+    sigma_m: float | None = None
+    is_tip_to_tip: bool = False
+
+    @property
+    def camera(self) -> str:
+        """What sees: the tip."""
+        return self.tip
+
+    @property
+    def target(self) -> str:
+        """What it sees, at its own origin."""
+        return self.mark
+
+
+@dataclass(frozen=True, eq=False)
 class TrackObservation:
     """Points of the static scene in an image, whose places nobody knows.
 
@@ -85,7 +105,7 @@ class TrackObservation:
     pixels: Array
 
 
-Observation = PixelObservation | CandidateObservation | PoseObservation | PointObservation
+Observation = PixelObservation | CandidateObservation | PoseObservation | PointObservation | TouchObservation
 
 
 @dataclass(frozen=True, eq=False)

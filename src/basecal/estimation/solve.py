@@ -233,7 +233,7 @@ def _is_plausible(problem: Problem, cost: float) -> bool:
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
     if not unstated:
         return cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1)
-    limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M)
+    limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M, _PLAUSIBLE_M)
     unit = Noise()
     worst = max(getattr(limits, f) / getattr(unit, f) for f in unstated)
     return cost < float(worst) ** 2 * max(dof, 1)

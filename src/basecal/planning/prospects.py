@@ -30,7 +30,7 @@ from basecal.geometry import Array, PoseEstimate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.planning.sketch import Sketch, sketch_cell
 
-ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3)
+ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, touch_m=2e-4)
 """Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real pictures."""
 
 ASSUMED_ROBOT_SIGMAS = np.repeat([2e-4, 4e-4], 3)
@@ -140,7 +140,7 @@ def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
 
 
 def _with_noise(problem: Problem, calibration: Calibration | None) -> Problem:
-    """The problem with the sigmas of a calibration for what states none, or those that are assumed."""
+    """The problem with the sigmas of a calibration for unstated noise, or those that are assumed."""
     found = {} if calibration is None else calibration.noise
     groups = []
     for group in problem.groups:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,11 +22,9 @@ reference: eye
 robots:
   eye: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 2e-4}}
   hand: {noise: {sigma_t_m: 1e-4, sigma_r_rad: 2e-4}}
-cameras:
-  eye_tip: {on: eye, mount: {status: fixed, t_m: [0, 0, 0.12], q_xyzw: [0, 0, 0, 1]}}
-targets:
-  hand_tip:
-    {on: hand, kind: points, points_m: [[0, 0, 0]], mount: {status: fixed, t_m: [0, 0, 0.1], q_xyzw: [0, 0, 0, 1]}}
+tips:
+  eye_tip: {on: eye, offset: {status: fixed, t_m: [0, 0, 0.12]}}
+  hand_tip: {on: hand, offset: {status: fixed, t_m: [0, 0, 0.1]}}
 """
 BASE = "eye_base_from_hand_base"
 TRUTH = SE3.from_rpy((0.02, -0.03, 3.0), (1.0, 0.1, 0.05))
@@ -45,7 +42,7 @@ def touches(rng: np.random.Generator, count: int, base: SE3 = TRUTH) -> str:
             true = stands.inverse() @ SE3(turn, met - turn @ [0, 0, tip])
             said = true @ SE3.exp(rng.standard_normal(6) * np.repeat([1e-4, 2e-4], 3))
             robots[name] = {"base_from_flange": {"t_m": said.translation.tolist(), "q_xyzw": said.quaternion.tolist()}}
-        seen = {"camera": "eye_tip", "target": "hand_tip", "ids": [0], "points_in_camera_m": [[0, 0, 0]]}
+        seen = {"tip": "eye_tip", "tip2": "hand_tip"}
         lines.append(json.dumps({"sample": number, "robots": robots, "observations": [{**seen, "sigma_m": SIGMA_M}]}))
     return "\n".join(lines) + "\n"
 
@@ -85,9 +82,16 @@ def test_calibrate_says_good(tmp_path, capsys, seed):
     assert capsys.readouterr().out.startswith(f"GOOD: {BASE} to ")
 
 
+def test_the_documented_touches_are_these():
+    """The tips and the observation of docs/verify.md are those of the cell here, which the verb calibrates."""
+    text = (Path(__file__).parents[3] / "docs" / "verify.md").read_text(encoding="utf-8")
+    assert CELL[CELL.index("tips:") :] in text
+    assert '"observations": [{"tip": "eye_tip", "tip2": "hand_tip", "sigma_m": 2e-4}]' in text
+
+
 def test_free_tips_have_no_rotation(cell):
-    """The mount of what sees points at its own origin has three unknowns, so that the base is found beside it."""
-    free = replace(cell, cameras={"eye_tip": replace(cell.cameras["eye_tip"], mount=Unknown())})
+    """The mount of a tip has three unknowns, so that the base is found beside it."""
+    free = cell.with_transform("eye_flange_from_eye_tip", Unknown())
     calibration = calibrate(free, recorded(free, touches(np.random.default_rng(2), 20)))
     assert calibration.verdict == "good"
     assert "eye_flange_from_eye_tip" in calibration.points

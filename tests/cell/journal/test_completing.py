@@ -60,7 +60,7 @@ def test_other_lines_stay_to_the_byte(tmp_path: Path) -> None:
     [
         (Sample(0, None, {"left": STATE}), "robots.left"),
         (Sample(0, None, {}, (), {"cam": "recording/images/cam/b.png"}), "images.cam"),
-        (Sample(0, None, {}, (PoseObservation("cam", "board", SE3.identity()),)), "observations of board by cam"),
+        (Sample(0, None, {}, (PoseObservation("cam", "board", SE3.identity()),)), "observation of cam and board"),
     ],
 )
 def test_nothing_recorded_is_overwritten(tmp_path: Path, added: Sample, named: str) -> None:
@@ -99,7 +99,7 @@ def test_what_was_seen_of_another_target_joins(tmp_path: Path) -> None:
     assert (second.stamp_s, len(second.observations), len(second.robots)) == (2.0, 1, 2)
     other = completed_recording_text(tmp_path, [Sample(0, None, {}, (replace(SEEN, target="second"),))])
     assert [o["target"] for o in json.loads(other)["observations"]] == ["board", "second"]
-    with pytest.raises(InputError, match=r"samples\.jsonl:1: observations of board by cam: is recorded already"):
+    with pytest.raises(InputError, match=r"samples\.jsonl:1: observation of cam and board: is recorded already"):
         completed_recording_text(tmp_path, [Sample(0, None, {}, (SEEN,))])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from tests.touch_cells import BASE, MARKS, TIPS, TRUTH, recorded, touch_cell, touch_lines
 
 from basecal.cell import PointObservation, Recording, RobotState, Sample
 from basecal.cell.files import cell_from_dict
@@ -35,3 +36,23 @@ def test_a_tracker_that_sees_one_reflector():
     problem, _ = build_problem(cell, Recording(tuple(samples)))
     found = first_state(problem, cell, thorough=False).transforms["arm_base_from_tracker"]
     assert np.linalg.norm((found.inverse() @ tracker).rotvec) < 0.3
+
+
+def test_marks_of_unknown_place_and_tips_of_unknown_length():
+    """Exact touches of three marks give the base, tips and marks at once, within the share that keeps them near."""
+    cell = touch_cell()
+    problem, _ = build_problem(cell, recorded(cell, touch_lines(np.random.default_rng(0), 30, 0.0)))
+    found = first_state(problem, cell, thorough=False).transforms
+    assert np.abs((found[BASE].inverse() @ TRUTH).log()).max() < 1e-4
+    for robot, tip in TIPS.items():
+        np.testing.assert_allclose(found[f"{robot}_flange_from_{robot}_tip"].translation, tip, atol=1e-4)
+    for name, mark in MARKS.items():
+        np.testing.assert_allclose(found[f"eye_base_from_{name}"].translation, mark, atol=1e-4)
+
+
+def test_tip_on_tip_starts_near():
+    """Tips of unknown length that meet one another start within 0.3 rad."""
+    cell = touch_cell(())
+    problem, _ = build_problem(cell, recorded(cell, touch_lines(np.random.default_rng(0), 30, 0.0, {})))
+    found = first_state(problem, cell, thorough=False).transforms
+    assert np.linalg.norm((found[BASE].inverse() @ TRUTH).rotvec) < 0.3

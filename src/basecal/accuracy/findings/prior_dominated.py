@@ -22,7 +22,9 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
     """Infos: directions of a prior that the data hardly add to, and requested transforms that priors alone hold."""
     problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and unknowns[n].status == "prior"]
-    priors = [name for name in priors if unknowns[name].sigma is not None]
+    on_plates = {each.name for each in evidence.cell.targets.values() if each.on in evidence.cell.plates}
+    measured = {evidence.cell.mount_name(name) for name in on_plates}  # with the plate: nobody expects touches to add
+    priors = [name for name in priors if unknowns[name].sigma is not None and name not in measured]
     if not priors or not evidence.solution.converged:
         return []
     alone = without_priors(problem)

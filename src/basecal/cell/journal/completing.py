@@ -67,15 +67,17 @@ def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where | None)
     again = {_view(each) for each in added.get("observations", [])}
     for observation in out.get("observations", []):
         if _view(observation) in again and place is not None:
-            raise _there_already(place, f"observations of {observation['target']} by {observation['camera']}")
+            raise _there_already(place, f"observation of {' and '.join(_view(observation))}")
     if "observations" in added:
         others = [each for each in out.get("observations", []) if _view(each) not in again]
         out["observations"] = [*others, *added["observations"]]
     return {"sample": out.pop("sample"), **out}
 
 
-def _view(observation: dict[str, Any]) -> tuple[str | None, str | None]:
-    return observation.get("camera"), observation.get("target")
+def _view(observation: dict[str, Any]) -> tuple[str, ...]:
+    """What sees what in the data of an observation."""
+    keys = ("camera", "target", "tip", "touch", "tip2")
+    return tuple(str(observation[key]) for key in keys if key in observation)
 
 
 def _there_already(place: Where, entry: str) -> InputError:

@@ -15,6 +15,7 @@ from basecal.cell.recording import (
     PixelObservation,
     PointObservation,
     PoseObservation,
+    TouchObservation,
     TrackObservation,
 )
 from basecal.errors import InputError
@@ -27,6 +28,7 @@ _FIELDS = {
     "camera_from_target": (*_BOTH_MESSAGE, "camera_from_target"),
     "points_in_camera_m": (*_BOTH_MESSAGE, "ids", "points_in_camera_m", "sigma_m"),
 }
+_TOUCH_FIELDS = ("tip", "touch", "tip2", "sigma_m")
 _TRACK_FIELDS = ("camera", "tracks", "pixels")
 _ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fields))
 
@@ -73,10 +75,13 @@ def observation(
         DatasetError: if it cannot be read as written.
         UnknownPoint: if an id is not on the target, or given twice.
     """
-    data = place.mapping(value, field, _ANY)
+    data = place.mapping(value, field, (*_ANY, *_TOUCH_FIELDS))
+    if "tip" in data:
+        touch = _touch(data, field, place, cell)
+        return (touch.tip, touch.mark), touch
     kinds = [kind for kind in _FIELDS if kind in data]
     if len(kinds) != 1:
-        expected = f"expected exactly one of {', '.join(_FIELDS)}"
+        expected = f"expected exactly one of {', '.join(_FIELDS)}, or tip with touch or tip2"
         raise place.error(field, f"{expected}, got {' and '.join(kinds) or 'none'}")
     kind = kinds[0]
     place.mapping(data, field, _FIELDS[kind])
@@ -99,6 +104,23 @@ def observation(
     if kind != "points_in_camera_m" and cell.cameras[camera].intrinsics is None:
         raise place.error(f"{field}.camera", f"pixels of {camera!r} need its size_px and intrinsics in cell.yaml")
     return (camera, target), _points(kind, data, field, place, ids[target])
+
+
+def _touch(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TouchObservation:
+    """A tip at a mark, or at another tip."""
+    place.mapping(data, field, _TOUCH_FIELDS)
+    touched = [key for key in ("touch", "tip2") if key in data]
+    if len(touched) != 1:
+        raise place.error(field, f"expected tip with touch or tip2, got {' and '.join(touched) or 'neither'}")
+    tips = [name for name, camera in cell.cameras.items() if camera.kind == "tip"]
+    marks = [name for name, target in cell.targets.items() if target.is_touched and name not in tips]
+    tip = place.name(data["tip"], f"{field}.tip", "tip", tips)
+    kind, known = ("mark", marks) if "touch" in data else ("tip", tips)
+    other = place.name(data[touched[0]], f"{field}.{touched[0]}", kind, known)
+    if cell.targets[other].on == cell.cameras[tip].on:
+        raise place.error(f"{field}.tip2", f"{tip!r} and {other!r} are on one robot: no pose brings them together")
+    sigma = sigmas(place, f"{field}.sigma_m", data.get("sigma_m"), 1)
+    return TouchObservation(tip, other, None if sigma is None else float(sigma[0]), "tip2" in data)
 
 
 def _points(

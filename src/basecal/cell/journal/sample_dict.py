@@ -14,6 +14,7 @@ from basecal.cell.recording import (
     PointObservation,
     PoseObservation,
     Sample,
+    TouchObservation,
 )
 from basecal.geometry import Array
 
@@ -44,6 +45,9 @@ def _paths(paths: Mapping[str, str], folder: str) -> dict[str, str]:
 
 
 def _observation(seen: Observation) -> dict[str, Any]:
+    if isinstance(seen, TouchObservation):
+        sigma = {} if seen.sigma_m is None else {"sigma_m": seen.sigma_m}
+        return {"tip2" if seen.is_tip_to_tip else "touch": seen.mark, "tip": seen.tip, **sigma}
     data: dict[str, Any] = {"camera": seen.camera, "target": seen.target}
     match seen:
         case PixelObservation():

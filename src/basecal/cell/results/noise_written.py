@@ -22,6 +22,7 @@ class _Measured(BaseModel):
     pose_m: Sigma | None = None
     pose_rad: Sigma | None = None
     point_m: Sigma | None = None
+    touch_m: Sigma | None = None
 
 
 class _Camera(_Measured):

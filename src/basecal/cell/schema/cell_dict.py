@@ -10,6 +10,7 @@ from basecal.cell.schema.cell_schema import SCHEMA
 from basecal.cell.schema.clock import clock_dict
 from basecal.cell.schema.keep_out import keep_out_dict
 from basecal.cell.schema.rolling_shutter import rolling_shutter_dict
+from basecal.cell.schema.touching import touching_dict
 
 
 def cell_to_dict(cell: Cell) -> dict[str, Any]:
@@ -17,12 +18,13 @@ def cell_to_dict(cell: Cell) -> dict[str, Any]:
     data: dict[str, Any] = {"schema": SCHEMA, "reference": cell.reference}
     data["robots"] = {name: _robot(robot) for name, robot in cell.robots.items()}
     data["bases"] = {name: _unknown(unknown) for name, unknown in cell.bases.items()}
-    data["cameras"] = {name: _camera(camera) for name, camera in cell.cameras.items()}
-    data["targets"] = {name: _target(target) for name, target in cell.targets.items()}
+    data["cameras"] = {name: _camera(camera) for name, camera in cell.cameras.items() if camera.kind != "tip"}
+    data["targets"] = {name: _target(target) for name, target in cell.targets.items() if not target.is_touched}
     noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
     data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
     data["keep_out"] = {name: keep_out_dict(box) for name, box in cell.keep_out.items()}
     data["target"] = "scene" if cell.sees_scene else None
+    data |= touching_dict(cell, _unknown)
     return {key: value for key, value in data.items() if value or key == "robots"}
 
 
@@ -59,6 +61,7 @@ def _driver(driver: Driver | None) -> dict[str, Any]:
 
 def _camera(camera: CellCamera) -> dict[str, Any]:
     data: dict[str, Any] = {"on": camera.on, "mount": _unknown(camera.mount), "model": camera.model}
+    data |= {"kind": camera.kind} if camera.kind != "camera" else {}
     if camera.size_px is not None:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
+from basecal.cell.schema.touching import with_touching
 from basecal.cell.targets.kind import TargetEntry
 from basecal.fields.values import UnknownEntry, pose_se3
 from basecal.geometry import Camera, read_only
@@ -20,12 +21,17 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
     """The cell, with the kinematic chains of the robots that have one."""
     others = [name for name in entry.robots if name != entry.reference]
     bases = {name: _unknown(entry.bases[name]) if name in entry.bases else Unknown() for name in others}
+    carried: dict[str, Any] = {
+        "cameras": {name: _camera(name, camera) for name, camera in entry.cameras.items()},
+        "targets": {name: _target(name, target) for name, target in entry.targets.items()},
+        "plates": {},
+    }
+    with_touching(carried, entry.tips, entry.marks, _unknown)
     return Cell(
         reference=entry.reference,
         robots={name: _robot(name, robot, chains.get(name)) for name, robot in entry.robots.items()},
         bases=bases,
-        cameras={name: _camera(name, camera) for name, camera in entry.cameras.items()},
-        targets={name: _target(name, target) for name, target in entry.targets.items()},
+        **carried,
         pixel_px=entry.noise.pixel_px,
         correlated_px=entry.noise.correlated_px,
         keep_out={name: box.noun(name) for name, box in entry.keep_out.items()},
@@ -72,7 +78,9 @@ def _camera(name: str, entry: CameraEntry) -> CellCamera:
     clock = None if entry.clock is None else entry.clock.noun()
     driver = _driver(entry.driver)
     shutter = None if entry.rolling_shutter is None else entry.rolling_shutter.noun()
-    return CellCamera(name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver, shutter)
+    return CellCamera(
+        name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver, shutter, entry.kind
+    )
 
 
 def _driver(entry: dict[str, Any] | None) -> Driver | None:

@@ -14,6 +14,7 @@ from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.keep_out import KeepOutEntry
 from basecal.cell.schema.lens import IntrinsicsEntry, check_lens, check_size
 from basecal.cell.schema.rolling_shutter import RollingShutterEntry
+from basecal.cell.schema.touching import MarkEntry, TipEntry
 from basecal.cell.targets.registry import AnyTargetEntry
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.fields.parameters import Parameters
@@ -117,6 +118,13 @@ class CameraEntry(Entry):
     clock: ClockEntry | None = None
     driver: DriverEntry | None = None
     rolling_shutter: RollingShutterEntry | None = None
+    kind: Literal["camera", "tracker"] = "camera"
+
+    @checks_whole(mode="after")
+    def _tracker_without_lens(self) -> CameraEntry:
+        if self.kind == "tracker" and (self.intrinsics is not None or self.size_px is not None):
+            raise ValueError("a tracker measures points in metres: remove intrinsics and size_px")
+        return self
 
     @checks("intrinsics")
     @classmethod
@@ -154,3 +162,7 @@ class CellEntry(Entry):
     noise: Annotated[NoiseEntry, BeforeValidator(empty)] = NoiseEntry()
     keep_out: Annotated[dict[str, KeepOutEntry], BeforeValidator(empty)] = Field(default_factory=dict)
     target: Literal["scene"] | None = None
+    tips: Annotated[dict[str, TipEntry], BeforeValidator(empty)] = Field(default_factory=dict)
+    marks: Annotated[dict[str, Annotated[MarkEntry, BeforeValidator(empty)]], BeforeValidator(empty)] = Field(
+        default_factory=dict
+    )

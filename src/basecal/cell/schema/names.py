@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from basecal.cell.cell import WORLD
+from basecal.cell.schema.touching import mark_names
 from basecal.errors import nearest
 from basecal.fields.problems import SHORT_LENGTH, Problem, shorten
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-_SECTIONS = ("robots", "cameras", "targets")
+_SECTIONS = ("robots", "cameras", "targets", "tips", "marks")
 
 
 def name_problems(data: dict[str, Any]) -> list[Problem]:
@@ -27,16 +28,16 @@ def _section(data: dict[str, Any], name: str) -> dict[str, Any]:
 def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
     robots = _section(data, "robots")
     owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
-    for section in _SECTIONS:
-        for name in _section(data, section):
-            if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
-                what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
-                yield Problem((section, name), f"{what}; rename {shorten(name)}")
-            elif name == WORLD:
-                yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
-            if name in owners:
-                yield Problem((section, name), f"the name {name!r} is taken by {owners[name]}; names are unique")
-            owners[name] = f"{section}.{name}"
+    named = [(section, name) for section in _SECTIONS for name in _section(data, section)]
+    for section, name in [*named, *(("marks", name) for _, name in mark_names(data))]:
+        if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
+            what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
+            yield Problem((section, name), f"{what}; rename {shorten(name)}")
+        elif name == WORLD:
+            yield Problem((section, name), f"{WORLD!r} is the base of the reference robot; choose another name")
+        if name in owners:
+            yield Problem((section, name), f"the name {name!r} is taken by {owners[name]}; names are unique")
+        owners[name] = f"{section}.{name}"
 
 
 def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
@@ -44,11 +45,12 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
     carriers = [*robots, WORLD]
     if isinstance(reference, str) and reference not in robots:
         yield Problem(("reference",), _no_robot(reference, robots))
-    for section in ("cameras", "targets"):
+    for section in ("cameras", "targets", "tips"):
         for name, entry in _section(data, section).items():
             on = entry.get("on") if isinstance(entry, dict) else None
-            if isinstance(on, str) and on not in carriers:
-                yield Problem((section, name, "on"), _no_robot(on, carriers))
+            there = robots if section == "tips" else carriers
+            if isinstance(on, str) and on not in there:
+                yield Problem((section, name, "on"), _no_robot(on, there))
     for name in _section(data, "bases"):
         if name not in robots:
             yield Problem(("bases", name), _no_robot(name, robots))

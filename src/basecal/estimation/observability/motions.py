@@ -35,7 +35,7 @@ class Motion:
         turn_rad: (3,) how far it is turned since then about the axes of `axes_in_base`, at most, descending.
         axes_in_base: (3, 3) one axis a column.
         orientations: How many orientations differ by more than 0.01 rad, counted up to three.
-        twists_in_base: (k, 6) [m, rad] twists of its base that no pose tells from a change of what it carries.
+        twists_in_base: (k, 6) [m, rad] twists of its base that no pose distinguishes from a change of what it carries.
     """
 
     robot: str
@@ -155,7 +155,7 @@ def base_names(problem: Problem, robot: str) -> list[str]:
     if robot != problem.reference:
         return [end.base for end in problem.ends_of(robot) if end.base is not None]
     names = [end.base for group in problem.groups for end in group.ends if end.base is not None]
-    names += [end.mount for end in problem.ends_of(None)]
+    names += [end.mount for end in problem.ends_of(None) if end.base is None]
     return list(dict.fromkeys(names))
 
 

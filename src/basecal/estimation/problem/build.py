@@ -120,7 +120,7 @@ def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
     placed = [end.base for end in ends if end.base]
     if len(placed) < len(ends):
         placed = [end.base for group in problem.groups for end in group.ends if end.base]
-        placed += [end.mount for end in problem.ends_of(None)]
+        placed += [end.mount for end in problem.ends_of(None) if end.base is None]
     carried = [end.mount for end in ends]
     base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
     return base, flange
@@ -260,6 +260,9 @@ def _end(cell: Cell, poses: Mapping[str, _Poses], carried: str, on: str, index: 
     if on == WORLD:
         nowhere = np.full(len(index), -1, dtype=np.int64)
         return End(None, mount, None, SE3.identity((len(index),)), nowhere, nowhere)
+    if on in cell.plates:
+        nowhere = np.full(len(index), -1, dtype=np.int64)
+        return End(None, mount, cell.plate_name(on), SE3.identity((len(index),)), nowhere, nowhere)
     of = poses[on]
     rows = np.array([of.row[i] for i in index])
     base = None if on == cell.reference else cell.base_name(on)

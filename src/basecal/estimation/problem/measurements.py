@@ -14,12 +14,13 @@ from basecal.cell import (
     PointObservation,
     PoseObservation,
     Target,
+    TouchObservation,
 )
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turn_views
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.points import PointMeasurement, TouchMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
@@ -37,6 +38,11 @@ def make_measurement(cell: Cell, camera: str, target: str, kind: str, observatio
         poses = SE3.stack([o.camera_from_target for o in with_pose])
         stated = np.stack([np.zeros(6) if o.sigma is None else 1 / o.sigma for o in with_pose])
         return PoseMeasurement(poses, stated, stated).with_noise(Noise())
+    if kind == "TouchObservation":
+        touches = [o for o in observations if isinstance(o, TouchObservation)]
+        stated = np.array([[0.0 if o.sigma_m is None else 1 / o.sigma_m] for o in touches])
+        seen, at = np.ones((len(touches), 1), dtype=bool), np.zeros((len(touches), 1, 3))
+        return TouchMeasurement(np.zeros((1, 3)), at, seen, stated, stated).with_noise(Noise())
     if shape is None:
         raise InputError(f"target {target!r} is seen as points and has no `kind`")
     if kind == "PointObservation":

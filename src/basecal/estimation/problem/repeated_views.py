@@ -6,7 +6,8 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 
-from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation
+from basecal.cell import Finding, Observation, PixelObservation, PointObservation, PoseObservation, TouchObservation
+from basecal.geometry import Array
 
 _LISTED_SAMPLES = 10  # samples that a message names
 
@@ -14,7 +15,9 @@ _LISTED_SAMPLES = 10  # samples that a message names
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
     """All that a view says, and the stops of the robots that carry camera and target: equal for copies."""
     if isinstance(observation, PoseObservation):
-        arrays = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
+        arrays: list[Array] = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
+    elif isinstance(observation, TouchObservation):
+        arrays = []
     elif isinstance(observation, PointObservation):
         arrays = [observation.points_in_camera, observation.ids.astype(np.float64)]
     else:

@@ -20,9 +20,9 @@ class End:
     """One end of the loop: a robot, or the world, and the camera or target that it carries.
 
     Attributes:
-        robot: Name of the robot; None on `world`.
+        robot: Name of the robot; None on `world`, and on a plate that stands in it.
         mount: Name of the transform of what it carries.
-        base: Name of the robot's base transform; None of the reference, and on `world`.
+        base: Name of the transform of the robot's base, or of the plate; None of the reference, and on `world`.
         base_from_flange: (n,) recorded poses; identity on `world`.
         stop: (n,) rows of the stops' errors; -1 if the robot's noise is not stated.
         stand: (n,) number of the stop among all that the robot made, noise or not; -1 on `world`.
@@ -152,6 +152,6 @@ class ViewGroup:
         return self.take(rows)
 
     def with_noise(self, noise: Noise) -> ViewGroup:
-        """The same with sigmas for what states none."""
+        """The same with sigmas for unstated noise."""
         readings = tuple(r.with_noise(noise) for r in self.readings)
         return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)

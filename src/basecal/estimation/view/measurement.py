@@ -34,12 +34,13 @@ class ViewInformation(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Sigmas of what states none: a pixel coordinate [px], a measured pose [m, rad], a 3-D point [m]."""
+    """Sigmas of unstated noise: a pixel coordinate [px], a measured pose [m, rad], a 3-D point, a touch [m]."""
 
     pixel_px: float = 1.0
     pose_m: float = 1e-3
     pose_rad: float = 1e-3
     point_m: float = 1e-3
+    touch_m: float = 1e-3
 
 
 class Measurement(Protocol):

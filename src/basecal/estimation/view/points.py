@@ -54,7 +54,13 @@ class PointMeasurement(SeenPoints):
 
     def with_noise(self, noise: Noise) -> Self:
         """See `Measurement`."""
-        return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / noise.point_m)
+        return replace(self, weight=self.stated + (self.seen & (self.stated == 0)) / getattr(noise, self.noise_field))
+
+
+class TouchMeasurement(PointMeasurement):
+    """Points that a tip touches, which are at its origin."""
+
+    noise_field = "touch_m"
 
 
 def is_touch(measurement: Measurement) -> bool:

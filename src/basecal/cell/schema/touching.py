@@ -1,0 +1,129 @@
+"""Tips of tools, and the marks that they touch, as `cell.yaml` states them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+from pydantic import model_validator as checks_whole
+
+from basecal.cell.cell import WORLD, Cell, CellCamera, CellTarget, Unknown
+from basecal.cell.format.plain import numbers
+from basecal.cell.target import Target
+from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry, Vector
+from basecal.geometry import SE3, read_only
+
+_USUAL_SIGMA_M = 2e-5  # [m] per axis of a drilled or milled plate, or of a point that another instrument measured
+_Points = dict[str, Vector] | Annotated[list[Vector], Field(min_length=1)]
+
+
+class TipEntry(Entry):
+    """A tip on a robot's flange."""
+
+    on: str
+    offset: PointMount = UnknownEntry()
+
+
+class MarkEntry(Entry):
+    """A mark of unknown place; one whose place is stated; or a rigid plate of several, `mount` in the world."""
+
+    points_m: _Points | None = None
+    sigma_m: Sigma | None = None
+    exact: bool = False
+    mount: Mount = UnknownEntry()
+
+    @checks_whole(mode="after")
+    def _as_stated(self) -> MarkEntry:
+        if self.points_m is None and (self.sigma_m is not None or self.exact):
+            raise ValueError("sigma_m and exact are of points_m, which is missing")
+        if self.exact and self.sigma_m is not None:
+            raise ValueError("exact takes no sigma_m: leave one of them away")
+        if not self.is_plate and self.mount != UnknownEntry():
+            raise ValueError("mount is of a plate of several points_m; one mark is stated by points_m: [[x, y, z]]")
+        return self
+
+    @property
+    def is_plate(self) -> bool:
+        """Whether it is a plate whose place is an unknown of its own."""
+        return isinstance(self.points_m, dict) or (self.points_m is not None and len(self.points_m) > 1)
+
+    def positions(self, name: str) -> dict[str, Unknown]:
+        """What is known of the place of each mark, in the plate or in the world, by the name of the mark."""
+        if self.points_m is None:
+            return {name: Unknown()}
+        named = self.points_m
+        if not isinstance(named, dict):
+            named = {f"{name}_{k}" if self.is_plate else name: point for k, point in enumerate(named)}
+        return {each: self._position(point) for each, point in named.items()}
+
+    def _position(self, point: list[float]) -> Unknown:
+        mean = SE3(np.eye(3), np.array(point))
+        if self.exact:
+            return Unknown("fixed", mean)
+        sigma = _USUAL_SIGMA_M if self.sigma_m is None else self.sigma_m
+        return Unknown("prior", mean, read_only([sigma] * 3 + [0.0] * 3, (6,), "sigma"))
+
+
+def tip_shape(kind: str) -> Target:
+    """One point at its own origin."""
+    return Target(kind, np.zeros(1, dtype=np.int64), np.zeros((1, 3)))
+
+
+def mark_names(data: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Names of marks that plates hold in the data of a cell, each after its plate, whatever else is wrong with it."""
+    marks = data.get("marks")
+    for plate, entry in marks.items() if isinstance(marks, dict) else ():
+        points = entry.get("points_m") if isinstance(entry, dict) else None
+        if isinstance(points, dict):
+            yield from ((plate, name) for name in points)
+
+
+def with_touching(
+    cell: dict[str, Any], tips: Mapping[str, TipEntry], marks: Mapping[str, MarkEntry], noun: Any
+) -> None:
+    """Add tips and marks to the parts of a cell: a tip sees, at its own origin, the marks and tips that it touches.
+
+    Args:
+        cell: Arguments of `Cell`.
+        tips: By name.
+        marks: By name, of one or of a plate.
+        noun: From an entry of a transform to what is known of it.
+    """
+    for name, tip in tips.items():
+        cell["cameras"][name] = CellCamera(name, tip.on, noun(tip.offset), kind="tip")
+        cell["targets"][name] = CellTarget(name, tip.on, noun(tip.offset), tip_shape("tip"))
+    for name, mark in marks.items():
+        on = name if mark.is_plate else WORLD
+        if mark.is_plate:
+            cell["plates"][name] = noun(mark.mount)
+        for each, position in mark.positions(name).items():
+            cell["targets"][each] = CellTarget(each, on, position, tip_shape("mark"))
+
+
+def touching_dict(cell: Cell, unknown: Any) -> dict[str, Any]:
+    """The sections `tips` and `marks` that are read back to the same cell.
+
+    Args:
+        cell: The cell.
+        unknown: From what is known of a transform, and whether it is a point, to plain data.
+    """
+    tips = {c.name: {"on": c.on, "offset": unknown(c.mount, True)} for c in cell.cameras.values() if c.kind == "tip"}
+    marks: dict[str, Any] = {name: {"mount": unknown(mount, False)} for name, mount in cell.plates.items()}
+    for name, target in cell.targets.items():
+        if target.target is not None and target.target.kind == "mark":
+            marks.setdefault(name if target.on == WORLD else target.on, {}).update(_mark(marks, name, target))
+    return {"tips": tips, "marks": marks}
+
+
+def _mark(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, Any]:
+    """What a mark adds to its entry."""
+    known = target.mount
+    if known.mean is None:
+        return {}
+    point = numbers(known.mean.translation)
+    stated = {"exact": True} if known.sigma is None else {"sigma_m": float(known.sigma[0])}
+    if target.on == WORLD:
+        return {"points_m": [point], **stated}
+    return {"points_m": {**marks[target.on].get("points_m", {}), name: point}, **stated}

@@ -1,0 +1,45 @@
+"""Cells of touches, calibrated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.touch_cells import BASE, MARKS, TRUTH, recorded, touch_cell, touch_lines
+
+from basecal.accuracy.calibrate import calibrate
+
+PLATE = {"socket_1": [0.0, 0.0, 0.0], "socket_2": [0.35, 0.0, 0.0], "socket_3": [0.1, 0.3, 0.05]}
+
+
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_three_marks_hold_the_base(is_stated):
+    """Nothing is known of tips and marks: good, the base within four sigmas, the noise as it is."""
+    cell = touch_cell()
+    lines = touch_lines(np.random.default_rng(3), 24, 2e-4, is_stated=is_stated)
+    found = calibrate(cell, recorded(cell, lines))
+    off = (found[BASE].mean.inverse() @ TRUTH).log()
+    assert found.verdict == "good"
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found[BASE].covariance)))
+    assert is_stated or found.noise["touch_m"] == pytest.approx(2e-4, rel=0.5)
+    assert {"eye_flange_from_eye_tip", "eye_base_from_mark_c"} <= found.points
+
+
+def test_two_marks_leave_the_rotation_about_their_line():
+    """The verdict is refused, and the direction that is named is the line."""
+    marks = {name: MARKS[name] for name in ("mark_a", "mark_b")}
+    cell = touch_cell(list(marks))
+    found = calibrate(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 2e-4, marks)))
+    assert found.verdict == "refused"
+    line = (marks["mark_b"] - marks["mark_a"]) / np.linalg.norm(marks["mark_b"] - marks["mark_a"])
+    words = f"along ({line[0]:.2f}, {line[1]:.2f}, {line[2]:.2f}) in eye_base is unobservable"
+    assert any(words in finding.what for finding in found.findings)
+
+
+def test_a_plate_is_one_body():
+    """Marks of a plate keep their distances; nothing is said of priors that were measured with it."""
+    cell = touch_cell((), marks={"plate": {"points_m": PLATE}})
+    marks = {name: np.array([0.3, -0.2, 0.1]) + at for name, at in PLATE.items()}
+    found = calibrate(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 1e-4, marks)))
+    assert found.verdict == "good"
+    assert not found.findings
+    assert found["eye_base_from_plate"].mean.translation == pytest.approx([0.3, -0.2, 0.1], abs=1e-3)

@@ -1,0 +1,64 @@
+"""Tips and marks of `cell.yaml`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.touch_cells import recorded, touch_cell, touch_data, touch_lines
+
+from basecal.cell.files import cell_from_dict, cell_to_dict, recording_from_text, sample_to_dict
+from basecal.errors import DatasetError
+
+MOUNT = {"status": "fixed", "t_m": [0, 0, 0], "q_xyzw": [0, 0, 0, 1]}
+PLATE = {"points_m": {"socket_1": [0, 0, 0], "socket_2": [0.05, 0, 0]}, "sigma_m": 1e-5}
+
+
+def test_plates_and_stated_marks_have_their_transforms():
+    """A plate is a transform of its own, that its marks are placed in; one mark alone is placed in the world."""
+    cell = touch_cell((), marks={"plate": PLATE, "alone": {"points_m": [[0.1, 0.2, 0.3]], "exact": True}, "free": {}})
+    transforms = cell.transforms
+    assert transforms["eye_base_from_plate"].status == "free"
+    assert transforms["plate_from_socket_2"].sigma[:3] == pytest.approx([1e-5] * 3)
+    assert transforms["eye_base_from_alone"].status == "fixed"
+    assert transforms["eye_base_from_free"].mean is None
+    assert cell_to_dict(cell_from_dict(cell_to_dict(cell))) == cell_to_dict(cell)
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ({"tips": {"eye_tip": {"on": "world"}}}, "no robot 'world'"),
+        ({"marks": {"eye_tip": {}}}, "taken by"),
+        ({"marks": {"plate": PLATE, "socket_1": {}}}, "taken by"),
+        ({"marks": {"a": {"sigma_m": 1e-4}}}, "points_m, which is missing"),
+        ({"marks": {"a": {"points_m": [[0, 0, 0]], "mount": MOUNT}}}, "mount is of a plate"),
+    ],
+)
+def test_mistakes_are_named(section, words):
+    """Names that are taken, carriers that do not exist and sigmas of nothing are errors."""
+    with pytest.raises(DatasetError, match=words):
+        cell_from_dict({**touch_data(), **section})
+
+
+def test_touches_are_written_as_read():
+    """Lines of touches of marks and of tips are read back to the same."""
+    for marks in (touch_data()["marks"], {}):
+        cell = touch_cell(list(marks))
+        lines = touch_lines(np.random.default_rng(0), 4, 1e-4, {m: np.zeros(3) for m in marks}, is_stated=True)
+        read = [sample_to_dict(sample, "recording") for sample in recorded(cell, lines).samples]
+        assert [line["observations"] for line in read] == [line["observations"] for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("seen", "words"),
+    [
+        ('{"tip": "eye_tip"}', "expected tip with touch or tip2, got neither"),
+        ('{"tip": "eye_tip", "touch": "mark_x"}', "no mark 'mark_x'"),
+        ('{"tip": "eye_tip", "tip2": "eye_tip"}', "on one robot"),
+    ],
+)
+def test_touches_that_cannot_be_are_errors(seen, words):
+    """Each is one line that names the field."""
+    text = f'{{"sample": 0, "observations": [{seen}]}}\n'
+    with pytest.raises(DatasetError, match=words):
+        recording_from_text(text.encode(), ".", touch_cell())

@@ -1,0 +1,93 @@
+"""Two arms whose tips touch marks, or one another: cells, and what would be recorded of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.cell import Cell, Recording
+from basecal.cell.files import cell_from_dict, recording_from_text
+from basecal.geometry import SE3, Array
+
+BASE = "eye_base_from_hand_base"
+TRUTH = SE3.from_rpy((0.02, -0.03, 3.0), (1.0, 0.1, 0.05))
+TIPS = {"eye": np.array([0.02, -0.01, 0.15]), "hand": np.array([-0.03, 0.02, 0.12])}
+MARKS = {
+    "mark_a": np.array([0.45, -0.2, 0.02]),
+    "mark_b": np.array([0.55, 0.3, 0.05]),
+    "mark_c": np.array([0.3, 0.1, 0.25]),
+}
+_DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def touch_data(names: Sequence[str] = tuple(MARKS), **more: Any) -> dict[str, Any]:
+    """Data of a cell of two exact arms with a tip each, and of these marks, of which nothing is known."""
+    exact = {"noise": {"sigma_t_m": 1e-6, "sigma_r_rad": 1e-6}}
+    tips = {f"{robot}_tip": {"on": robot, "offset": {"status": "free"}} for robot in TIPS}
+    robots = dict.fromkeys(TIPS, exact)
+    data = {"schema": "basecal/cell/1", "reference": "eye", "robots": robots, "tips": tips}
+    return {**data, "marks": {name: {} for name in names}, **more}
+
+
+def touch_cell(names: Sequence[str] = tuple(MARKS), **more: Any) -> Cell:
+    """The cell of `touch_data`."""
+    return cell_from_dict(touch_data(names, **more))
+
+
+def flange_pose(rng: np.random.Generator, robot: str, tip: Array, spread: float = 0.6) -> SE3:
+    """`base_from_flange` of a robot whose tip is at a place in the world, pointing down but for a random rotation."""
+    rotation = _DOWN @ SE3.from_rotvec(rng.normal(0, spread, 3), np.zeros(3)).rotation
+    base = SE3.identity() if robot == "eye" else TRUTH
+    return base.inverse() @ SE3(rotation, tip - rotation @ TIPS[robot])
+
+
+def state(pose: SE3) -> dict[str, Any]:
+    """A robot's state as a line of samples.jsonl has it."""
+    return {"base_from_flange": {"t_m": pose.translation.tolist(), "q_xyzw": pose.quaternion.tolist()}}
+
+
+def touch_lines(
+    rng: np.random.Generator,
+    count: int,
+    sigma_m: float,
+    marks: Mapping[str, Array] = MARKS,
+    is_stated: bool = False,
+) -> list[dict[str, Any]]:
+    """Lines in which the arms in turn touch marks in turn, or one another if there are none, with an error per axis."""
+    lines, names = [], list(marks)
+    noise = {"sigma_m": sigma_m} if is_stated else {}
+    for number in range(count):
+        if names:
+            robot, mark = list(TIPS)[number % 2], names[number // 2 % len(names)]
+            place = marks[mark] + sigma_m * rng.standard_normal(3)
+            robots = {robot: state(flange_pose(rng, robot, place))}
+            seen = {"touch": mark, "tip": f"{robot}_tip"}
+        else:
+            place = np.array([0.5, 0, 0.4]) + rng.uniform(-0.25, 0.25, 3)
+            met = {"eye": place, "hand": place + sigma_m * rng.standard_normal(3)}
+            robots = {robot: state(flange_pose(rng, robot, at)) for robot, at in met.items()}
+            seen = {"tip": "eye_tip", "tip2": "hand_tip"}
+        lines.append({"sample": number, "robots": robots, "observations": [{**seen, **noise}]})
+    return lines
+
+
+def recorded(cell: Cell, lines: Sequence[dict[str, Any]]) -> Recording:
+    """The recording of lines."""
+    return recording_from_text(lines_text(lines).encode(), ".", cell)
+
+
+def lines_text(lines: Sequence[dict[str, Any]]) -> str:
+    """The text of samples.jsonl."""
+    return "".join(json.dumps(line) + "\n" for line in lines)
+
+
+def write_folder(folder: Path, cell_yaml: str, lines: Sequence[dict[str, Any]]) -> Path:
+    """A folder of a cell with its recording."""
+    (folder / "recording").mkdir(parents=True)
+    (folder / "cell.yaml").write_text(cell_yaml)
+    (folder / "recording" / "samples.jsonl").write_text(lines_text(lines))
+    return folder
