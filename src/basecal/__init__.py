@@ -55,7 +55,9 @@ if TYPE_CHECKING:
     from basecal.exchange.importers.mrcal import read_mrcal as read_mrcal
     from basecal.exchange.importers.opencv import read_opencv as read_opencv
     from basecal.exchange.importers.pixels import read_pixels as read_pixels
+    from basecal.exchange.importers.points import read_points as read_points
     from basecal.exchange.importers.poses import read_poses as read_poses
+    from basecal.exchange.importers.touches import read_touches as read_touches
     from basecal.exchange.importing.described_target import Shape as Shape
     from basecal.geometry import SE3 as SE3
     from basecal.geometry import Camera as Camera
@@ -105,6 +107,8 @@ _HOME = {
     "read_easy_handeye": "exchange.importers.easy_handeye",
     "read_images": "exchange.importers.images",
     "read_joints": "exchange.importers.joints",
+    "read_points": "exchange.importers.points",
+    "read_touches": "exchange.importers.touches",
     "read_kalibr": "exchange.importers.kalibr",
     "read_lerobot": "exchange.importers.lerobot",
     "read_moveit_samples": "exchange.importers.moveit_samples",

@@ -14,8 +14,6 @@ from basecal.errors import BasecalError, DatasetError, InputError, list_names
 from basecal.exchange.columns import MOST_POSES, read_table_text
 from basecal.exchange.controllers.convention import (
     DEGREE,
-    METRE,
-    MILLIMETRE,
     RADIAN,
     AnyConvention,
     Convention,
@@ -24,7 +22,7 @@ from basecal.exchange.controllers.convention import (
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextTable, is_picture, parse_number, read_text_table, rows_of_numbers
-from basecal.exchange.poses import read_poses
+from basecal.exchange.poses import METRES, read_poses
 from basecal.geometry import SE3, Array
 
 
@@ -47,8 +45,9 @@ _ALIASES = {
     **{f"q{axis}": (f"q_{axis}", f"orientation_{axis}") for axis in "xyzw"},
     **dict(zip(("q1", "q2", "q3", "q4"), (("qw",), ("qx",), ("qy",), ("qz",)), strict=True)),
 }
-_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(])(mm|m|deg|rad|°)[\])]?$")
-_LENGTHS = {"m": _Unit(METRE, "--length-unit m"), "mm": _Unit(MILLIMETRE, "--length-unit mm")}
+_UNIT = re.compile(r"^(.*?)(?:_|\s*[\[(])(mm|m|inch|in|deg|rad|°)[\])]?$")
+_LENGTHS: dict[str, _Unit] = {name: _Unit(size, f"--length-unit {name}") for name, size in METRES.items()}
+_LENGTHS["in"] = _LENGTHS["inch"]
 _ANGLES = {"deg": _Unit(DEGREE, "--deg"), "°": _Unit(DEGREE, "--deg"), "rad": _Unit(RADIAN, "--rad")}
 _FULL_TURN = 2 * np.pi  # [rad]
 _SMALL_TURN = np.pi  # degrees up to which angles of arms that calibrate never all stay
@@ -92,7 +91,7 @@ class Reading:
     def words(self) -> str:
         """The convention in words, with its units."""
         how = self.convention
-        length = {METRE: "m", MILLIMETRE: "mm"}[how.length]
+        length = {size: name for name, size in METRES.items()}[how.length]
         if isinstance(how, MatrixConvention):
             return f"4x4 by {'columns' if how.is_by_columns else 'rows'}, {length}"
         angle = {DEGREE: " in deg", RADIAN: " in rad"}[how.angle] if "quaternion" not in how.form.words else ""
@@ -165,7 +164,7 @@ def _has_keys(path: str) -> bool:
     if not path.lower().endswith(".csv"):
         return False
     first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
-    names = {_plain(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
+    names = {plain_column(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
     return "m00" in names and bool(names & {*_KEYS["image"], *_KEYS["sample"]})
 
 
@@ -186,7 +185,7 @@ def guessed_format(path: str) -> str:
     if not path.lower().endswith(".csv"):
         return "matrix"
     first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
-    names = {_plain(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
+    names = {plain_column(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
     if "m00" in names:
         return "matrix"
     if {"qx", "qy", "qz", "qw"} <= names or {f"q_{axis}" for axis in "xyzw"} <= names:
@@ -199,12 +198,12 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
     if table.header is None:
         first = {name.lower(): name for name in table.rows[0].cells}
         return [first.get(name.lower(), name) for name in names]
-    by_name = {_plain(column): column for column in table.header}
+    by_name = {plain_column(column): column for column in table.header}
     found = []
     for name in map(str.lower, names):
         known = next((each for each in (name, *_ALIASES.get(name, ())) if each in by_name), None)
         if known is None:
-            there = {_plain(column) for column in table.header}
+            there = {plain_column(column) for column in table.header}
             others = [each for each in CONTROLLERS if {n.lower() for n in CONTROLLERS[each].names} <= there]
             hint = f"; these columns suit --format {list_names(others)}" if others else ""
             raise DatasetError(
@@ -216,9 +215,16 @@ def _columns(table: TextTable, names: Sequence[str], reading: Reading) -> list[s
     return found
 
 
-def _plain(column: str) -> str:
+def plain_column(column: str) -> str:
     """A column's name in small letters without its unit."""
     return (_UNIT.sub(r"\1", column.strip().lower())).strip()
+
+
+def column_unit(column: str) -> tuple[str, float] | None:
+    """The unit of length that a column names, and its size [m]; None if it names none."""
+    found = _UNIT.match(column.strip().lower())
+    unit = None if found is None else _LENGTHS.get(found[2])
+    return None if found is None or unit is None else (found[2], unit.size)
 
 
 def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
@@ -297,7 +303,7 @@ def keyed_rows(table: TextTable) -> list[Row]:
     Raises:
         DatasetError: if a sample is no whole number, or a time no number.
     """
-    there = {_plain(column): column for column in table.rows[0].cells}
+    there = {plain_column(column): column for column in table.rows[0].cells}
     image, sample, stamp = (next((there[n] for n in names if n in there), None) for names in _KEYS.values())
     if image is None:
         cells = table.rows[0].cells

@@ -19,8 +19,8 @@ from basecal.fields.problems import shorten
 from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array
 
-LengthUnit = Literal["m", "mm"]
-METRES: dict[LengthUnit, float] = {"m": 1.0, "mm": 1e-3}
+LengthUnit = Literal["m", "mm", "inch"]
+METRES: dict[LengthUnit, float] = {"m": 1.0, "mm": 1e-3, "inch": 0.0254}
 """Of a length in a unit."""
 
 _QUATERNION = ("x", "y", "z", "qx", "qy", "qz", "qw")

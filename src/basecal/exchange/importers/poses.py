@@ -16,7 +16,8 @@ from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import METRES, LengthUnit
 
-_ADVICE = "check --length-unit and --format"
+POSE_ADVICE = "check --length-unit and --format"
+"""What to check where poses are implausible."""
 
 
 def read_poses(
@@ -95,7 +96,7 @@ def read_poses(
         UsageError: if options do not go together.
         InputError: if a file cannot be read, or does not fit the cell.
     """
-    table = None if file is None else _Table(str(file), format, length_unit, deg, rad, streams)
+    table = None if file is None else PoseTable(str(file), format, length_unit, deg, rad, streams)
     if table is not None and robot is None and camera is not None and target is not None:
         is_inverted = _is_inverted(invert, "camera-from-target")
         return _target_poses(cell, table, Sight(camera, target, on, target_on), is_inverted)
@@ -123,7 +124,7 @@ def _is_inverted(invert: tuple[Inverted, ...], held: Inverted) -> bool:
 
 
 @dataclass(frozen=True)
-class _Table:
+class PoseTable:
     """A file, and how to read it.
 
     Attributes:
@@ -159,21 +160,21 @@ class _Table:
         return Reading(self.format or guessed_format(self.file), length_m, angle)
 
 
-def _robot_poses(robot: str, table: _Table, is_inverted: bool) -> Imported:
+def _robot_poses(robot: str, table: PoseTable, is_inverted: bool) -> Imported:
     """Poses of a robot's flange in its base, or their inverses."""
     reading = table.reading
     rows = read_controller_poses(table.file, robot, reading, table.is_stream, is_inverted)
     what = _what(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
-    return Imported(table.file, what, rows, {"robots": {robot: {}}}, is_stream=table.is_stream, advice=_ADVICE)
+    return Imported(table.file, what, rows, {"robots": {robot: {}}}, is_stream=table.is_stream, advice=POSE_ADVICE)
 
 
-def _target_poses(cell: str | Path, table: _Table, sight: Sight, is_inverted: bool) -> Imported:
+def _target_poses(cell: str | Path, table: PoseTable, sight: Sight, is_inverted: bool) -> Imported:
     """Poses of a target in a camera, or their inverses."""
     reading = table.reading
     found = read_pose_rows(table.file, reading, table.is_stream)
     rows = seen_rows(found.rows, found.poses.inverse() if is_inverted else found.poses, sight)
     what = _what(len(rows), sight.camera, sight.target, reading, is_inverted)
-    advice = f"{_ADVICE}, and whether it takes --invert camera-from-target"
+    advice = f"{POSE_ADVICE}, and whether it takes --invert camera-from-target"
     entry = sight_entry(known_cell(cell), sight)
     return Imported(table.file, what, rows, entry, is_stream=table.is_stream, advice=advice)
 

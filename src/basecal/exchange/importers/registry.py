@@ -18,13 +18,17 @@ from basecal.exchange.importers.moveit_samples import read_moveit_samples
 from basecal.exchange.importers.mrcal import read_mrcal
 from basecal.exchange.importers.opencv import read_opencv
 from basecal.exchange.importers.pixels import read_pixels
+from basecal.exchange.importers.points import read_points
 from basecal.exchange.importers.poses import read_poses
+from basecal.exchange.importers.touches import read_touches
 from basecal.exchange.importing.imported import Imported
 
 IMPORTERS: Mapping[str, Callable[..., Imported]] = {
     "images": read_images,
     "poses": read_poses,
     "joints": read_joints,
+    "touches": read_touches,
+    "points": read_points,
     "lerobot": read_lerobot,
     "bag": read_bag,
     "pixels": read_pixels,

@@ -1,0 +1,68 @@
+"""`basecal import points`: what a tracker measured of reflectors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.cell.files import latest_run, read_calibration, read_cell
+from basecal.cli import main
+from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.geometry import SE3
+
+TRACKER = SE3.from_rpy((0.3, -0.2, 1.0), (3.0, 1.0, 0.5))
+INCH_M = 0.0254
+
+
+def recorded(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
+    """Files of poses, and of what a tracker measured of two reflectors at each of them."""
+    rng = np.random.default_rng(1)
+    poses = SE3.from_rotvec(rng.normal(0, 0.7, (15, 3)), np.array([0.4, 0.0, 0.5]) + rng.uniform(-0.4, 0.4, (15, 3)))
+    rows = CONTROLLERS["ur"].written(poses)
+    (folder / "arm.csv").write_text("x,y,z,rx,ry,rz\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    lines = [heading]
+    for k in range(len(poses)):
+        for name, place in (("top", [0.05, 0.0, 0.1]), ("side", [0.0, 0.1, 0.02])):
+            point = TRACKER.inverse() @ (poses[k] @ np.array(place)) + 2e-5 * rng.standard_normal(3)
+            lines.append(f"{name},{k}," + ",".join(f"{value / unit_m:.8f}" for value in point))
+    (folder / "points.csv").write_text("\n".join(lines) + "\n")
+    return str(folder / "arm.csv"), str(folder / "points.csv")
+
+
+@pytest.mark.parametrize(
+    ("unit_m", "heading"),
+    [(INCH_M, "reflector,sample,x_inch,y_inch,z_inch"), (1e-3, "target,sample,x [mm],y [mm],z [mm]")],
+)
+def test_a_tracker_is_placed(tmp_path: Path, unit_m: float, heading: str) -> None:
+    """Poses, then points in the unit of their header: the tracker is found where it is, and the verdict is good."""
+    arm, points = recorded(tmp_path, unit_m, heading)
+    cell = str(tmp_path / "c")
+    assert main(["import", "poses", cell, "--robot", "arm", arm, "--format", "ur"]) == 0
+    assert main(["import", "points", cell, points, "--camera", "tracker", "--on", "arm"]) == 0
+    assert main(["calibrate", cell]) == 0
+    run = latest_run(cell)
+    assert run is not None
+    found = read_calibration(run)["arm_base_from_tracker"]
+    off = (found.mean.inverse() @ TRACKER).log()
+    assert np.all(np.abs(off) < 5 * np.sqrt(np.diag(found.covariance)))
+    assert read_cell(cell).cameras["tracker"].kind == "tracker"
+
+
+@pytest.mark.parametrize(
+    ("heading", "more", "code", "words"),
+    [
+        ("reflector,sample,x,y,z", [], 3, "do not say their unit: give --length-unit"),
+        ("reflector,sample,x_mm,y_mm,z_mm", ["--length-unit", "m"], 3, "several units"),
+        ("a,sample,x_mm,y_mm,z_mm", [], 2, "which reflector was measured"),
+        ("reflector,number,x_mm,q,z_mm", [], 3, "expected a header with x, y, z"),
+    ],
+)
+def test_units_and_names_have_to_be_said(tmp_path, capsys, heading, more, code, words) -> None:
+    """Nothing is guessed, and nothing is written."""
+    _, points = recorded(tmp_path, 1e-3, heading)
+    cell = str(tmp_path / "c")
+    assert main(["import", "points", cell, points, "--camera", "tracker", "--on", "arm", *more]) == code
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()

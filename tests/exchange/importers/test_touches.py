@@ -1,0 +1,104 @@
+"""`basecal import touches`: tables of two controllers become a base, without a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.touch_cells import MARKS, TIPS, TRUTH, flange_pose
+
+from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording
+from basecal.cli import main
+from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.geometry import SE3
+
+SIGMA_M = 1e-4
+
+
+def touch_table(
+    path: Path, robot: str, name: str, rng: np.random.Generator, marks=tuple(MARKS), count: int = 12
+) -> str:
+    """A file of touches of a robot, as its controller writes poses, with a column of marks."""
+    how, lines, marks = CONTROLLERS[name], [], list(MARKS)
+    for k in range(count):
+        mark = marks[k % len(marks)]
+        pose = flange_pose(rng, robot, MARKS[mark] + SIGMA_M * rng.standard_normal(3))
+        (numbers,) = how.written(SE3.stack([pose]))
+        lines.append(";".join([mark.upper(), *(f"{value:.10g}" for value in numbers)]))
+    path.write_text("\n".join([";".join(["mark", *how.names]), *lines]) + "\n")
+    return str(path)
+
+
+def test_two_files_to_a_base_in_both_notations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Four commands: two files of touches, calibrate, export; the verdict is good and the base is the true one."""
+    rng, cell = np.random.default_rng(0), str(tmp_path / "c")
+    left, right = (
+        touch_table(tmp_path / n, r, how, rng) for n, r, how in (("l.csv", "eye", "kuka"), ("r.csv", "hand", "ur"))
+    )
+    assert main(["import", "touches", cell, "--robot", "eye", left, "--format", "kuka"]) == 0
+    assert "12 touches of mark_a, mark_b, mark_c by eye_tip" in capsys.readouterr().out
+    assert main(["import", "touches", cell, "--robot", "hand", right, "--format", "ur"]) == 0
+    assert main(["calibrate", cell]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] != ""
+    for notation in ("kuka", "ur"):
+        assert main(["export", cell, "--to", notation]) == 0
+        assert "eye_base_from_hand_base" in capsys.readouterr().out
+    run = latest_run(cell)
+    assert run is not None
+    found = read_calibration(run)["eye_base_from_hand_base"]
+    off = (found.mean.inverse() @ TRUTH).log()
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found.covariance)))
+    assert len(read_recording(cell).samples) == 24
+
+
+def test_rows_of_other_robots_are_left_out(tmp_path: Path) -> None:
+    """One file may hold the touches of both; more of a robot may follow."""
+    path = tmp_path / "all.csv"
+    path.write_text("robot,mark,x,y,z,qx,qy,qz,qw\neye,a,0.4,0,0.5,0,0,0,1\nhand,1,0.5,0,0.5,0,0,0,1\n")
+    for robot, count in (("eye", 1), ("hand", 2), ("eye", 3)):
+        words = ["import", "touches", str(tmp_path / "c"), str(path), "--robot", robot, "--format", "ros"]
+        assert main([*words, "--sigma-m", "0.0002"]) == 0
+        assert len(read_recording(tmp_path / "c").samples) == count
+    assert {"a", "mark_1"} <= read_cell(tmp_path / "c").targets.keys()
+    assert read_recording(tmp_path / "c").samples[0].observations[0].sigma_m == pytest.approx(2e-4)
+
+
+def test_tips_that_meet(tmp_path: Path) -> None:
+    """The poses of one robot are there; touches of the other join them in order."""
+    rng, cell = np.random.default_rng(1), str(tmp_path / "c")
+    for robot in TIPS:
+        rows = [flange_pose(rng, robot, np.array([0.5, 0.1, 0.3])) for _ in range(4)]
+        (tmp_path / robot).write_text(
+            "\n".join(",".join(map(str, r)) for r in CONTROLLERS["ros"].written(SE3.stack(rows)))
+        )
+    assert (
+        main(["import", "touches", cell, "--robot", "eye", str(tmp_path / "eye"), "--format", "ros", "--mark", "m"])
+        == 0
+    )
+    words = [
+        "import",
+        "touches",
+        cell,
+        "--robot",
+        "hand",
+        str(tmp_path / "hand"),
+        "--format",
+        "ros",
+        "--meets",
+        "eye_tip",
+    ]
+    assert main(words) == 0
+    assert [len(sample.observations) for sample in read_recording(cell).samples] == [2] * 4
+
+
+@pytest.mark.parametrize(
+    ("more", "words"), [([], "no column `mark`"), (["--mark", "m", "--meets", "t"], "cannot both")]
+)
+def test_what_was_touched_has_to_be_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], more, words) -> None:
+    """Once, by the table or by an option."""
+    (tmp_path / "a.csv").write_text("x,y,z,qx,qy,qz,qw\n0.4,0,0.5,0,0,0,1\n")
+    path = str(tmp_path / "a.csv")
+    assert main(["import", "touches", str(tmp_path / "c"), "--robot", "eye", path, "--format", "ros", *more]) == 2
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "c").exists()
