@@ -11,7 +11,7 @@ from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.null_space import separate_null_space
-from basecal.estimation.observability.observability import analyse_observability, without_priors
+from basecal.estimation.observability.observability import analyse_observability, is_informed, without_priors
 from basecal.estimation.solve import Solution
 from basecal.numerics.spectral import scaled_spectrum
 
@@ -21,10 +21,10 @@ _DOMINATED_RATIO = 0.95  # posterior over prior sigma: the data tell a tenth of 
 def prior_dominated(evidence: Evidence) -> list[Finding]:
     """Infos: directions of a prior that the data hardly add to, and requested transforms that priors alone hold."""
     problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
-    priors = [n for n in problem.columns if n in unknowns and unknowns[n].status == "prior"]
+    priors = [n for n in problem.columns if n in unknowns and is_informed(unknowns[n])]
     on_plates = {each.name for each in evidence.cell.targets.values() if each.on in evidence.cell.plates}
     measured = {evidence.cell.mount_name(name) for name in on_plates}  # with the plate: nobody expects touches to add
-    priors = [name for name in priors if unknowns[name].sigma is not None and name not in measured]
+    priors = [name for name in priors if name not in measured]
     if not priors or not evidence.solution.converged:
         return []
     alone = without_priors(problem)

@@ -14,8 +14,10 @@ from basecal.cell.format.plain import numbers
 from basecal.cell.target import Target
 from basecal.fields.values import Entry, Mount, PointMount, Sigma, UnknownEntry, Vector
 from basecal.geometry import SE3, read_only
+from basecal.numerics.spectral import principal_axes
 
 _USUAL_SIGMA_M = 2e-5  # [m] per axis of a drilled or milled plate, or of a point that another instrument measured
+_LINE_SHARE = 1e-6  # of the length of a line, how far its marks may be off an axis
 _Points = dict[str, Vector] | Annotated[list[Vector], Field(min_length=1)]
 
 
@@ -42,6 +44,8 @@ class MarkEntry(Entry):
             raise ValueError("exact takes no sigma_m: leave one of them away")
         if not self.is_plate and self.mount != UnknownEntry():
             raise ValueError("mount is of a plate of several points_m; one mark is stated by points_m: [[x, y, z]]")
+        if self.is_plate and _is_line(self.points_m):
+            raise ValueError("marks of a plate that are on one line go along an axis of the plate: x, y or z")
         return self
 
     @property
@@ -64,6 +68,13 @@ class MarkEntry(Entry):
             return Unknown("fixed", mean)
         sigma = _USUAL_SIGMA_M if self.sigma_m is None else self.sigma_m
         return Unknown("prior", mean, read_only([sigma] * 3 + [0.0] * 3, (6,), "sigma"))
+
+
+def _is_line(points_m: _Points | None) -> bool:
+    """Whether marks are on a line that is along no axis."""
+    points = np.array(list(points_m.values() if isinstance(points_m, dict) else points_m or ()))
+    apart = np.sort(np.ptp(points, axis=0))
+    return principal_axes(points - points.mean(0)).dimension == 1 and bool(apart[1] > _LINE_SHARE * apart[2])
 
 
 def tip_shape(kind: str) -> Target:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.cell import Unknown
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.observability.motions import null_directions
@@ -107,9 +108,14 @@ def _without_null_directions(problem: Problem, state: State, hessian: Array) -> 
     return hessian - 0.5 * (by_noise + by_noise.T)
 
 
+def is_informed(unknown: Unknown) -> bool:
+    """Whether something is known of a transform beforehand; what holds a gauge alone is no knowledge."""
+    return unknown.status == "prior" and unknown.sigma is not None and bool(np.all(np.isfinite(unknown.sigma)))
+
+
 def without_priors(problem: Problem) -> Problem:
     """The same, nothing known beforehand of transforms that are not fixed."""
-    free = {n: replace(u, status="free") if u.status == "prior" else u for n, u in problem.unknowns.items()}
+    free = {n: replace(u, status="free") if is_informed(u) else u for n, u in problem.unknowns.items()}
     return replace(problem, unknowns=free)
 
 

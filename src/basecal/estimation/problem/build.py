@@ -26,6 +26,7 @@ from basecal.effects.deflection import apply_gravity
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.measurements import alternative_readings, make_measurement
+from basecal.estimation.problem.plate_gauges import with_plate_gauges
 from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, check_carriers
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
@@ -271,7 +272,7 @@ def _end(cell: Cell, poses: Mapping[str, _Poses], carried: str, on: str, index: 
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
-    unknowns = cell.transforms
+    unknowns = with_plate_gauges(cell)
     points = point_mounts(cell, groups)
     with_pixels = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
     lenses: dict[str, Intrinsics] = {}

@@ -12,7 +12,7 @@ from basecal.cell import PointObservation
 from basecal.errors import DatasetError, UsageError
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.known import known_cell
-from basecal.exchange.importing.measured_points import PointTable
+from basecal.exchange.measured_points import PointTable
 from basecal.exchange.poses import METRES, LengthUnit
 
 

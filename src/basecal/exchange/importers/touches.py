@@ -15,9 +15,9 @@ from basecal.exchange.importers.poses import POSE_ADVICE, PoseTable
 from basecal.exchange.importing.imported import Imported, OneOf, Row
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.importing.known import known_cell
-from basecal.exchange.importing.touched import TouchTable, new_rows, touch_names
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
+from basecal.exchange.touched import TouchTable, new_rows, touch_names
 
 
 def read_touches(
