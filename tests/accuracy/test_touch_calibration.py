@@ -43,3 +43,14 @@ def test_a_plate_is_one_body():
     assert found.verdict == "good"
     assert not found.findings
     assert found["eye_base_from_plate"].mean.translation == pytest.approx([0.3, -0.2, 0.1], abs=1e-3)
+
+
+def test_a_touch_of_the_wrong_mark_is_left_out():
+    """One of 36 that names another mark than it touched: the answer is that of the others, and the sample is named."""
+    cell, lines = touch_cell(), touch_lines(np.random.default_rng(5), 36, 2e-4)
+    seen = lines[11]["observations"][0]
+    seen["touch"] = "mark_a" if seen["touch"] != "mark_a" else "mark_b"
+    found = calibrate(cell, recorded(cell, lines))
+    assert [outlier.sample for outlier in found.outliers] == [11]
+    off = (found[BASE].mean.inverse() @ TRUTH).log()
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found[BASE].covariance)))

@@ -12,6 +12,8 @@ from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops,
 from basecal.accuracy.readings.reading import Reading
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.start.first_state import known_transforms
+from basecal.estimation.start.metric_points import has_metric_start
 from basecal.estimation.start.pair_views import PairViews
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, Camera
@@ -38,8 +40,9 @@ def pairing_errors(
     One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
     sample tells which of the two pairings it has.
     """
-    count = len(declared.order)
-    if count < 2 * _FEWEST:
+    count, known = len(declared.order), known_transforms(declared.problem)
+    without_poses = any(has_metric_start(declared.problem, group, known) for group in declared.problem.groups)
+    if count < 2 * _FEWEST or without_poses:  # points without a pose, such as touches, close no loop alone
         return []
     slips = [(stream, by) for stream in streams for by in _SLIPS]
     moved = [declared.shifted(stream, by) for stream, by in slips]

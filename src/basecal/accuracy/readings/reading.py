@@ -199,7 +199,7 @@ class Reading:
         rows = self._rows(group)
         kept = rows >= 0
         for robot in group.robots:
-            kept &= tracks[robot].seen[rows]
+            kept[kept] = tracks[robot].seen[rows[kept]]
         rows = rows[kept]
         return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carried_by(end, tracks, rows, first))
 
