@@ -22,6 +22,7 @@ from tests.journeys.test_hobby_arms import OFFSET_DEG, dataset
 from tests.journeys.test_production import krl, rapid
 from tests.journeys.test_ros2 import PERIOD_NS, trajectory
 from tests.journeys.test_ur import teach_pendant
+from tests.recipes import touching
 
 OF_ARMS = (("eye", "left"), ("hand", "right"))
 
@@ -168,5 +169,7 @@ RAW: dict[str, Callable[[Path], None]] = {
     "three_robots": three_robots,
     "led_shifts": nothing,
     "scene": scene,
+    "touches": touching.touches,
+    "tracker": touching.tracker,
     "tutorial": tutorial,
 }

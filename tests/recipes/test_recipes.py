@@ -18,8 +18,8 @@ LISTED = {
 }
 PAGES = {**LISTED, "README": ROOT / "README.md"}
 NEEDED = {"lerobot": "pyarrow"}
-QUICK = {"camera_beside"}
-"""Pages that run with the fast tests: one."""
+QUICK = {"camera_beside", "touches", "tracker"}
+"""Pages that run with the fast tests."""
 
 
 DOUBTFUL = {"scene"}

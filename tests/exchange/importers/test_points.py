@@ -40,7 +40,7 @@ def test_a_tracker_is_placed(tmp_path: Path, unit_m: float, heading: str) -> Non
     arm, points = recorded(tmp_path, unit_m, heading)
     cell = str(tmp_path / "c")
     assert main(["import", "poses", cell, "--robot", "arm", arm, "--format", "ur"]) == 0
-    assert main(["import", "points", cell, points, "--camera", "tracker", "--on", "arm"]) == 0
+    assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm"]) == 0
     assert main(["calibrate", cell]) == 0
     run = latest_run(cell)
     assert run is not None
@@ -63,6 +63,6 @@ def test_units_and_names_have_to_be_said(tmp_path, capsys, heading, more, code, 
     """Nothing is guessed, and nothing is written."""
     _, points = recorded(tmp_path, 1e-3, heading)
     cell = str(tmp_path / "c")
-    assert main(["import", "points", cell, points, "--camera", "tracker", "--on", "arm", *more]) == code
+    assert main(["import", "points", cell, points, "--camera", "tracker", "--robot", "arm", *more]) == code
     assert words in capsys.readouterr().err
     assert not (tmp_path / "c").exists()

@@ -15,7 +15,7 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
-_LEARNT_SHARE = 1e-6  # share of a prior's variance that the data take away, below which it is rounding
+_LEARNT_SHARE = 1e-3  # share of a variance that the data take away, below which second-order terms move as much
 
 
 def prior_contradicted(evidence: Evidence) -> list[Finding]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.phrases.null_space import describe_direction, describe_twists, is_unobservable
 from basecal.accuracy.phrases.robot_motion import advise_motion, describe_cause, describe_motion
+from basecal.accuracy.phrases.touch_advice import touch_advice
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.errors import sentence
@@ -21,15 +22,17 @@ def unobservable_directions(evidence: Evidence) -> list[Finding]:
     severity: Severity = "error" if observability.unobservable.intersection(evidence.cell.asked) else "warning"
     moved = motions(problem) if observability.null_space else {}
     together: dict[tuple[str, ...], list[str]] = {}
+    advice: dict[tuple[str, ...], tuple[tuple[str, ...], str] | None] = {}
     for direction in observability.null_space:
         together.setdefault(direction.names, []).append(describe_direction(direction))
+        advice.setdefault(direction.names, touch_advice(evidence.cell, problem, evidence.solution.state, direction))
     return [
         Finding(
             "unobservable-direction",
             severity,
             names,
             sentence(is_unobservable(whats, names[1:])),
-            *describe_cause(evidence.cell, problem, moved, names),
+            *(advice[names] or describe_cause(evidence.cell, problem, moved, names)),
         )
         for names, whats in together.items()
     ]

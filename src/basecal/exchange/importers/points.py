@@ -23,7 +23,7 @@ def read_points(
     *,
     camera: str,
     target: str | None = None,
-    on: str | None = None,
+    robot: str | None = None,
     length_unit: LengthUnit | None = None,
     sigma_m: float | None = None,
 ) -> Imported:
@@ -39,14 +39,14 @@ def read_points(
 
         basecal import poses mycell arm.txt --robot arm --format kuka
         basecal import points mycell tracker.csv --camera tracker --target ball \\
-            --on arm
+            --robot arm
 
     Args:
         cell: Folder of the cell.
         file: Measured points.
         camera: Name of the instrument; added to the cell where it is new.
         target: Name of the reflector, where the table has no column `target`.
-        on: The robot that carries reflectors that are new.
+        robot: What carries reflectors that are new.
         length_unit: What lengths are in, where the header does not say.
         sigma_m: Sigma of a point per axis [m]; estimated where left out.
 
@@ -60,18 +60,18 @@ def read_points(
         raise UsageError("say which reflector was measured, either by --target or by a column `target`")
     known = known_cell(cell)
     new = [name for name in dict.fromkeys(names) if known is None or name not in known.targets]
-    if new and on is None:
-        raise UsageError(f"--on is missing: the robot that carries {', '.join(new)}")
-    reflector = {"on": on, "kind": "points", "points_m": [[0.0, 0.0, 0.0]]}
+    if new and robot is None:
+        raise UsageError(f"--robot is missing: the one that carries {', '.join(new)}")
+    reflector = {"on": robot, "kind": "points", "points_m": [[0.0, 0.0, 0.0]]}
     entry: dict[str, dict[str, object]] = {"targets": {name: dict(reflector) for name in new}}
     if known is None or camera not in known.cameras:
         entry["cameras"] = {camera: {"kind": "tracker", "on": "world"}}
-    rows = _joined(table, names, camera, sigma_m)
+    rows = _join_rows(table, names, camera, sigma_m)
     what = f"{len(names)} points of {', '.join(dict.fromkeys(names))} in {camera}, {table.unit}"
     return Imported(str(file), what, rows, entry, advice="check the unit of the header, and --length-unit")
 
 
-def _joined(table: PointTable, names: Sequence[str], camera: str, sigma_m: float | None) -> tuple[Row, ...]:
+def _join_rows(table: PointTable, names: Sequence[str], camera: str, sigma_m: float | None) -> tuple[Row, ...]:
     """Rows of one sample as one, with a view of each reflector.
 
     Raises:

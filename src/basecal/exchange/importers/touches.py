@@ -17,7 +17,7 @@ from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.importing.known import known_cell
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
-from basecal.exchange.touched import TouchTable, new_rows, touch_names
+from basecal.exchange.touch_table import TouchTable, new_rows, touch_names
 
 
 def read_touches(

@@ -8,7 +8,7 @@ import pytest
 
 from basecal.errors import DatasetError
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.touched import TouchTable, as_name, new_rows, touch_names
+from basecal.exchange.touch_table import TouchTable, as_name, new_rows, touch_names
 
 
 @pytest.mark.parametrize(("text", "name"), [("A", "a"), (" Mark 1 ", "mark_1"), ("1", "mark_1"), ('"P-2"', "p_2")])

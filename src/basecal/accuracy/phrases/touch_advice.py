@@ -1,0 +1,64 @@
+"""Which mark to touch next, where touches leave a rotation open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from basecal.cell import Cell
+from basecal.estimation.observability.null_space import NullDirection
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.view.points import is_touch
+from basecal.geometry import Array
+
+_NEAR_M = 0.05  # [m] of a mark from an axis that it counts as on
+_OFF_M = 0.3  # [m] of the next mark from the axis: as far as marks that hold a rotation to a mrad by touches of 0.3 mm
+
+
+def touch_advice(
+    cell: Cell, problem: Problem, state: State, direction: NullDirection
+) -> tuple[tuple[str, ...], str] | None:
+    """What to touch next, and why; None if touches are not what leaves the direction open.
+
+    Args:
+        cell: What exists.
+        problem: The problem.
+        state: Where marks were found.
+        direction: A rotation that is open, in the axes of the reference's base.
+    """
+    seen = [g for g in problem.groups if direction.names[0] in g.frames]
+    if direction.kind != "rotation" or not seen or not all(is_touch(g.measurement) for g in seen):
+        return None
+    if not direction.names[0].startswith(f"{cell.reference}_base_from_"):
+        return None
+    marks = _marks(cell, problem, state, sorted({g.target for g in seen}))
+    tips = " and ".join(sorted({g.camera for g in problem.groups if g.target in marks}))
+    near = [name for name, at in marks.items() if _distance(at, direction.twists_in_parent[0]) < _NEAR_M]
+    if len(direction.twists_in_parent) == 1 and len(near) >= 2:
+        which = "third" if len(marks) == 2 else "further"
+        line = f"the line through {near[0]} and {near[1]}"
+        do = f"A {which} mark at least {_OFF_M:g} m off {line} fixes the rotation about it."
+        return (do, f"Touch it with {tips}."), "All marks that were touched are on one line."
+    if not marks:
+        return None
+    do = f"Touch three marks, {_OFF_M:g} m apart and not on one line, with {tips}."
+    return (do,), f"{len(marks)} mark{'s hold' if len(marks) != 1 else ' holds'} no rotation of a base."
+
+
+def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> dict[str, Array]:
+    """Where marks are in the reference's base, (3,) each, by name."""
+    found = {}
+    for group in problem.groups:
+        target = cell.targets[group.target]
+        if group.target in names and group.hand.robot is None:
+            at = state.transforms[group.hand.mount].translation
+            found[target.name] = at if group.hand.base is None else state.transforms[group.hand.base] @ at
+    return found
+
+
+def _distance(point: Array, twist: Array) -> float:
+    """How far a point, (3,), is from the axis of a twist, (6,), about the origin [m]."""
+    axis = twist[3:] / np.linalg.norm(twist[3:])
+    through = np.cross(twist[3:], twist[:3]) / (twist[3:] @ twist[3:])
+    return float(np.linalg.norm(np.cross(axis, point - through)))
