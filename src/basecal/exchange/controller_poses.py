@@ -144,7 +144,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     table = read_text_table(read_table_text(path, "a table of poses"), path, names)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
-    is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(_plain, table.header)
+    is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
     columns = _columns(table, how.names[:_SHORT_MATRIX] if is_short else how.names, reading)
     numbers = np.array(list(rows_of_numbers(table, columns)))
     if is_short:
@@ -281,7 +281,7 @@ def _other_controllers(numbers: Array, how: Convention, reading: Reading) -> str
     if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
         return ""
     length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
-    units = (MILLIMETRE, DEGREE) if length > _LONGEST_ARM_M else (METRE, RADIAN)
+    units = (METRES["mm"], DEGREE) if length > _LONGEST_ARM_M else (METRES["m"], RADIAN)
     fits = angle > _FULL_TURN if units[1] == DEGREE else 0 < angle <= _SMALL_TURN
     if not fits or units == (how.length, how.angle) or how.length == units[0] or how.angle == units[1]:
         return ""
