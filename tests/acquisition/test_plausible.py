@@ -17,7 +17,7 @@ def joints(*values):
 
 
 def pose(x_m, scale=1.0):
-    return Reading(1.0, RobotState(SE3(scale * np.eye(3), np.array([x_m, 0.0, 0.0]))))
+    return Reading(1.0, RobotState(SE3.adopt(scale * np.eye(3), np.array([x_m, 0.0, 0.0]))))
 
 
 @pytest.mark.parametrize("reading", [joints(0.1, -999.0), pose(999.0), Reading(-5.0, joints(0.0).state)])

@@ -83,7 +83,7 @@ def test_dry_run_prints_each_way_and_moves_nothing(tmp_path: Path, capsys: pytes
 def test_a_tool_speed_has_its_unit(tmp_path: Path, capsys: pytest.CaptureFixture[str], speed: str) -> None:
     """Without one, or above 2 m/s, it is refused before any robot is asked."""
     write_world(facing_arms(), tmp_path)
-    assert main(["capture", str(tmp_path), "--tool-speed-limit", speed]) == 3
+    assert main(["capture", str(tmp_path), "--tool-speed-limit", speed]) == 2
     assert re.search(f"--tool-speed-limit '?{speed}'?: expected", capsys.readouterr().err)
 
 

@@ -16,9 +16,9 @@ def test_two_simulated_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[
         assert main(["simulate", str(tmp_path / name), "--samples", "6", "--target", "pose", "--seed", "3"]) == 0
     capsys.readouterr()
     assert main(["merge", str(tmp_path / "a"), str(tmp_path / "b"), "-o", str(tmp_path / "c")]) == 0
-    said = capsys.readouterr().out
+    said, following = capsys.readouterr()
     assert f"{tmp_path / 'b'}: 6 samples of eye, hand, from number 6 on" in said
-    assert said.splitlines()[-1].endswith(f"basecal calibrate {tmp_path / 'c'}")
+    assert following.rstrip().endswith(f"basecal calibrate {tmp_path / 'c'}")
     assert [sample.sample for sample in read_recording(tmp_path / "c").samples] == list(range(12))
 
 

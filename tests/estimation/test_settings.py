@@ -21,6 +21,7 @@ def test_settings_as_plain_values():
         "station_choice": "nearest",
         "robot_noise": "estimated",
         "certify": False,
+        "against": None,
     }
     assert Settings(stages=Stages()) == DEFAULT
 

@@ -69,6 +69,8 @@ def test_from_pendants_to_a_base_frame(
         "basecal calibrate line4 --tolerance 2mm",
         "basecal export line4 --to kuka -o base.src",
     )
-    assert f"GOOD: {NAME}" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "GOOD: expected error " in printed
+    assert f"\n{NAME} to " in printed
     assert is_within_three_sigmas(tmp_path / "line4", NAME, made.truth["eye_base_from_hand_base"])
     assert is_pasted(pasted_frame((tmp_path / "base.src").read_text()), tmp_path / "line4", NAME)

@@ -16,7 +16,7 @@ from basecal.cli.connecting import ASKING, Connecting, allowed_rig
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
-from basecal.errors import InputError, UsageError
+from basecal.errors import UsageError
 from basecal.fields.typed_length import length_m
 from basecal.planning.patterns import PATTERNS
 
@@ -56,13 +56,13 @@ class Moving:
         """The limits, as a plan is checked with them.
 
         Raises:
-            InputError: if a speed has no unit, or is above 2 m/s.
+            UsageError: if a speed has no unit, or is above 2 m/s.
         """
         from basecal.planning.plan_check import SpeedLimits
 
         tool_m_s = length_m(self.tool_speed_limit, "--tool-speed-limit", "250mm/s", per="/s")
         if tool_m_s > _FASTEST_M_S:
-            raise InputError(f"--tool-speed-limit {self.tool_speed_limit}: expected at most {_FASTEST_M_S:g} m/s")
+            raise UsageError(f"--tool-speed-limit {self.tool_speed_limit}: expected at most {_FASTEST_M_S:g} m/s")
         return SpeedLimits(radians(self.speed_limit_deg_s), tool_m_s)
 
 

@@ -95,7 +95,8 @@ def _place_of_kind(kind: str, options: list[str], is_camera: bool) -> Place:
         raise InputError(f"no driver and no cell {kind!r}{hint}; drivers are: {', '.join(known)}")
     driver = Driver(kind, dict(_option(each) for each in options))
     if is_camera:
-        cell = Cell("", {}, cameras={"camera": CellCamera("camera", "world", driver=driver)})
+        cameras = {"camera": CellCamera("camera", "world", driver=driver)}
+        cell = Cell("robot", {"robot": Robot("robot")}, cameras=cameras)
         return Place("camera", cell, Path("."), driver.options)
     return Place("robot", Cell("robot", {"robot": Robot("robot", driver=driver)}), Path("."), driver.options)
 

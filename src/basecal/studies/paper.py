@@ -111,7 +111,7 @@ def _orders(bed: Testbed, numbers: dict[str, Any], key: str) -> dict[str, float]
     t = np.array(numbers["table1_camera_from_led"][key]["t"])
     raw = np.array(numbers["table1_camera_from_led"][key]["R"])
     before = base_of_station(bed.eye_base_from_camera, SE3(nearest_rotation(raw), t), bed.hand_base_from_light)
-    loose = base_of_station(bed.eye_base_from_camera, SE3(raw, t.copy()), bed.hand_base_from_light)
+    loose = base_of_station(bed.eye_base_from_camera, SE3.adopt(raw, t.copy()), bed.hand_base_from_light)
     true = bed.eye_base_from_hand_base.translation
     return {
         "rotations_differ_by": float(np.abs(nearest_rotation(loose.rotation) - before.rotation).max()),

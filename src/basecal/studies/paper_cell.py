@@ -71,4 +71,4 @@ def paper_cell(numbers: dict[str, Any]) -> Testbed:
 
 def printed_pose(entry: dict[str, Any]) -> SE3:
     """A pose as its figures are printed: a rounded rotation is none quite."""
-    return SE3(np.array(entry["R"], dtype=np.float64), np.array(entry["t"], dtype=np.float64))
+    return SE3.adopt(np.array(entry["R"], dtype=np.float64), np.array(entry["t"], dtype=np.float64))

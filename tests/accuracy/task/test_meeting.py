@@ -57,7 +57,7 @@ def test_what_a_point_moves_by_is_of_the_columns_of_its_transform(size):
     """Of a point's offset three columns shift, and nothing turns."""
     covariance = np.diag(np.arange(1.0, 11.0))
     problem = SimpleNamespace(columns={"a_from_b": slice(2, 2 + size)}, width=10)
-    meeting = Meeting(problem, None, "a_from_b", "a", np.array([[0.0, 0.0, 2.0]]), {})
+    meeting = Meeting(problem, None, "a_from_b", "a", np.array([[0.0, 0.0, 2.0]]), {}, None)
     turns = 4 * (6 + 7) if size == 6 else 0
     assert np.trace(meeting.weight @ covariance) == pytest.approx(3 + 4 + 5 + turns)
 

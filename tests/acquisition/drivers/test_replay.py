@@ -73,11 +73,13 @@ def test_what_was_not_recorded(made, tmp_path):
     """A recording that is not there, or that lacks the robot, is an error."""
     with pytest.raises(DatasetError):
         open_robot(place(made, "eye", str(tmp_path)))
+    robots = made[1].cell.robots
+    third = {**robots, "third": replace(robots["eye"], name="third")}
     with pytest.raises(DatasetError, match=r"robots\.third\.driver\.recording: .* has no robot 'third'"):
         open_robot(
             Place(
                 "third",
-                replace(made[1].cell, robots={**made[1].cell.robots, "third": made[1].cell.robots["eye"]}),
+                replace(made[1].cell, robots=third),
                 made[0],
                 {"recording": "."},
             )

@@ -64,7 +64,7 @@ def test_what_cannot_be_exported_is_said():
     with pytest.raises(InputError, match="'eye' has no urdf"):
         urdf_of(CELL, DATA, good, "eye")
     for field in ("urdf", "base_link", "flange_link"):
-        bare = replace(CELL, robots={"hand": replace(HAND, **{field: None})})
+        bare = replace(CELL, reference="hand", robots={"hand": replace(HAND, **{field: None})})
         with pytest.raises(InputError, match="'hand' has no urdf"):
             urdf_of(bare, DATA, good, "hand")
     for cell, folder in ((None, DATA), (CELL, None)):
