@@ -104,10 +104,12 @@ def _build(ui: Any, extra: Any, view: Viewed) -> None:
         name = view.folder.resolve().name
         ui.select(list(view.runs), value=choice.run, label=f"run of {name}", on_change=lambda e: choose(e.value))
         answer = ui.label().style("white-space: pre-line; font-size: 1.1rem; overflow-wrap: anywhere")
+        ui.label("sample")
         slider = ui.slider(min=0, max=max(len(numbers) - 1, 1), value=0, on_change=lambda e: look(e.value))
         said = ui.label().style("white-space: pre-line; overflow-wrap: anywhere")
         with ui.row().style("width: 100%"):
             pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in view.cell.cameras}
+        ui.label("samples that count")
         with ui.row().style("gap: 0 0.6rem"):
             for number in numbers[:_MOST_BOXES]:
                 box = ui.checkbox(str(number), value=True)
