@@ -1,7 +1,7 @@
 """Whether an answer from a scene may be given: what is missing, in words, with what to do.
 
-The limits are assumed: right scenes of the recordings that were tried are far beyond them. How many false answers pass
-was not measured, so that a base that rests on a scene alone is doubtful.
+The limits are assumed: right scenes of the recordings that were tried are far beyond them. A room in which all that has
+texture is copied deceives them (benchmarks.scene), so that a base that rests on a scene alone is doubtful.
 """
 
 from __future__ import annotations
