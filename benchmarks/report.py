@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks import (
     arm_errors,
+    arrays,
     bag,
     batch,
     blurred_views,
@@ -51,6 +52,7 @@ from benchmarks import (
     stopping,
     stops,
     study,
+    target_poses,
     two_arms,
     verify,
     wrong_answers,
@@ -500,6 +502,8 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "stated_numbers": ("Stated numbers", stated_numbers.section),
     "confounding": ("Effects that move the data alike", confounding.section),
     "sag": ("Sag", sag.section),
+    "arrays": ("Arrays of poses", arrays.section),
+    "target_poses": ("Poses of targets by PnP", target_poses.section),
     "capture": ("Captures", capture.section),
     "stops": ("Arms that are told to stop", stops.section),
     "scene": ("A scene without a target", scene.section),

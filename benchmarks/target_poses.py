@@ -80,6 +80,19 @@ def summary(name: str, trials: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def section(result: dict[str, Any]) -> str:
+    """The section of docs/benchmarks.md."""
+    rows = [
+        (row["target"], row["not_good"], f"{row['rms_mm']:.2f}", f"{row['held']:.1%}", f"{row['mean_square']:.2f}")
+        for row in result["rows"]
+    ]
+    head = ("target", "not good", "rms [mm]", "95 % ellipsoid holds", "NEES/6")
+    about = f"""\
+A hand-eye calibration from {result["samples"]} poses of targets that PnP found in noisy corners.
+Of each target {result["draws"]} were drawn."""
+    return f"{about}\n\n{table(head, rows)}"
+
+
 def main(arguments: list[str]) -> None:
     """Run, print, and write results/target_poses.json of as many draws as are usual."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.target_poses", description=__doc__)
