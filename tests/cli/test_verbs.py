@@ -79,7 +79,7 @@ def test_the_list_says_what_the_verb_says(verb: str) -> None:
         ["study", "paper", "--seed", "-1"],
         ["study", "paper", "--draws", "1"],
         ["import", "poses", "x", "--camera-from-target", "b.txt"],
-        ["import", "poses", "x", "--camera-from-target", "b.txt", "--length-unit", "inch"],
+        ["import", "poses", "x", "--camera-from-target", "b.txt", "--length-unit", "mile"],
         ["import", "poses", "x", "--camera-from-target", "b.txt", "--length-unit", "m", "--invert", "everything"],
     ],
 )

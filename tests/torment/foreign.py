@@ -16,6 +16,8 @@ from basecal.exchange.hand_eye.arrays import read_record_of_arrays
 from basecal.exchange.hand_eye.easy_handeye import read_easy_handeye
 from basecal.exchange.hand_eye.industrial import read_data_set
 from basecal.exchange.hand_eye.moveit import is_joint_states, read_joint_states, read_moveit_samples
+from basecal.exchange.importers.points import read_points
+from basecal.exchange.importers.touches import read_touches
 from basecal.exchange.joints import read_joints
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.exchange.lens_files.colmap import read_colmap
@@ -100,6 +102,14 @@ def _joints(path: Path) -> object:
     return read_joints(str(path), "hand", read_chain(_SIX_AXIS, "base_link", "tool0"), True)
 
 
+def _points(path: Path) -> object:
+    return read_points(path.parent / "cell", path, camera="tracker", robot="arm")
+
+
+def _touches(path: Path) -> object:
+    return read_touches(path.parent / "cell", path, robot="left", format="ros")
+
+
 def read_damaged_tables(chance: Random, folder: Path) -> str:
     """A dataset of LeRobot, its description or its table damaged."""
     if find_spec("pyarrow") is None:
@@ -135,6 +145,8 @@ FOREIGN: dict[str, Trial] = {
     "joints": _of_texts(
         {"a.csv": b",".join(b"joint_%d" % k for k in range(1, 7)) + b"\n0,-90,90,0,20,0\n10,-80,80,5,20,-5\n"}, _joints
     ),
+    "points": _of_texts({"a.csv": b"sample,target,x_mm,y_mm,z_mm\n0,ball,1.5,2,3\n1,ball,4,5,6\n"}, _points),
+    "touches": _of_texts({"a.csv": b"x,y,z,qx,qy,qz,qw,mark\n0.4,0,0.5,0,0,0,1,a\n0.5,0.1,0.4,1,0,0,0,b\n"}, _touches),
     "easy-handeye": _of_data(
         {"parameters": {"calibration_type": "eye_on_base"}, "samples": [{"robot": _POSE, "tracking": _POSE}]},
         "a.samples",

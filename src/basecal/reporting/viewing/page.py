@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -109,12 +109,17 @@ def _build(ui: Any, extra: Any, view: Viewed) -> None:
         said = ui.label().style("white-space: pre-line; overflow-wrap: anywhere")
         with ui.row().style("width: 100%"):
             pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in view.cell.cameras}
-        ui.label("samples that count")
-        with ui.row().style("gap: 0 0.6rem"):
-            for number in numbers[:_MOST_BOXES]:
-                box = ui.checkbox(str(number), value=True)
-                box.on_value_change(lambda e, number=number: toggle(number, e.value))
+        _add_boxes(ui, numbers[:_MOST_BOXES], toggle)
     ui.timer(0.1, lambda: choose(choice.run), once=True)
+
+
+def _add_boxes(ui: Any, numbers: Sequence[int], toggle: Callable[[int, bool], Awaitable[None]]) -> None:
+    """A box for each sample."""
+    ui.label("samples that count")
+    with ui.row().style("gap: 0 0.6rem"):
+        for number in numbers:
+            box = ui.checkbox(str(number), value=True)
+            box.on_value_change(lambda e, number=number: toggle(number, e.value))
 
 
 def _show(pictures: Mapping[str, Any], sources: Mapping[str, str]) -> None:
