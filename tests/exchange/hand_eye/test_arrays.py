@@ -54,6 +54,7 @@ def test_two_arms() -> None:
         ({"R_target2cam": POSES[1].rotation * [1, 1, -1]}, "R_target2cam is not a rotation"),
         ({"t_gripper2base": np.full((5, 3), np.nan)}, "t_gripper2base holds NaN"),
         ({"R_gripper2base": [[1.0], [1.0, 2.0]]}, "R_gripper2base is no array of numbers"),
+        ({"t_gripper2base": [[10**400, 0, 0]]}, "t_gripper2base is no array of numbers"),
     ],
 )
 def test_what_is_wrong_is_named(change: dict[str, object], told: str) -> None:

@@ -102,7 +102,7 @@ def _numbers(arrays: Mapping[str, ArrayLike], key: str, shapes: tuple[tuple[int,
     """Finite numbers (n, *shape) of one of the shapes; a row or a column of three is three numbers."""
     try:
         values = np.asarray(arrays[key], dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{key} is no array of numbers: its entries differ in shape, or are none") from None
     if values.ndim == 3 and 1 in values.shape[1:]:
         values = values.reshape(len(values), -1)
