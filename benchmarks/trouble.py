@@ -222,14 +222,15 @@ def drawn_poses(truth: Truth, count: int, rng: np.random.Generator, spread_m: fl
         camera_place = board_place - looking[..., 2] * rng.uniform(NEAREST_M, FARTHEST_M, (n, 1))
         camera = rigid(looking, camera_place + rng.normal(0, 0.03, (n, 3)))
         tilt = turned(rng.uniform(-0.55, 0.55, (n, 3)))
-        board = rigid(looking @ tilt @ turned(np.array([0.0, 0.0, 0.0])), board_place - 0.0)
+        board = rigid(looking @ tilt, board_place)
         eye, eye_there = joints_to(camera @ np.linalg.inv(truth.camera), rng)
         hand, hand_there = joints_to(np.linalg.inv(truth.base) @ board @ np.linalg.inv(truth.board), rng)
         seen = pixels(truth, NOMINAL.flange(eye), NOMINAL.flange(hand))
         inside = ((seen > 10) & (seen < 2 * CENTRE_PX - 10)).all((1, 2))
         fine = eye_there & hand_there & inside
         found.append((eye[fine], hand[fine]))
-    return (np.concatenate([each[k] for each in found])[:count] for k in (0, 1))  # type: ignore[return-value]
+    eyes, hands = (np.concatenate(each)[:count] for each in zip(*found, strict=True))
+    return eyes, hands
 
 
 def clean(rng: np.random.Generator) -> Truth:
