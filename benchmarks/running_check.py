@@ -325,7 +325,8 @@ def section(result: dict[str, Any]) -> str:
     reported = sum(len(each["reported"]) for each in result["clean"])
     time_s = result["times"]
     known = sum(in_time([{**of, "visible": of["visible_noise_known"]} for of in result[kind]]) for kind in KINDS)
-    by_joint = in_time([{**of, "visible": of["visible_joint_unknown"]} for of in result["joint"]])
+    by_joint = [{**of, "visible": of["visible_joint_unknown"]} for of in result["joint"]]
+    hidden = [of for of in by_joint if of["visible"] is None]
     rows = [row_fault(kind, result[kind]) for kind in KINDS]
     moved = sum(any("moved" in message for message in each["lasting"]) for each in result["by_poses"])
     about = f"""\
@@ -341,7 +342,8 @@ A fault has a random size: bumps and remounted boards of 0.5 to 5 mm, joint offs
 from the sample at which the likelihood ratio of the true fault passes the threshold of 1 % false alarms. The test knows
 the fault, and like the capture neither bases and mounts nor the level of the noise. In time is at most {LATEST} samples
 later. To a test that knows the noise as well, {known} of {sum(len(result[kind]) for kind in KINDS)} are in time.
-Of joint offsets {by_joint} of {len(result["joint"])} are in time of a test that knows neither joint nor sign. Of
+A test that knows neither joint nor sign can see {len(delays(by_joint))} of {len(by_joint)} joint offsets. Of these
+{in_time(by_joint)} are in time; of the others {sum(of["reported"] is not None for of in hidden)} are reported. Of
 ur3e_88_images the report of `calibrate` says the same as the running check: flanges at nearly equal poses before and
 after that sample have the board in places that differ by more than those on one side do."""
     return f"{about}\n\n{table(HEAD_FAULT, rows)}\n\n{table(HEAD_REAL, map(row_real, result['real']))}"
