@@ -24,7 +24,7 @@ from statistics import median
 from typing import Any
 
 from basecal.studies.chunk import COLUMNS
-from basecal.studies.jobs import Where
+from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study import Study
 from basecal.studies.study_file import study_from_text
@@ -62,7 +62,7 @@ def cluster_of(workers: int) -> Iterator[Any]:
 
     with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
         with tempfile.TemporaryDirectory() as folder:
-            run_study(study_of(512 * workers), Path(folder) / "out", Where(1, cluster.scheduler_address))
+            run_study(study_of(512 * workers), Path(folder) / "out", WorkerPool(1, cluster.scheduler_address))
         yield cluster
 
 
@@ -71,7 +71,7 @@ def _spent(workers: int, scheduler: str | None, trials: int, answer: Any) -> Non
     study = study_of(trials)
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        run_study(study, Path(folder) / "out", Where(workers, scheduler))
+        run_study(study, Path(folder) / "out", WorkerPool(workers, scheduler))
         wall = time.perf_counter() - begin
         found = numbers(study, Path(folder) / "out")
     own, children = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
@@ -115,7 +115,7 @@ def killed(study: Study, work: Callable[[Path], None], kill: Callable[[], None])
         threading.Thread(target=strike, daemon=True).start()
         work(folder)
         before = {path.name: path.stat().st_mtime_ns for path in chunks.glob("*.npz")}
-        run_study(study, folder, Where(1))
+        run_study(study, folder, WorkerPool(1))
         again = [name for name, at in before.items() if (chunks / name).stat().st_mtime_ns != at]
         return {"numbers": numbers(study, folder), "there": len(before), "again": len(again), "of": len(study.chunks)}
 
@@ -123,13 +123,13 @@ def killed(study: Study, work: Callable[[Path], None], kill: Callable[[], None])
 def kills(trials: int) -> list[dict[str, Any]]:
     """A process of two, a Dask worker of two, and the whole command."""
     study, spawn = study_of(trials), multiprocessing.get_context("spawn")
-    found = [{"what": "nothing", **killed(study, lambda folder: run_study(study, folder, Where(1)), lambda: None)}]
+    found = [{"what": "nothing", **killed(study, lambda folder: run_study(study, folder, WorkerPool(1)), lambda: None)}]
 
     def one_of_two() -> None:
         """A worker of this process."""
         os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
 
-    by_two = killed(study, lambda folder: run_study(study, folder, Where(2)), one_of_two)
+    by_two = killed(study, lambda folder: run_study(study, folder, WorkerPool(2)), one_of_two)
     found.append({"what": "one of two processes", **by_two})
     with cluster_of(2) as cluster:
 
@@ -137,13 +137,15 @@ def kills(trials: int) -> list[dict[str, Any]]:
             """Of the cluster."""
             os.kill(next(iter(cluster.workers.values())).pid, signal.SIGKILL)
 
-        by_dask = killed(study, lambda folder: run_study(study, folder, Where(1, cluster.scheduler_address)), a_worker)
+        by_dask = killed(
+            study, lambda folder: run_study(study, folder, WorkerPool(1, cluster.scheduler_address)), a_worker
+        )
         found.append({"what": "one of two Dask workers", **by_dask})
     command: list[Any] = []
 
     def in_a_process(folder: Path) -> None:
         """The study by a process that is killed."""
-        command.append(spawn.Process(target=run_study, args=(study, folder, Where(1))))
+        command.append(spawn.Process(target=run_study, args=(study, folder, WorkerPool(1))))
         command[0].start()
         command[0].join()
 

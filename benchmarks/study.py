@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from basecal.studies.jobs import Where
+from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study_file import study_from_text
 from basecal.studies.table import results
@@ -37,7 +37,7 @@ def timed(solver: str, trials: int, workers: int) -> dict[str, Any]:
     study = study_from_text(text, "study.yaml")
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        run_study(study, Path(folder) / "out", Where(workers))
+        run_study(study, Path(folder) / "out", WorkerPool(workers))
         took = time.perf_counter() - begin
         solved = sum(int(result.trials.solved.sum()) for _, result in results(study, Path(folder) / "out"))
     found = {"solver": solver, "trials": trials, "workers": workers, "seconds": took, "solved": solved}

@@ -36,7 +36,7 @@ IRREGULAR = word_set(
     "put lit fed stood begun gone done learnt meant written shown worn lost shot brought taught understood bent "
     "risen driven frozen"
 )
-NO_PARTICIPLES = word_set("speed seed need embed feed bed led shed red exceed proceed")
+NO_PARTICIPLES = word_set("speed seed need embed feed bed led shed red exceed proceed testbed")
 NO_NAMES = word_set(
     "about above across after against ahead alike alone along among anew apart around at away before behind below "
     "beside besides between beyond both by each either else elsewhere enough ever few fewest for further hardly "
@@ -80,12 +80,13 @@ PRIVATE = re.compile("|".join(PHRASES), re.IGNORECASE)
 
 
 class Name(NamedTuple):
-    """A name that somebody chose: its kind, file, line and owner."""
+    """A name that somebody chose: its kind, file and line, and whether other programs or Python's own rules fix it."""
 
     kind: str
     path: str
     line: int
     name: str
+    is_fixed: bool = False
 
 
 class Text(NamedTuple):
@@ -113,13 +114,27 @@ def names() -> Iterator[Name]:
     for path in sources():
         place = str(path.relative_to(ROOT))
         if path.stem not in ("__init__", "__main__"):
-            yield Name("module", place, 1, path.stem)
+            yield Name("module", place, 1, path.stem, path.parent.name in ("drivers", "findings"))
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                yield Name("function", place, node.lineno, node.name)
+                is_finding = place.startswith("src/basecal/accuracy/findings/") and node.name == path.stem
+                yield Name("function", place, node.lineno, node.name, is_finding)
                 every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
-                yield from (Name("parameter", place, arg.lineno, arg.arg) for arg in every)
+                listed = {arg.arg for arg in every}
+                yield from (
+                    Name("parameter", place, arg.lineno, arg.arg, is_fixed(arg.arg, node.name, listed, place))
+                    for arg in every
+                )
         yield from constants(path, place)
+
+
+def is_fixed(name: str, function: str, listed: set[str], place: str) -> bool:
+    """Whether a parameter is an option that users type, Python's own `other`, or `left` beside `right`."""
+    room, stem = Path(place).parent.name, Path(place).stem
+    is_option = (room == "cli" and function == stem) or (room == "importers" and not function.startswith("_"))
+    is_switch = name == "on" and function in ("freedrive", "light")  # methods of drivers, which others write
+    is_operand = (name == "other" and function.startswith("__")) or (name == "left" and "right" in listed)
+    return is_option or is_switch or is_operand
 
 
 def constants(path: Path, place: str) -> Iterator[Name]:
@@ -141,11 +156,11 @@ def is_participle(word: str) -> bool:
     return word in IRREGULAR or (word.endswith("ed") and word not in NO_PARTICIPLES)
 
 
-def fault(name: Name, allowed: frozenset[str] = frozenset()) -> str:
+def fault(name: Name) -> str:
     """What is wrong with a name; empty if nothing is."""
     bare = name.name.strip("_").lower()
     words = bare.split("_")
-    if name.name.startswith("__") or bare in allowed or not bare:
+    if name.is_fixed or name.name.startswith("__") or not bare:
         return ""
     if set(words) & REPLACED and name.kind != "parameter":
         return "a word that is replaced"

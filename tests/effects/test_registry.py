@@ -133,7 +133,7 @@ def test_the_derivative_is_that_of_the_flange(name):
     kind = ROBOT_PARAMETERS[name]
     values = 0.1 * kind.scale * np.random.default_rng(1).standard_normal(kind.zero(6).shape)
     true, moved = JOINTS + kind.shift(ARM, kind.stated(), JOINTS, values), kind.moved(ARM, values)
-    at = Posture(ARM, JOINTS, moved.at(true))
+    at = Posture(ARM, JOINTS, moved.posture(true))
     before = flange(kind, values).inverse()
 
     def after(step):

@@ -145,9 +145,9 @@ def test_a_batch_of_arms_is_each_by_itself(chain, joints):
     for k in range(3):
         alone = chain.perturb_links(tangents[k])
         for taken, mine in ((own, own[k]), (joints, joints)):
-            at = arms.at(taken)
+            at = arms.posture(taken)
             np.testing.assert_allclose(at.base_from_flange.matrix[k], alone.forward(mine).matrix, atol=1e-14)
-            np.testing.assert_allclose(at.by_joints[k], alone.jacobian(mine), atol=1e-14)
+            np.testing.assert_allclose(at.joint_derivative[k], alone.jacobian(mine), atol=1e-14)
             np.testing.assert_allclose(at.link_derivative[k], alone.link_jacobian(mine), atol=1e-14)
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.geometry import SE3, Array, Camera
-from basecal.numerics.batch import SHARED, choose_where, concatenate, stack, take
+from basecal.numerics.batch import SHARED, choose_entries, concatenate, stack, take
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +53,13 @@ def test_where_chooses_row_by_row(rng):
     """Each row is that of the first where the mask holds, else that of the second."""
     first, second = (noun(rng, 4, np.zeros(1)) for _ in range(2))
     mask = np.array([True, False, False, True])
-    mixed = choose_where(mask, first, second)
+    mixed = choose_entries(mask, first, second)
     for row in range(4):
         chosen = first if mask[row] else second
         np.testing.assert_array_equal(mixed.poses["a"].matrix[row], chosen.poses["a"].matrix[row])
         np.testing.assert_array_equal(mixed.parts[0][row], chosen.parts[0][row])
-    assert choose_where(np.ones(4, dtype=bool), first, second) is first
-    assert choose_where(np.zeros(4, dtype=bool), first, second) is second
+    assert choose_entries(np.ones(4, dtype=bool), first, second) is first
+    assert choose_entries(np.zeros(4, dtype=bool), first, second) is second
 
 
 class Pair(NamedTuple):

@@ -31,7 +31,7 @@ class About:
     cost: Array
     gradient: Array
     hessian: Array
-    eliminated: Array | float = 0.0
+    eliminated_cost: Array | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -395,7 +395,7 @@ def test_ends_are_told_in_the_order_of_their_problems(ended):
         cost = 10.0 * np.array(rows)
         about = Quadratic(*(np.array([cost]).T for _ in range(4)))
         ends.add(np.array(rows), cost, cost, about, converged, 5 + converged)
-    found = ends.ordered()
+    found = ends.optima()
     assert found.cost.tolist() == found.state.tolist() == found.about.cost[:, 0].tolist() == [0.0, 10.0, 20.0]
     assert found.converged.tolist() == [row in ended[0] for row in range(3)]
     assert found.iterations.tolist() == [6 if row in ended[0] else 5 for row in range(3)]

@@ -124,12 +124,12 @@ def test_mahalanobis_squared_is_that_of_the_pseudo_inverse(rng):
     vectors = rng.standard_normal((2, 5)) * UNITS
     of = spectrum(matrices)
     np.testing.assert_allclose(
-        of.mahalanobis_squared(vectors), np.einsum("bi,bij,bj->b", vectors, of.inverse, vectors), rtol=1e-9
+        of.squared_mahalanobis(vectors), np.einsum("bi,bij,bj->b", vectors, of.inverse, vectors), rtol=1e-9
     )
     hidden = of.scale[0] * of.vectors[0, :, 0]
-    assert of.mahalanobis_squared(np.stack([hidden, hidden]))[0] < 1e-9
+    assert of.squared_mahalanobis(np.stack([hidden, hidden]))[0] < 1e-9
     np.testing.assert_allclose(
-        of.mahalanobis_squared(vectors)[1], vectors[1] @ np.linalg.solve(matrices[1], vectors[1])
+        of.squared_mahalanobis(vectors)[1], vectors[1] @ np.linalg.solve(matrices[1], vectors[1])
     )
 
 
@@ -225,7 +225,7 @@ def test_a_ridge_fades_out_what_holds_next_to_nothing():
     nothing = Spectrum(np.array([-1e-20, 0.0, 0.0, 0.0]), turn, np.ones(4), of.held).add_ridge(1e-9)
     assert np.all(nothing.values > 0)
     along = turn @ np.array([1e-9, 1e-5, 0.1, 2.0])
-    assert ridged.mahalanobis_squared(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
+    assert ridged.squared_mahalanobis(along) == pytest.approx(1e-9 + 1e-10 / 2e-9 + 10.0 + 4.0, rel=1e-5)
 
 
 def test_smallest_vectors_are_those_of_the_decomposition(rng):

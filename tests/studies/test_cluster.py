@@ -19,7 +19,7 @@ import pytest
 from basecal.errors import InputError, MissingExtra
 from basecal.studies import cluster as module
 from basecal.studies.cluster import called_on_cluster
-from basecal.studies.jobs import Job, Where, done_jobs
+from basecal.studies.jobs import Job, WorkerPool, done_jobs
 from basecal.studies.run import run_study
 from job_examples import deadly, lacking, named, of_another_version
 from study_example import SMALL, numbers, study
@@ -74,7 +74,9 @@ def test_a_job_that_kills_its_workers_is_given_up() -> None:
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}), local_cluster(2) as cluster:
         bad = Job(0, 1, partial(deadly, 0), lambda why: why.encode())
         rest = [Job(k, 1, partial(named, k)) for k in (1, 2, 3)]
-        done = {job.number: content for job, content in done_jobs([bad, *rest], Where(1, cluster.scheduler_address))}
+        done = {
+            job.number: content for job, content in done_jobs([bad, *rest], WorkerPool(1, cluster.scheduler_address))
+        }
     assert b"killed again and again" in done.pop(0)
     assert done == {number: named(number) for number in (1, 2, 3)}
 
@@ -88,8 +90,8 @@ def test_the_same_table_by_any_number_of_workers(tmp_path: Path, workers: int) -
     with local_cluster(workers) as cluster:
         if workers == 2:
             threading.Thread(target=kill_after_a_chunk, args=(cluster, tmp_path / "dask"), daemon=True).start()
-        run_study(made, tmp_path / "dask", Where(1, cluster.scheduler_address))
-    run_study(made, tmp_path / "here", Where(1))
+        run_study(made, tmp_path / "dask", WorkerPool(1, cluster.scheduler_address))
+    run_study(made, tmp_path / "here", WorkerPool(1))
     assert numbers(made, tmp_path / "dask") == numbers(made, tmp_path / "here")
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from basecal.errors import InputError
 from basecal.studies import run as module
-from basecal.studies.jobs import Where
+from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study_file import study_from_text
 from study_example import SMALL, numbers, study
@@ -27,7 +27,7 @@ def test_one_process_and_two_make_the_same_table(tmp_path: Path) -> None:
     """To the last digit, time apart."""
     made = study(trials=60, hold=HOLD, axes=AXES)
     for workers in (1, 2):
-        run_study(made, tmp_path / str(workers), Where(workers))
+        run_study(made, tmp_path / str(workers), WorkerPool(workers))
     assert numbers(made, tmp_path / "1") == numbers(made, tmp_path / "2")
 
 
@@ -45,13 +45,13 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(module, "work_chunk", once)
     with pytest.raises(KeyboardInterrupt):
-        run_study(made, tmp_path / "cut", Where(1))
+        run_study(made, tmp_path / "cut", WorkerPool(1))
     monkeypatch.setattr(module, "work_chunk", lambda study, chunk: done.append(chunk.index) or work(study, chunk))
     told: list[tuple[int, int]] = []
-    run_study(made, tmp_path / "cut", Where(1), lambda *at: told.append(at))
+    run_study(made, tmp_path / "cut", WorkerPool(1), lambda *at: told.append(at))
     assert done == [0, 1, 2]
     assert told == [(8, 24), (16, 24), (24, 24)]
-    run_study(made, tmp_path / "whole", Where(1))
+    run_study(made, tmp_path / "whole", WorkerPool(1))
     assert numbers(made, tmp_path / "cut") == numbers(made, tmp_path / "whole")
 
 
@@ -103,7 +103,7 @@ def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
     _, said = process.communicate(timeout=120)
     assert process.returncode == 0, said
     made = study_from_text(LONG, "long.yaml")
-    run_study(made, tmp_path / "whole", Where(1))
+    run_study(made, tmp_path / "whole", WorkerPool(1))
     assert numbers(made, folder) == numbers(made, tmp_path / "whole")
     if whom == "all":
         assert kept
@@ -112,11 +112,11 @@ def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
 
 def test_another_study_is_not_mixed_in(tmp_path: Path) -> None:
     """A folder that holds another study, or something else, is refused and left alone."""
-    run_study(study(trials=2, hold=SMALL), tmp_path / "one", Where(1))
+    run_study(study(trials=2, hold=SMALL), tmp_path / "one", WorkerPool(1))
     with pytest.raises(InputError, match="holds another study"):
-        run_study(study(trials=3, hold=SMALL), tmp_path / "one", Where(1))
+        run_study(study(trials=3, hold=SMALL), tmp_path / "one", WorkerPool(1))
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     with pytest.raises(InputError, match="holds other files"):
-        run_study(study(trials=2, hold=SMALL), tmp_path / "notes", Where(1))
+        run_study(study(trials=2, hold=SMALL), tmp_path / "notes", WorkerPool(1))
     assert [path.name for path in (tmp_path / "notes").iterdir()] == ["mine.txt"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.studies.jobs import Where
+from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study_file import read_study, study_from_text
 from basecal.studies.summary import summarise
@@ -40,7 +40,7 @@ def test_examples_run(path: Path, tmp_path: Path) -> None:
     text = re.sub(r"^(trials|cells): .*$", r"\1: 1", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
     made = study_from_text(text, str(path))
     assert made.trials == made.cells == 1
-    run_study(made, tmp_path / "out", Where(1))
+    run_study(made, tmp_path / "out", WorkerPool(1))
     assert all(point["solved"] == 1 for point in summarise(made, tmp_path / "out")["points"])
 
 

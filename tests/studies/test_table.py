@@ -12,7 +12,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.studies import table as module
 from basecal.studies.chunk import COLUMNS, chunk_path
-from basecal.studies.jobs import Where
+from basecal.studies.jobs import WorkerPool
 from basecal.studies.run import run_study
 from basecal.studies.study import Study
 from basecal.studies.table import results, write_table
@@ -23,7 +23,7 @@ from study_example import SMALL, study
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Path]:
     study_ = study(trials=4, hold=f"layout: shifts, {SMALL}", axes="shift_m: [0.1, 0.2], solver: [closed_form]")
     folder = tmp_path_factory.mktemp("table") / "out"
-    run_study(study_, folder, Where(1))
+    run_study(study_, folder, WorkerPool(1))
     return study_, folder
 
 

@@ -108,7 +108,7 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     of_views = spectrum(information, VIEW_ROUNDING)
     freedoms = int(of_views.rank.sum()) - len(size)
     in_common = float(scores.sum(0) @ size)
-    apart = float(of_views.mahalanobis_squared(scores).sum()) - in_common
+    apart = float(of_views.squared_mahalanobis(scores).sum()) - in_common
     if freedoms <= 0 or apart <= 0:
         return 1.0
     return compare_nested("lens terms", in_common / (apart / freedoms), len(size), noise_freedoms=freedoms).chance

@@ -27,7 +27,7 @@ def solution_step(first: Solution, second: Solution) -> Array:
 def largest_shift(solution: Solution, moves: Sequence[Array]) -> Array:
     """Of several shifts of the columns, each (p,), the one that is largest in units of the covariance."""
     known = spectrum(solution.covariance)
-    return max(moves, key=lambda moved: float(known.mahalanobis_squared(moved)))
+    return max(moves, key=lambda moved: float(known.squared_mahalanobis(moved)))
 
 
 def widen(solution: Solution, shift: Array) -> Solution:

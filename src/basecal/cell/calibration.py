@@ -16,7 +16,7 @@ from basecal.cell.rival import Rival
 from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
-from basecal.fields.written import (
+from basecal.fields.file_forms import (
     Error,
     ErrorInDeg,
     ErrorInMm,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from basecal.fields.written import ErrorInDeg, ErrorInMm
+from basecal.fields.file_forms import ErrorInDeg, ErrorInMm
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from basecal.fields.written import (
+from basecal.fields.file_forms import (
     THREE,
     Error,
     Flag,
@@ -19,9 +19,9 @@ from basecal.fields.written import (
     Real,
     Vector3,
     Whole,
-    array_in,
+    array_form,
     as_written,
-    in_unit,
+    number_form,
 )
 from basecal.geometry import Array
 
@@ -42,9 +42,9 @@ class BudgetEntry:
     """
 
     source: str
-    rms_m: Annotated[float, Field(alias="mm"), in_unit(Length, 1e3)]
-    share: Annotated[float, Field(alias="percent"), in_unit(Real, 100.0)]
-    halved_rms_m: Annotated[float, Field(alias="total_mm_if_halved"), in_unit(Length, 1e3)]
+    rms_m: Annotated[float, Field(alias="mm"), number_form(Length, 1e3)]
+    share: Annotated[float, Field(alias="percent"), number_form(Real, 100.0)]
+    halved_rms_m: Annotated[float, Field(alias="total_mm_if_halved"), number_form(Length, 1e3)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,9 @@ class ErrorMap:
         angle_95_rad: (n,) likewise the angle [rad].
     """
 
-    points_m: Annotated[Array, array_in(list[Annotated[list[Number], THREE]], shape=(-1, 3))]
-    length_95_m: Annotated[Array, Field(alias="mm_95"), array_in(list[Length], 1e3)]
-    angle_95_rad: Annotated[Array, Field(alias="deg_95"), array_in(list[Length], math.degrees(1))]
+    points_m: Annotated[Array, array_form(list[Annotated[list[Number], THREE]], shape=(-1, 3))]
+    length_95_m: Annotated[Array, Field(alias="mm_95"), array_form(list[Length], 1e3)]
+    angle_95_rad: Annotated[Array, Field(alias="deg_95"), array_form(list[Length], math.degrees(1))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +78,8 @@ class LocalFit:
 
     centre_m: Vector3
     samples: tuple[Whole, ...]
-    global_m: Annotated[float | None, Field(alias="global_mm"), in_unit(Length | None, 1e3)]
-    local_m: Annotated[float | None, Field(alias="local_mm"), in_unit(Length | None, 1e3)]
+    global_m: Annotated[float | None, Field(alias="global_mm"), number_form(Length | None, 1e3)]
+    local_m: Annotated[float | None, Field(alias="local_mm"), number_form(Length | None, 1e3)]
     chance: Annotated[Number, Field(alias="p")]
     is_better: Annotated[bool, Field(alias="recommended"), _BETTER_VERDICT]
     transforms: Mapping[str, Pose]

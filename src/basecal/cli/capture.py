@@ -60,7 +60,7 @@ class Moving:
         """
         from basecal.planning.plan_check import SpeedLimits
 
-        tool_m_s = length_m(self.tool_speed_limit, "--tool-speed-limit", "250mm/s", per="/s")
+        tool_m_s = length_m(self.tool_speed_limit, "--tool-speed-limit", "250mm/s", suffix="/s")
         if tool_m_s > _FASTEST_M_S:
             raise UsageError(f"--tool-speed-limit {self.tool_speed_limit}: expected at most {_FASTEST_M_S:g} m/s")
         return SpeedLimits(radians(self.speed_limit_deg_s), tool_m_s)

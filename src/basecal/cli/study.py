@@ -13,7 +13,7 @@ from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
-    from basecal.studies.jobs import Where
+    from basecal.studies.jobs import WorkerPool
     from basecal.studies.study import Study
 
 Workers = Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1024))]
@@ -56,12 +56,12 @@ def study(
             `_calibrated`, where none is given.
         json: Print the summary as JSON.
     """
-    from basecal.studies.jobs import Where
+    from basecal.studies.jobs import WorkerPool
     from basecal.studies.study_file import read_study
 
     if scheduler is not None and workers is not None:
         raise UsageError("--workers are processes of this machine, --scheduler has its own: give one of them")
-    where = Where(workers or os.cpu_count() or 1, scheduler)
+    where = WorkerPool(workers or os.cpu_count() or 1, scheduler)
     if (file is None) == (cells is None):
         raise UsageError("give the file of a study, or --cells with a folder of cells: one of them")
     if file is not None:
@@ -80,7 +80,7 @@ def summary_text(summary: dict[str, Any]) -> str:
     return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
 
 
-def try_study(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
+def try_study(asked: Study, folder: Path, where: WorkerPool) -> dict[str, Any]:
     """The summary of a study, which is tried and written; with its words."""
     from basecal.reporting.sweep.page import sweep_page
     from basecal.reporting.sweep.text import sweep_text
@@ -96,7 +96,7 @@ def try_study(asked: Study, folder: Path, where: Where) -> dict[str, Any]:
     return {**summary, "folder": str(folder), **paths, "words": sweep_text(summary)}
 
 
-def _fleet(cells: Path, output: Path | None, where: Where) -> dict[str, Any]:
+def _fleet(cells: Path, output: Path | None, where: WorkerPool) -> dict[str, Any]:
     """The summary of a folder of cells, which are calibrated."""
     from basecal.reporting.fleet.page import fleet_page
     from basecal.reporting.fleet.text import fleet_text

@@ -50,7 +50,7 @@ def study_paper(
         json: Print one object, in the keys of the paper's figures.
     """
     from basecal.reporting.study_text import length_figures, paper_text
-    from basecal.studies.jobs import Where
+    from basecal.studies.jobs import WorkerPool
     from basecal.studies.paper import paper_study
     from basecal.studies.paper import study_paper as studied
 
@@ -64,7 +64,7 @@ def study_paper(
         figures.mkdir(parents=True, exist_ok=True)
         for name, svg in length_figures(study).items():
             (figures / name).write_text(svg, encoding="utf-8")
-    summary = None if output is None else try_study(paper_study(), output, Where(workers or os.cpu_count() or 1))
+    summary = None if output is None else try_study(paper_study(), output, WorkerPool(workers or os.cpu_count() or 1))
     if json:
         of_file = {} if summary is None else {"study": {k: v for k, v in summary.items() if k != "words"}}
         print_json({**study, **of_file})

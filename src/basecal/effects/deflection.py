@@ -78,7 +78,8 @@ def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> A
 def derivative(posture: Posture, stated: Stated, values: Array) -> Array:
     """Of the flange to each compliance."""
     return (
-        posture.true.by_joints * gravity_torques(apply_gravity(posture.chain, stated), posture.recorded)[..., None, :]
+        posture.true.joint_derivative
+        * gravity_torques(apply_gravity(posture.chain, stated), posture.recorded)[..., None, :]
     )
 
 
@@ -111,7 +112,7 @@ def shared_errors(posture: Posture) -> SharedErrors | None:
     most = float(np.sqrt(np.mean(torques**2, axis=0)).max())
     if not most > 0:
         return None
-    by_joint = posture.true.by_joints * (torques / most)[:, None, :]
+    by_joint = posture.true.joint_derivative * (torques / most)[:, None, :]
     together = np.concatenate(
         [np.sqrt(_EQUAL_TOLERANCE) * by_joint.sum(-1, keepdims=True), np.sqrt(1 - _EQUAL_TOLERANCE) * by_joint], axis=-1
     )

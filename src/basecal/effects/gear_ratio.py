@@ -50,7 +50,7 @@ def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) 
 
 def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     """Of the flange to each share."""
-    return posture.true.by_joints * posture.recorded[..., None, :]
+    return posture.true.joint_derivative * posture.recorded[..., None, :]
 
 
 def explain_unobserved(case: Unobserved) -> str:

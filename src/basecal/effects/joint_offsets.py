@@ -64,7 +64,7 @@ def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) 
 
 def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
     """Of the flange to each joint."""
-    return posture.true.by_joints
+    return posture.true.joint_derivative
 
 
 def explain_unobserved(case: Unobserved) -> str:
@@ -130,7 +130,7 @@ def entry(values: Array) -> str:
 
 def shared_errors(posture: Posture) -> SharedErrors:
     """A rotation of each joint that is equal at all stops."""
-    return SharedErrors(posture.true.by_joints, np.ones(posture.chain.n, dtype=bool))
+    return SharedErrors(posture.true.joint_derivative, np.ones(posture.chain.n, dtype=bool))
 
 
 def likely(sigmas: Mapping[str, Array]) -> Words:

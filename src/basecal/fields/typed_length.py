@@ -12,18 +12,18 @@ _LENGTH = re.compile(r"\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]*)\s*")
 _COUNTS = re.compile(r"\s*([0-9]{1,4})\s*[xX,]\s*([0-9]{1,4})\s*")
 
 
-def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", per: str = "") -> float:
+def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", suffix: str = "") -> float:
     """The length that an option states [m], or per second, "/s", the speed [m/s]; the example shows how one is written.
 
     Raises:
         UsageError: if it is no positive number with a unit of length.
     """
-    found = _LENGTH.fullmatch(text.removesuffix(per)) if text.endswith(per) else None
+    found = _LENGTH.fullmatch(text.removesuffix(suffix)) if text.endswith(suffix) else None
     unit = _UNITS_M.get(found[2]) if found else None
     length = float(found[1]) * unit if found and unit else 0.0
     if not (length > 0 and math.isfinite(length)):
         raise UsageError(
-            f"{option} {text!r}: expected a {'speed' if per else 'length'} above zero with its unit, such as {example}"
+            f"{option} {text!r}: expected a {'speed' if suffix else 'length'} above 0 with its unit, such as {example}"
         )
     return length
 

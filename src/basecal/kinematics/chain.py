@@ -76,17 +76,17 @@ class SerialChain:
         Raises:
             InputError: if the last axis is not n.
         """
-        return self.at(joints).base_from_flange
+        return self.posture(joints).base_from_flange
 
     def jacobian(self, joints: Array) -> Array:
-        """Derivative of `base_from_flange` to the joints, (..., 6, n); see `ChainPosture.by_joints`."""
-        return self.at(joints).by_joints
+        """Derivative of `base_from_flange` to the joints, (..., 6, n); see `ChainPosture.joint_derivative`."""
+        return self.posture(joints).joint_derivative
 
     def link_jacobian(self, joints: Array) -> Array:
         """Derivative of `base_from_flange` to the links, (..., 6, 6 (n + 1)); see `ChainPosture.link_derivative`."""
-        return self.at(joints).link_derivative
+        return self.posture(joints).link_derivative
 
-    def at(self, joints: Array) -> ChainPosture:
+    def posture(self, joints: Array) -> ChainPosture:
         """The arm at some joints, with its derivatives.
 
         Args:
@@ -156,7 +156,7 @@ class SerialChain:
         Args:
             joints: (..., n) [rad]; of a single arm.
         """
-        posture = self.at(joints)
+        posture = self.posture(joints)
         return posture.base_from_flange @ posture.joint_from_flange.inverse()
 
 
@@ -177,10 +177,10 @@ class ChainPosture:
     joint_from_flange: SE3
 
     @cached_property
-    def by_joints(self) -> Array:
+    def joint_derivative(self) -> Array:
         """Derivative of `base_from_flange` to the joints, (..., 6, n) [m/rad, rad/rad].
 
-        The right tangent: `forward(q + d) == forward(q) @ SE3.exp(by_joints @ d)` to first order in d.
+        The right tangent: `forward(q + d) == forward(q) @ SE3.exp(joint_derivative @ d)` to first order in d.
         Source: Lynch & Park 2017, "Modern Robotics", 5.1.4 (the body Jacobian).
         """
         axes = self.axes.reshape(len(self.axes), *[1] * len(self.base_from_flange.shape), 3)

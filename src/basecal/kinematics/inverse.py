@@ -66,8 +66,8 @@ class _Arm:
 
     def linearise(self, q: Array) -> Quadratic:
         """See `System`; joints on a limit that would leave it count for nothing."""
-        at = self.chain.at(q)
-        reached, by_joints = at.base_from_flange, at.by_joints
+        at = self.chain.posture(q)
+        reached, by_joints = at.base_from_flange, at.joint_derivative
         left = (reached.inverse() @ self.base_from_flange).log()
         # d left = -J_l(left)^-1 J dq, and J_l(x) == J_r(-x).
         jacobian = right_jacobian_inverse(-left) @ by_joints

@@ -27,7 +27,7 @@ def take(noun: T, rows: Rows | BoolArray | int) -> T:
     return taken
 
 
-def choose_where(mask: BoolArray, first: T, second: T) -> T:
+def choose_entries(mask: BoolArray, first: T, second: T) -> T:
     """The entries of `first` where `mask`, (b,), holds, of `second` elsewhere."""
     if mask.all():
         return first
@@ -81,6 +81,6 @@ def _map_fields(change: Callable[[Sequence[Array]], Array], nouns: Sequence[Any]
 
 
 @cache
-def _names(kind: type, shared: bool) -> tuple[str, ...]:
+def _names(kind: type, is_shared: bool) -> tuple[str, ...]:
     """Names of a dataclass's fields that all entries share, or of the others."""
-    return tuple(f.name for f in fields(kind) if bool(f.metadata.get("shared")) == shared)
+    return tuple(f.name for f in fields(kind) if bool(f.metadata.get("shared")) == is_shared)

@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.batch import choose_where, concatenate, take
+from basecal.numerics.batch import choose_entries, concatenate, take
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.numerics.structured_secant import usable_curvature, with_secant
 
@@ -50,7 +50,7 @@ class Linearised(Protocol):
         """(b, p, p), or (p, p) where it is sparse."""
 
     @property
-    def eliminated(self) -> Array | float:
+    def eliminated_cost(self) -> Array | float:
         """(b,) by how much the cost falls by what was eliminated alone, brought to its best with the next step."""
 
 
@@ -60,7 +60,7 @@ class Quadratic(NamedTuple):
     cost: Array
     gradient: Array
     hessian: Array
-    eliminated: Array | float = 0.0
+    eliminated_cost: Array | float = 0.0
 
 
 L = TypeVar("L", bound=Linearised)
@@ -139,16 +139,16 @@ class _Ends(Generic[S, L]):
     converged: list[BoolArray] = field(default_factory=list)
     iterations: list[IntArray] = field(default_factory=list)
 
-    def add(self, row: IntArray, state: S, cost: Array, model: L, converged: bool, iterations: int) -> None:
+    def add(self, row: IntArray, state: S, cost: Array, model: L, has_converged: bool, iterations: int) -> None:
         """Note problems that have ended alike."""
         self.row.append(row)
         self.state.append(state)
         self.cost.append(cost)
         self.about.append(model)
-        self.converged.append(np.full(len(row), converged))
+        self.converged.append(np.full(len(row), has_converged))
         self.iterations.append(np.full(len(row), iterations, dtype=np.int64))
 
-    def ordered(self) -> Optima[S, L]:
+    def optima(self) -> Optima[S, L]:
         """All ends by their rows."""
         optima = Optima(
             concatenate(self.state),
@@ -189,10 +189,10 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
     for k in range(stop.iterations):
         left = _iterate(flight, system, ends, k + 1, stop)
         if left is None:
-            return ends.ordered()
+            return ends.optima()
         flight, system = left
     ends.add(flight.row, flight.state, flight.cost, flight.about, False, stop.iterations)
-    return ends.ordered()
+    return ends.optima()
 
 
 def _iterate(
@@ -243,69 +243,71 @@ def _scale(flight: _Flight[S, L]) -> Array:
     return np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
 
 
-def _has_converged(flight: _Flight[S, L], step: Array, expected: Array, stop: Stop) -> BoolArray:
+def _has_converged(flight: _Flight[S, L], step: Array, expected_decrease: Array, stop: Stop) -> BoolArray:
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
     limit = stop.sigmas**2 * _scale(flight)
     shrinks = (flight.expected > 0) & (flight.damping <= _GAUSS_NEWTON_DAMPING)
-    rate = np.where(shrinks, np.minimum(1.0, expected / np.where(shrinks, flight.expected, 1.0)), 1.0)
+    rate = np.where(shrinks, np.minimum(1.0, expected_decrease / np.where(shrinks, flight.expected, 1.0)), 1.0)
     # Refused, or promising no less than the one before it, a step is of rounding.
     is_rounding = (flight.damping > _GAUSS_NEWTON_DAMPING) | (
-        (flight.expected > 0) & (expected > _LEAST_PROMISE * flight.expected)
+        (flight.expected > 0) & (expected_decrease > _LEAST_PROMISE * flight.expected)
     )
     still = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
-        (flight.about.eliminated <= limit) | is_rounding
+        (flight.about.eliminated_cost <= limit) | is_rounding
     )
-    settled: BoolArray = (expected * rate <= limit) | still
+    settled: BoolArray = (expected_decrease * rate <= limit) | still
     return settled
 
 
 def _accept_step(
     flight: _Flight[S, L],
     candidate: S,
-    linearised: L,
+    linearisation: L,
     cost: Array,
-    improved: BoolArray,
-    expected: Array,
+    is_better: BoolArray,
+    expected_decrease: Array,
     bend: Array | None,
 ) -> _Flight[S, L]:
-    """The flight after a step, taken where it is `improved`; elsewhere the damping grows."""
+    """The flight after a step, taken where it is `is_better`; elsewhere the damping grows."""
     with np.errstate(invalid="ignore"):
         drop = flight.cost - cost
         # From one infinite cost to another a step is taken, undamped; and what rounding of the costs makes of a step
         # that is nearly none says nothing of the damping it needs.
-        tells = np.isfinite(drop) & (np.abs(drop - expected) > _COST_ROUNDING * cost)
-    drop = np.where(tells, drop, expected)
-    gain = np.clip(drop / expected, -_LARGEST_GAIN, _LARGEST_GAIN)
+        tells = np.isfinite(drop) & (np.abs(drop - expected_decrease) > _COST_ROUNDING * cost)
+    drop = np.where(tells, drop, expected_decrease)
+    gain = np.clip(drop / expected_decrease, -_LARGEST_GAIN, _LARGEST_GAIN)
     eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
     stiffened = (
         np.maximum(flight.damping, _GAUSS_NEWTON_DAMPING) * flight.growth
     )  # less would try nearly the same step again
     return _Flight(
         flight.row,
-        choose_where(improved, candidate, flight.state),
-        np.where(improved, cost, flight.cost),
-        choose_where(improved, linearised, flight.about),
+        choose_entries(is_better, candidate, flight.state),
+        np.where(is_better, cost, flight.cost),
+        choose_entries(is_better, linearisation, flight.about),
         flight.dof,
-        np.where(improved, eased, stiffened),
-        np.where(improved, 2.0, flight.growth * 2),
-        np.where(improved, expected, flight.expected),
+        np.where(is_better, eased, stiffened),
+        np.where(is_better, 2.0, flight.growth * 2),
+        np.where(is_better, expected_decrease, flight.expected),
         bend,
     )
 
 
-def _is_near(flight: _Flight[S, L], expected: Array) -> BoolArray:
+def _is_near(flight: _Flight[S, L], expected_decrease: Array) -> BoolArray:
     """Whether a step that promises so much less cost, of a sigma at most, reports what bends at an optimum, (b,)."""
-    near: BoolArray = expected <= np.minimum(_scale(flight), _NEAR_SHARE * flight.cost)
+    near: BoolArray = expected_decrease <= np.minimum(_scale(flight), _NEAR_SHARE * flight.cost)
     return near
 
 
-def _bend(flight: _Flight[S, L], linearised: L, step: Array, near: BoolArray) -> Array | None:
-    """What the residuals add to the hessian, by what a step shows where it was taken and `near` an optimum."""
-    if isinstance(linearised.hessian, SparseHessian):
+def _bend(flight: _Flight[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
+    """What the residuals add to the hessian, by what a step shows where it was taken and `is_near` an optimum."""
+    if isinstance(linearisation.hessian, SparseHessian):
         return None
     assert flight.bend is not None
-    change = linearised.gradient - flight.about.gradient
-    return with_secant(flight.bend, linearised.hessian, change, step, near & (flight.damping <= _GAUSS_NEWTON_DAMPING))
+    change = linearisation.gradient - flight.about.gradient
+    return with_secant(
+        flight.bend, linearisation.hessian, change, step, is_near & (flight.damping <= _GAUSS_NEWTON_DAMPING)
+    )
 
 
 def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
@@ -313,7 +315,7 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
     about = flight.about
     if flight.bend is None or isinstance(about.hessian, SparseHessian) or not flight.bend.any():
         step = _damped_step(about, flight.damping)
-        return step, _quadratic(about, step) + about.eliminated
+        return step, _quadratic(about, step) + about.eliminated_cost
     bent = Quadratic(about.cost, about.gradient, about.hessian + usable_curvature(flight.bend, about.hessian))
     step = _damped_step(bent, flight.damping)
     expected = _quadratic(bent, step)
@@ -322,7 +324,7 @@ def _next_step(flight: _Flight[S, L]) -> tuple[Array, Array]:
         plain = _damped_step(about, flight.damping)
         step = np.where(downhill[:, None], step, plain)
         expected = np.where(downhill, expected, _quadratic(about, plain))
-    return step, expected + about.eliminated
+    return step, expected + about.eliminated_cost
 
 
 def _quadratic(model: Linearised, step: Array) -> Array:

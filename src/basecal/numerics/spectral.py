@@ -84,7 +84,7 @@ class Spectrum:
         raised = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
         return replace(self, values=raised, held=np.ones(self.held.shape, dtype=bool))
 
-    def mahalanobis_squared(self, vector: Array) -> Array:
+    def squared_mahalanobis(self, vector: Array) -> Array:
         """`v' M^+ v` of vectors (..., k), (...,)."""
         along = (self.vectors.mT @ (vector / self.scale)[..., None])[..., 0]
         return np.asarray(np.sum(np.where(self.held, along**2 / np.where(self.held, self.values, 1.0), 0.0), -1))

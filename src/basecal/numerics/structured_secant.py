@@ -21,7 +21,7 @@ _LEAST_DIAGONAL_SHARE = (
 )
 
 
-def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: BoolArray) -> Array:
+def with_secant(bend: Array, hessian: Array, change: Array, step: Array, is_near: BoolArray) -> Array:
     """The bend of residuals after a step, none if it was not near an optimum, (b, p, p).
 
     Args:
@@ -29,17 +29,17 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, near: B
         hessian: J'J after the step, (b, p, p).
         change: Of the gradient over the step, (b, p).
         step: (b, p).
-        near: (b,) whether the step was taken and near enough to an optimum to tell.
+        is_near: (b,) whether the step was taken and near enough to an optimum to tell.
     """
-    kept = np.where(near[:, None, None], bend, 0.0)
-    if not near.any():
+    kept = np.where(is_near[:, None, None], bend, 0.0)
+    if not is_near.any():
         return kept
     with np.errstate(all="ignore"):
         by_hessian = (hessian @ step[..., None])[..., 0]
         missed = change - by_hessian - (kept @ step[..., None])[..., 0]
         along, curvature = np.einsum("bi,bi->b", missed, step), np.einsum("bi,bi->b", by_hessian, step)
         diagonal = np.maximum(np.diagonal(hessian, axis1=1, axis2=2), np.finfo(np.float64).tiny)
-        tells = near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
+        tells = is_near & np.isfinite(along) & (np.abs(along) > _LEAST_SHARE * curvature) & (curvature > 0)
         tells &= (missed**2 / diagonal).sum(axis=1) <= _LARGEST_CHANGE * np.abs(along)
     rows = np.flatnonzero(tells)
     told = missed[rows]

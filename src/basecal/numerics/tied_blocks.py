@@ -27,16 +27,16 @@ class TiedBlocks(NamedTuple):
     hubs: list[int]
 
 
-def tied_blocks(pairs: IntArray, count: int, most: int) -> TiedBlocks:
+def tied_blocks(pairs: IntArray, count: int, block_size: int) -> TiedBlocks:
     """Blocks of at most so many nodes.
 
     Args:
         pairs: (p, 2) nodes that stand in one block, or of which one is a hub.
         count: How many nodes there are.
-        most: Of a block.
+        block_size: Of a block.
     """
     label = _components(pairs, count)
-    hubs = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > most], most)
+    hubs = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > block_size], block_size)
     if hubs:
         label = _components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
     others = np.setdiff1d(np.arange(count), hubs)
@@ -55,7 +55,7 @@ def _components(pairs: IntArray, count: int) -> IntArray:
     return np.asarray(connected_components(graph)[1], dtype=np.int64)
 
 
-def _separator_nodes(pairs: IntArray, most: int) -> list[int]:
+def _separator_nodes(pairs: IntArray, block_size: int) -> list[int]:
     """Nodes without which pairs tie no more than so many others together, rising: those of most pairs first."""
     partners: dict[int, set[int]] = defaultdict(set)
     for a, b in set(map(tuple, pairs.tolist())):
@@ -68,7 +68,7 @@ def _separator_nodes(pairs: IntArray, most: int) -> list[int]:
         if first in seen:
             continue
         nodes = _connected_nodes(first, partners)
-        if len(nodes) <= most:
+        if len(nodes) <= block_size:
             seen |= nodes
             continue
         hub = max(nodes, key=lambda node: len(partners[node]))

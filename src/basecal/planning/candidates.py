@@ -56,45 +56,51 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
 
 
 def _draw_flanges(
-    sketch: Sketch, views: Sequence[Taught], near: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
+    sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, poses: Mapping[str, SE3], rng: np.random.Generator
 ) -> dict[str, SE3]:
     """Flanges, (n,) in the bases of the robots that move, turned about the target and shifted, each alone."""
-    pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[near]
+    pivots = np.array([sketch.body_pose(sketch.target.name, t) @ sketch.target_points.mean(0) for t in views])[
+        neighbours
+    ]
     drawn = {}
     for robot in sketch.movers:
         known = sketch.cell.robots[robot].chain is not None
         most_rad, most_m = (_JOINT_TURN_RAD, _JOINT_SHIFT_M) if known else (_POSE_TURN_RAD, _POSE_SHIFT_M)
-        turn = rotation_exp(most_rad * draw_in_ball(rng, len(near)))
-        away = pivots + most_m * draw_in_ball(rng, len(near)) - (turn @ pivots[..., None])[..., 0]
+        turn = rotation_exp(most_rad * draw_in_ball(rng, len(neighbours)))
+        away = pivots + most_m * draw_in_ball(rng, len(neighbours)) - (turn @ pivots[..., None])[..., 0]
         world_from_base = sketch.world_from_base(robot)
-        drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[robot][near]
+        drawn[robot] = world_from_base.inverse() @ SE3(turn, away) @ world_from_base @ poses[robot][neighbours]
     return drawn
 
 
-def _feasible(sketch: Sketch, views: Sequence[Taught], near: IntArray, flanges: Mapping[str, SE3]) -> list[Sample]:
+def _feasible(
+    sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
+) -> list[Sample]:
     """Of drawn flanges, (n,), the samples that can be taken."""
-    rows = np.flatnonzero(visibility_mask(sketch, _camera_from_target(sketch, views, near, flanges)))
+    rows = np.flatnonzero(visibility_mask(sketch, _camera_from_target(sketch, views, neighbours, flanges)))
     states: dict[str, list[RobotState]] = {}
     reached = np.ones(len(rows), dtype=bool)
     for robot, poses in flanges.items():
-        start = [views[k][robot].joints_rad for k in near[rows]]
+        start = [views[k][robot].joints_rad for k in neighbours[rows]]
         states[robot], mine = _states(sketch.cell.robots[robot], poses[rows], start)
         reached &= mine
     samples = []
     for place in np.flatnonzero(reached):
         moved = {robot: each[place] for robot, each in states.items()}
-        sample = Sample(0, robots={**views[near[rows[place]]], **moved})
+        sample = Sample(0, robots={**views[neighbours[rows[place]]], **moved})
         if is_clear(sketch, sample):
             samples.append(sample)
     return samples
 
 
-def _camera_from_target(sketch: Sketch, views: Sequence[Taught], near: IntArray, flanges: Mapping[str, SE3]) -> SE3:
+def _camera_from_target(
+    sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
+) -> SE3:
     world_from = []
     for thing in (sketch.camera, sketch.target):
         mount = sketch.transforms[sketch.cell.mount_name(thing.name)]
         if thing.on == WORLD:
-            world_from.append(SE3.stack([mount] * len(near)))
+            world_from.append(SE3.stack([mount] * len(neighbours)))
         else:
             world_from.append(sketch.world_from_base(thing.on) @ flanges[thing.on] @ mount)
     return world_from[0].inverse() @ world_from[1]

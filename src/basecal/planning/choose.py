@@ -59,15 +59,15 @@ def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) 
 
 
 def choose_fewest(
-    roots: Array, covariance: Array, weight: Array, most: int, is_enough: Enough
+    roots: Array, covariance: Array, weight: Array, max_count: int, is_enough: Enough
 ) -> tuple[list[int], bool]:
-    """As few candidates as are enough, or the best `most` of them, and whether they are enough.
+    """As few candidates as are enough, or the best `max_count` of them, and whether they are enough.
 
     Args:
         roots: (n, p, q).
         covariance: (p, p) to begin with.
         weight: (p, p).
-        most: How many at most.
+        max_count: How many at most.
         is_enough: Whether a covariance with so many candidates is.
     """
     if is_enough(covariance, 0):
@@ -76,7 +76,7 @@ def choose_fewest(
     now = covariance
     for best, now in greedy(roots, covariance, weight):
         chosen.append(best)
-        if is_enough(now, len(chosen)) or len(chosen) == most:
+        if is_enough(now, len(chosen)) or len(chosen) == max_count:
             break
     chosen, now = exchange(roots, chosen, now, weight)
     if not is_enough(now, len(chosen)):

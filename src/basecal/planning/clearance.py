@@ -157,11 +157,11 @@ def _swept_capsules(sketch: Sketch, start: Sample, end: Sample, robot: str) -> A
     return np.concatenate([segments.reshape(*shape, 6), radius], axis=-1)
 
 
-def _arms_gap(capsule: Array, other: Array) -> float:
+def _arms_gap(capsule: Array, other_capsule: Array) -> float:
     """Least distance of capsules, (n, 7) and (m, 7)."""
-    (middles, reach), (other_middles, other_reach) = _balls(capsule), _balls(other)
+    (middles, reach), (other_middles, other_reach) = _balls(capsule), _balls(other_capsule)
     bound = cdist(middles, other_middles) - reach[:, None] - other_reach
-    return _least_gap(bound, lambda rows, columns: _gaps(capsule[rows], other[columns]))
+    return _least_gap(bound, lambda rows, columns: _gaps(capsule[rows], other_capsule[columns]))
 
 
 def _box_gap(capsules: Array, box: KeepOut) -> float:
@@ -189,12 +189,18 @@ def _least_gap(bound: Array, gap: Callable[..., Array]) -> float:
     return float(gap(*np.nonzero(bound <= max(bound.min(), gap(*nearest)[0]) + _ROUNDING_M)).min())
 
 
-def _gaps(capsule: Array, other: Array) -> Array:
+def _gaps(capsule: Array, other_capsule: Array) -> Array:
     """Distances of capsules, both (n, 7). Source: Ericson 2005, Real-Time Collision Detection, 5.1.9."""
-    u, v, w = capsule[:, 3:6] - capsule[:, :3], other[:, 3:6] - other[:, :3], capsule[:, :3] - other[:, :3]
+    u, v, w = (
+        capsule[:, 3:6] - capsule[:, :3],
+        other_capsule[:, 3:6] - other_capsule[:, :3],
+        capsule[:, :3] - other_capsule[:, :3],
+    )
     uu, vv = np.maximum(np.vecdot(u, u), _TINY_M2), np.maximum(np.vecdot(v, v), _TINY_M2)
     uv, uw, vw = np.vecdot(u, v), np.vecdot(u, w), np.vecdot(v, w)
     s = np.clip((uv * vw - uw * vv) / np.maximum(uu * vv - uv**2, _TINY_M2**2), 0, 1)
     t = np.clip((uv * s + vw) / vv, 0, 1)
     s = np.clip((uv * t - uw) / uu, 0, 1)
-    return np.asarray(np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1) - capsule[:, 6] - other[:, 6])
+    return np.asarray(
+        np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=-1) - capsule[:, 6] - other_capsule[:, 6]
+    )

@@ -107,13 +107,13 @@ def _make_goal(
     """The goal at points in the reference's base, (n, 3) [m], beginning at what was recorded."""
     problem, state, covariance = prospect.problem, prospect.state, prospect.covariance
     meetings = tuple(make_meeting(cell, problem, state, name, points_m) for name in base_transforms(cell))
-    now = None if calibration is None or not prospect.recorded else _meeting_at(calibration, points_m)
+    now = None if calibration is None or not prospect.recorded else _calibrated_meeting(calibration, points_m)
     by_noise_m2 = worst_meeting(meetings, covariance).mean_square_m2(covariance)
     beyond_m2 = 0.0 if now is None else max(now.variance_m2 - by_noise_m2, 0.0)
     return _Goal(meetings, np.inf if tolerance_m is None else tolerance_m, len(prospect.recorded), now, beyond_m2)
 
 
-def _meeting_at(calibration: Calibration, points_m: Array) -> MeetingError | None:
+def _calibrated_meeting(calibration: Calibration, points_m: Array) -> MeetingError | None:
     """The error at these points, (n, 3), as the calibration has it; None if it is that at others."""
     settings = calibration.settings
     its_points_m = task_places(settings.get("task_point"), settings.get("task_box"))

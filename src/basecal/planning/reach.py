@@ -8,17 +8,17 @@ from basecal.geometry import SE3
 from basecal.kinematics.inverse import inverse
 
 
-def reach_pose(robot: Robot, base_from_flange: SE3, near: RobotState) -> RobotState | None:
+def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> RobotState | None:
     """The state near another one that brings the flange there; None if the arm does not reach.
 
     Args:
         robot: The robot.
         base_from_flange: Where to.
-        near: In the kind that the robot is sent by: joints, or a pose, which is taken as it is.
+        neighbour: In the kind that the robot is sent by: joints, or a pose, which is taken as it is.
     """
-    if near.joints_rad is None or robot.chain is None:
+    if neighbour.joints_rad is None or robot.chain is None:
         return RobotState(base_from_flange)
     try:
-        return RobotState(joints_rad=inverse(robot.chain, base_from_flange, near.joints_rad))
+        return RobotState(joints_rad=inverse(robot.chain, base_from_flange, neighbour.joints_rad))
     except NotConverged:
         return None

@@ -117,9 +117,9 @@ def solve_joints(chain: SerialChain, base_from_flange: SE3, start: Array) -> tup
     """
     q = np.array(np.broadcast_to(start, (len(base_from_flange), chain.n)))
     for _ in range(_INVERSE_STEPS):
-        at = chain.at(q)
+        at = chain.posture(q)
         left = (at.base_from_flange.inverse() @ base_from_flange).log()
-        jacobian = right_jacobian_inverse(-left) @ at.by_joints
+        jacobian = right_jacobian_inverse(-left) @ at.joint_derivative
         transposed = jacobian.mT
         normal = transposed @ jacobian + _DAMPING * np.eye(chain.n)
         step = np.linalg.solve(normal, transposed @ left[..., None])[..., 0]

@@ -19,7 +19,7 @@ Step = Callable[[int, int], None]
 
 
 def render_recording(
-    simulated: SimulatedCell,
+    simulation: SimulatedCell,
     folder: Path,
     seed: int = 0,
     board: RenderSettings | None = None,
@@ -31,7 +31,7 @@ def render_recording(
     Lights get a second image with the light off, as `background`.
 
     Args:
-        simulated: The cell; its cameras need an image size, its targets a shape.
+        simulation: The cell; its cameras need an image size, its targets a shape.
         folder: The cell's folder; images go to `recording/images/<camera>/`.
         seed: Of the images' noise.
         board: How boards are exposed.
@@ -41,17 +41,17 @@ def render_recording(
     Raises:
         InputError: if a camera gives poses or 3-D points, which have no images.
     """
-    samples = simulated.recording.samples
+    samples = simulation.recording.samples
     out = []
     for index, sample in enumerate(samples):
-        out.append(_render_sample(simulated, sample, index, folder, seed + index, board, light))
+        out.append(_render_sample(simulation, sample, index, folder, seed + index, board, light))
         if step is not None:
             step(index + 1, len(samples))
-    return replace(simulated.recording, samples=tuple(out), folder=str(folder))
+    return replace(simulation.recording, samples=tuple(out), folder=str(folder))
 
 
 def _render_sample(
-    simulated: SimulatedCell,
+    simulation: SimulatedCell,
     sample: Sample,
     index: int,
     folder: Path,
@@ -62,11 +62,11 @@ def _render_sample(
     images, background = {}, {}
     for observation in sample.observations:
         name = f"recording/images/{observation.camera}/{sample.sample:06d}"
-        target = simulated.cell.targets[observation.target].target
-        camera = simulated.cameras[observation.camera]
+        target = simulation.cell.targets[observation.target].target
+        camera = simulation.cameras[observation.camera]
         if target is None or camera.size_px is None:
             raise InputError(f"{observation.camera} gives no images of {observation.target}: simulate pixels instead")
-        seen = camera_from_target(simulated, observation.camera, observation.target, index)
+        seen = camera_from_target(simulation, observation.camera, observation.target, index)
         if not target.sheets:
             lit, points = light or LightSettings(), seen @ target.points
             on = render_light(camera, points, lit, 2 * seed)
@@ -83,18 +83,18 @@ def _write(folder: Path, name: str, image: Any) -> str:
     return name
 
 
-def camera_from_target(simulated: SimulatedCell, camera: str, target: str, index: int) -> SE3:
+def camera_from_target(simulation: SimulatedCell, camera: str, target: str, index: int) -> SE3:
     """Where a target truly was in a camera at a sample, by the one equation."""
-    cell = simulated.cell
-    world_from_camera = _carrier(simulated, cell.cameras[camera].on, index) @ simulated.truth[cell.mount_name(camera)]
-    world_from_target = _carrier(simulated, cell.targets[target].on, index) @ simulated.truth[cell.mount_name(target)]
+    cell = simulation.cell
+    world_from_camera = _carrier(simulation, cell.cameras[camera].on, index) @ simulation.truth[cell.mount_name(camera)]
+    world_from_target = _carrier(simulation, cell.targets[target].on, index) @ simulation.truth[cell.mount_name(target)]
     return world_from_camera.inverse() @ world_from_target
 
 
-def _carrier(simulated: SimulatedCell, carrier: str, index: int) -> SE3:
+def _carrier(simulation: SimulatedCell, carrier: str, index: int) -> SE3:
     """Where what carries a camera or target truly was in the world: a flange, or the world itself."""
     if carrier == WORLD:
         return SE3.identity()
-    is_world = carrier == simulated.cell.reference
-    world_from_base = SE3.identity() if is_world else simulated.truth[simulated.cell.base_name(carrier)]
-    return world_from_base @ simulated.true_base_from_flange[carrier][index]
+    is_world = carrier == simulation.cell.reference
+    world_from_base = SE3.identity() if is_world else simulation.truth[simulation.cell.base_name(carrier)]
+    return world_from_base @ simulation.true_base_from_flange[carrier][index]

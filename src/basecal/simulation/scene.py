@@ -104,16 +104,18 @@ def as_point(pose: SE3, target: Target) -> SE3:
     return SE3(np.broadcast_to(np.eye(3), pose.rotation.shape).copy(), pose @ target.points[0] - target.points[0])
 
 
-def _place_body(name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], fixed: dict[str, SE3]) -> None:
+def _place_body(
+    name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], world_mounts: dict[str, SE3]
+) -> None:
     """Put a camera or target there: by its carrier's flange, or by its mount where it stands on the world."""
     carrier = scene.layout.carrier(name)
     target = scene.shapes.get(name)
     if carrier != WORLD:
         flanges[carrier] = world_from_thing @ scene.mounts[name].inverse()
     elif target is not None and target.is_point:
-        fixed[name] = as_point(world_from_thing, target)
+        world_mounts[name] = as_point(world_from_thing, target)
     else:
-        fixed[name] = world_from_thing
+        world_mounts[name] = world_from_thing
 
 
 def _place(

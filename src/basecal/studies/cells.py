@@ -41,9 +41,9 @@ def statuses(settings: Settings) -> dict[str, str]:
     plan = make_layout(cast(LayoutName, settings["layout"]), settings["robots"])
     reference, *others = plan.robots
 
-    def mounts(carried: Mapping[str, str], status: str) -> dict[str, str]:
+    def mounts(carriers: Mapping[str, str], status: str) -> dict[str, str]:
         """Statuses of what is carried."""
-        ends = {name: f"{reference}_base" if on == WORLD else f"{on}_flange" for name, on in carried.items()}
+        ends = {name: f"{reference}_base" if on == WORLD else f"{on}_flange" for name, on in carriers.items()}
         return {f"{end}_from_{name}": status for name, end in ends.items()}
 
     bases = {f"{reference}_base_from_{other}_base": settings["base"] for other in others}

@@ -134,19 +134,19 @@ def _redrawn(
     return replace(group, measurement=replace(measurement, pixels=pixels), readings=())
 
 
-def _exact_pixels(made: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
+def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
     """What the camera sees without noise, (n, p, 2), or (count, n, p, 2) where the robots have errors [px]."""
-    world_from_camera, world_from_target = (_place_flange(made, end, errors) for end in group.ends)
+    world_from_camera, world_from_target = (_place_flange(simulation, end, errors) for end in group.ends)
     camera_from_target = world_from_camera.inverse() @ world_from_target
     true_points = settings["board_scale"] * group_pixels(group).points_in_target
-    lens = made.cameras[group.camera]
+    lens = simulation.cameras[group.camera]
     scale = np.concatenate([np.full(2, settings["focal_scale"]), np.ones(len(lens.parameters) - 2)])
     return lens.with_parameters(scale * lens.parameters).project(camera_from_target.spread() @ true_points)
 
 
-def _place_flange(made: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
+def _place_flange(simulation: SimulatedCell, end: End, errors: Mapping[str, SE3]) -> SE3:
     """Pose in the world of what an end carries, (n,), or (count, n) if its robot has errors at its stands."""
-    world_from_flange = end.base_from_flange if end.base is None else made.truth[end.base] @ end.base_from_flange
+    world_from_flange = end.base_from_flange if end.base is None else simulation.truth[end.base] @ end.base_from_flange
     errors_of_robot = errors.get(end.robot or "")
     error = SE3.identity() if errors_of_robot is None else errors_of_robot[:, end.stand]
-    return world_from_flange @ error @ made.truth[end.mount]
+    return world_from_flange @ error @ simulation.truth[end.mount]

@@ -42,7 +42,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Where:
+class WorkerPool:
     """Who works.
 
     Attributes:
@@ -54,20 +54,20 @@ class Where:
     scheduler: str | None = None
 
 
-def done_jobs(jobs: Sequence[Job], where: Where) -> Iterator[Done]:
+def done_jobs(jobs: Sequence[Job], workers: WorkerPool) -> Iterator[Done]:
     """Jobs with their bytes, as they are done.
 
     Raises:
         BasecalError: if a job kills whoever does it, and has no bytes for that; or the cluster cannot be reached.
     """
-    if where.scheduler is not None:
-        for place, content in called_on_cluster(where.scheduler, [job.call for job in jobs]):
+    if workers.scheduler is not None:
+        for place, content in called_on_cluster(workers.scheduler, [job.call for job in jobs]):
             job = jobs[place]
-            yield job, _give_up(job, content) if isinstance(content, str) else content
-    elif where.workers == 1:
+            yield job, _killed_bytes(job, content) if isinstance(content, str) else content
+    elif workers.workers == 1:
         yield from ((job, job.call()) for job in jobs)
     else:
-        yield from _run_in_processes(jobs, where.workers)
+        yield from _run_in_processes(jobs, workers.workers)
 
 
 def _run_in_processes(jobs: Iterable[Job], workers: int) -> Iterator[Done]:
@@ -82,10 +82,10 @@ def _run_in_processes(jobs: Iterable[Job], workers: int) -> Iterator[Done]:
             # Jobs are begun in their order: one of the first that are left was at work in the process that died.
             for job in list(left.values())[: workers + 1]:
                 del left[job.number]
-                yield job, _run_alone(job)
+                yield job, _run_in_one_process(job)
 
 
-def _run_alone(job: Job) -> bytes:
+def _run_in_one_process(job: Job) -> bytes:
     """A job's bytes by a process that does nothing else."""
     for _ in range(_DEATHS):
         try:
@@ -93,13 +93,13 @@ def _run_alone(job: Job) -> bytes:
                 return pool.submit(job.call).result()
         except BrokenProcessPool:
             continue
-    return _give_up(job, f"the process that worked on it was killed {_DEATHS} times: is there memory enough?")
+    return _killed_bytes(job, f"the process that worked on it was killed {_DEATHS} times: is there memory enough?")
 
 
-def _give_up(job: Job, why: str) -> bytes:
+def _killed_bytes(job: Job, cause: str) -> bytes:
     if job.killed is None:
-        raise BasecalError(f"part {job.number} cannot be finished: {why}")
-    return job.killed(why)
+        raise BasecalError(f"part {job.number} cannot be finished: {cause}")
+    return job.killed(cause)
 
 
 def _as_completed(waiting: dict[Future[bytes], Job]) -> Iterator[Done]:

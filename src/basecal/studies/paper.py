@@ -144,9 +144,9 @@ def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[
     }
 
 
-def _rms(name: str, found: SE3, true: SE3) -> dict[str, float]:
-    turn = _angle(found.rotation, true.rotation)
-    shift = np.linalg.norm(found.translation - true.translation, axis=-1)
+def _rms(name: str, solution: SE3, true: SE3) -> dict[str, float]:
+    turn = _angle(solution.rotation, true.rotation)
+    shift = np.linalg.norm(solution.translation - true.translation, axis=-1)
     return {
         f"{name}_deg": float(np.degrees(np.sqrt(np.mean(turn**2)))),
         f"{name}_mm": float(1e3 * np.sqrt(np.mean(shift**2))),

@@ -12,7 +12,7 @@ from pathlib import Path
 from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
 from basecal.studies.chunk import keep_chunk, pack_result, read_chunk, work_chunk
-from basecal.studies.jobs import Job, Where, done_jobs
+from basecal.studies.jobs import Job, WorkerPool, done_jobs
 from basecal.studies.study import Study
 from basecal.studies.study_file import read_study, study_from_text
 
@@ -20,13 +20,13 @@ STUDY = "study.yaml"
 Step = Callable[[int, int], None]
 
 
-def run_study(study: Study, folder: Path, where: Where, step: Step | None = None) -> None:
+def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None = None) -> None:
     """Do what of a study is not done yet; its chunks stand in a folder then.
 
     Args:
         study: The study.
         folder: Where its chunks are, or will be.
-        where: Who works.
+        workers: Who works.
         step: Called with the trials done and all.
 
     Raises:
@@ -40,7 +40,7 @@ def run_study(study: Study, folder: Path, where: Where, step: Step | None = None
     done = total - sum(chunk.trials for chunk in left)
     tell(done, total)
     jobs = [Job(chunk.index, chunk.trials, partial(run_chunk, study.text, chunk.index)) for chunk in left]
-    for job, content in done_jobs(jobs, where):
+    for job, content in done_jobs(jobs, workers):
         keep_chunk(folder, study.chunks[job.number], content)
         done += job.size
         tell(done, total)

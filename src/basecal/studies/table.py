@@ -50,8 +50,9 @@ def _batches(study: Study, folder: Path) -> Iterator[dict[str, Any]]:
         yield _columns(study, held)
 
 
-def _columns(study: Study, held: list[tuple[Chunk, ChunkResult]]) -> dict[str, Any]:
+def _columns(study: Study, results: list[tuple[Chunk, ChunkResult]]) -> dict[str, Any]:
     axes = {
-        name: [label for chunk, _ in held for label in [chunk.point.label[name]] * chunk.trials] for name in study.axes
+        name: [label for chunk, _ in results for label in [chunk.point.label[name]] * chunk.trials]
+        for name in study.axes
     }
-    return axes | {name: np.concatenate([getattr(result.trials, name) for _, result in held]) for name in COLUMNS}
+    return axes | {name: np.concatenate([getattr(result.trials, name) for _, result in results]) for name in COLUMNS}

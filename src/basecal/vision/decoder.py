@@ -80,8 +80,8 @@ def _without_end(data: bytes) -> bytes | None:
 
 
 @contextmanager
-def _capture_complaints(said: list[str], data: bytes) -> Iterator[None]:
-    """Complaints that decoders write to stderr meanwhile, in `said`; lines of others go on to stderr."""
+def _capture_complaints(complaints: list[str], data: bytes) -> Iterator[None]:
+    """Complaints that decoders write to stderr meanwhile, in `complaints`; lines of others go on to stderr."""
     with _STDERR_LOCK:
         try:
             kept = os.dup(_STDERR)
@@ -97,10 +97,8 @@ def _capture_complaints(said: list[str], data: bytes) -> Iterator[None]:
                 os.close(kept)
                 written.seek(0)
                 text = written.read(_MOST_COMPLAINT_BYTES).decode("utf-8", "replace")
-                complaints = [
-                    line for line in text.splitlines() if _DECODER_LINE.match(line) and not _WARNING.match(line)
-                ]
-                said += [_PREFIX.sub("", line).strip() for line in complaints if not _is_padding(line, data)]
+                lines = [line for line in text.splitlines() if _DECODER_LINE.match(line) and not _WARNING.match(line)]
+                complaints += [_PREFIX.sub("", line).strip() for line in lines if not _is_padding(line, data)]
                 _forward_line(text)
 
 

@@ -122,7 +122,7 @@ def test_elimination_is_the_schur_complement_of_the_dense_problem(name):
     assert normal.stop_log_det == pytest.approx(np.linalg.slogdet(hessian[p:, p:])[1], abs=1e-8)
     used = np.unique(np.concatenate([s[s >= 0] for g in problem.groups for s in (g.eye.stop, g.hand.stop)]))
     promised = (gradient[p:] * solved[:, -1]).reshape(-1, 6)[used].sum()
-    assert normal.eliminated == pytest.approx(promised, rel=1e-9)
+    assert normal.eliminated_cost == pytest.approx(promised, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", CELLS)
@@ -177,8 +177,8 @@ def test_views_of_no_weight_are_not_there(name):
     np.testing.assert_allclose(weighted.gradient, alone.gradient, rtol=1e-9, atol=1e-9 * np.abs(alone.gradient).max())
     # Stops that several views had hold what nobody sees: that they promise to leave it is theirs, not of the views.
     unseen = np.setdiff1d(np.arange(len(errors)), used) if np.any(problem.shared_stops >= 0) else []
-    promised = alone.eliminated + np.sum(state.stop_errors[unseen] ** 2)
-    assert weighted.eliminated == pytest.approx(promised, rel=1e-9)
+    promised = alone.eliminated_cost + np.sum(state.stop_errors[unseen] ** 2)
+    assert weighted.eliminated_cost == pytest.approx(promised, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["each at its own stop", "all stops of two views", "some stops of several"])
@@ -190,8 +190,8 @@ def test_a_step_lowers_the_cost_as_promised(name):
     step = -np.linalg.solve(normal.hessian, normal.gradient)
     of_unknowns = float(step @ normal.hessian @ step)
     fallen = normal.cost - linearise(problem, retract(problem, state, normal, step)).cost
-    assert fallen == pytest.approx(of_unknowns + normal.eliminated, rel=0.1)
-    assert normal.eliminated > 0.1 * of_unknowns
+    assert fallen == pytest.approx(of_unknowns + normal.eliminated_cost, rel=0.1)
+    assert normal.eliminated_cost > 0.1 * of_unknowns
 
 
 def test_a_weight_of_two_is_the_view_twice():

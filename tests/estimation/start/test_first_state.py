@@ -37,7 +37,7 @@ from basecal.estimation.start.pair_views import PairViews, pair_views
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3
-from basecal.numerics.batch import choose_where
+from basecal.numerics.batch import choose_entries
 from basecal.simulation import Scenario, simulate
 from quick import quick
 
@@ -247,7 +247,7 @@ def hand_made(rng, swapped=()):
     views = PoseMeasurement(true, np.ones((n, 6)), np.ones((n, 6)))
     group = group_of(end("e", a, mount="x"), end("h", c, mount="z", base="y"), views)
     is_swapped = np.isin(np.arange(n), swapped)
-    first, second = choose_where(is_swapped, off, true), choose_where(is_swapped, true, off)
+    first, second = choose_entries(is_swapped, off, true), choose_entries(is_swapped, true, off)
     rotation, translation = (
         np.stack([getattr(of, f) for of in (first, second)], 1) for f in ("rotation", "translation")
     )

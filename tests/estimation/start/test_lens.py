@@ -156,7 +156,7 @@ def test_poses_are_eliminated_from_what_views_say_of_lenses(rng):
         np.testing.assert_allclose(found.cost[k], sum(part.cost.sum() for part in parts))
         np.testing.assert_allclose(found.gradient[k], force[:3] - mixed @ of_poses @ force[3:], rtol=1e-6)
         np.testing.assert_allclose(found.hessian[k], whole[:3, :3] - mixed @ of_poses @ mixed.T, rtol=1e-6)
-        np.testing.assert_allclose(found.eliminated[k], force[3:] @ of_poses @ force[3:], rtol=1e-6)
+        np.testing.assert_allclose(found.eliminated_cost[k], force[3:] @ of_poses @ force[3:], rtol=1e-6)
         moved = (-of_poses @ (force[3:] + mixed.T @ step[k])).reshape(5, 6)
         steps = np.concatenate([(a[k].inverse() @ b[k]).log() for a, b in zip(state.poses, after.poses, strict=True)])
         np.testing.assert_allclose(steps, moved, rtol=1e-5, atol=1e-9)

@@ -101,8 +101,8 @@ def test_between_records_it_is_the_cubic_of_the_slopes_around(by_joints: bool) -
         chain = planar(0.4, 0.3, 0.2)
         there = Path(times, chain.forward(values), values, chain).at(asked)
         np.testing.assert_allclose(there.joints, spline(asked), atol=1e-12)
-        at = chain.at(spline(asked))
-        expected = (at.by_joints @ spline(asked, 1)[..., None])[..., 0]
+        at = chain.posture(spline(asked))
+        expected = (at.joint_derivative @ spline(asked, 1)[..., None])[..., 0]
         np.testing.assert_allclose(there.base_from_flange.matrix, at.base_from_flange.matrix, atol=1e-12)
     else:
         turn = np.broadcast_to(SE3.exp([0, 0, 0, 0.3, -0.2, 1.0]).rotation, (len(times), 3, 3))

@@ -13,7 +13,7 @@ from basecal.simulation import Scenario, simulate
 from basecal.studies.fleet import run as module
 from basecal.studies.fleet.run import make_fleet, run_fleet
 from basecal.studies.fleet.summary import fleet_rows
-from basecal.studies.jobs import Where
+from basecal.studies.jobs import WorkerPool
 
 
 def make(folder: Path, names: list[str]) -> Path:
@@ -42,17 +42,17 @@ def test_what_has_not_changed_is_not_done_again(tmp_path, monkeypatch) -> None:
 
     monkeypatch.setattr(module, "calibrate_row", once)
     with pytest.raises(KeyboardInterrupt):
-        run_fleet(fleet, Where(1))
+        run_fleet(fleet, WorkerPool(1))
     monkeypatch.setattr(
         module, "calibrate_row", lambda of, cell: done.append(cell) or module.killed_row(cell, "not tried")
     )
     told: list[tuple[int, int]] = []
-    run_fleet(fleet, Where(1), lambda *at: told.append(at))
+    run_fleet(fleet, WorkerPool(1), lambda *at: told.append(at))
     assert done == ["a", "b", "line/c"]
     assert told == [(1, 3), (2, 3), (3, 3)]
     samples = folder / "b" / "recording" / "samples.jsonl"
     samples.write_text(samples.read_text() + "\n")
-    run_fleet(make_fleet(folder, tmp_path / "out"), Where(1))
+    run_fleet(make_fleet(folder, tmp_path / "out"), WorkerPool(1))
     assert done[3:] == ["b"]
 
 
@@ -61,7 +61,7 @@ def test_calibrations_are_kept_beside_rows(tmp_path) -> None:
     folder = make(tmp_path / "cells", ["a"])
     before = sorted(path for path in folder.rglob("*"))
     fleet = make_fleet(folder, tmp_path / "out")
-    run_fleet(fleet, Where(1))
+    run_fleet(fleet, WorkerPool(1))
     assert sorted(path for path in folder.rglob("*")) == before
     row = fleet_rows(fleet)[0]
     kept = read_calibration(tmp_path / "out" / "cells" / "a")
@@ -78,7 +78,7 @@ def test_one_process_and_two_make_the_same_rows(tmp_path) -> None:
     folder = make(tmp_path / "cells", ["a", "b", "c", "d"])
     (folder / "c" / "cell.yaml").write_text("gossip: 1\n")
     for workers in (1, 2):
-        run_fleet(make_fleet(folder, tmp_path / str(workers)), Where(workers))
+        run_fleet(make_fleet(folder, tmp_path / str(workers)), WorkerPool(workers))
     assert without_time(make_fleet(folder, tmp_path / "1")) == without_time(make_fleet(folder, tmp_path / "2"))
 
 

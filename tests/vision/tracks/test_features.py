@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from basecal.vision.tracks.features import DESCRIPTOR, MOST, find_features
+from basecal.vision.tracks.features import DESCRIPTOR, MAX_FEATURES, find_features
 
 SHIFT = (31, 17)  # [px]
 
@@ -23,7 +23,7 @@ def blots(seed: int = 1, shape: tuple[int, int] = (300, 400)) -> np.ndarray:
 def test_descriptors_are_of_unit_length() -> None:
     """Every feature is inside the picture, with a descriptor of length one."""
     found = find_features(blots())
-    assert 100 < len(found) <= MOST
+    assert 100 < len(found) <= MAX_FEATURES
     assert found.descriptors.shape == (len(found), DESCRIPTOR)
     np.testing.assert_allclose(np.linalg.norm(found.descriptors, axis=1), 1.0, atol=1e-5)
     assert (found.pixels > -0.5).all()
@@ -76,12 +76,12 @@ def test_covered_places_have_no_features() -> None:
 
 
 def test_many_features_are_thinned_evenly() -> None:
-    """Of a large picture at most `MOST` features are kept, and every quarter of it has about a quarter of them."""
+    """A large picture keeps at most `MAX_FEATURES` features, about a quarter of them in every quarter of it."""
     found = find_features(blots(4, (900, 1200)))
-    assert len(found) == MOST
+    assert len(found) == MAX_FEATURES
     right, lower = (found.pixels > [600, 450]).T
     quarters = np.bincount(right + 2 * lower.astype(int), minlength=4)
-    assert quarters.min() > 0.2 * MOST
+    assert quarters.min() > 0.2 * MAX_FEATURES
 
 
 def test_a_blank_picture_has_none() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.geometry import SE3
 from basecal.vision.tracks.features import Features
-from basecal.vision.tracks.matching import FEWEST, match, match_rigid
+from basecal.vision.tracks.matching import MIN_MATCHES, match, match_rigid
 from scene_pictures import random_looks, unit_rows
 
 FOCAL_PX = 800.0
@@ -76,8 +76,8 @@ def test_what_rides_with_the_camera_is_left_out() -> None:
 
 
 def test_few_matches_are_none() -> None:
-    """Below `FEWEST`, or if no geometry explains them, a pair of pictures shares nothing."""
-    first, second, planes, _ = two_pictures(FEWEST - 1)
+    """Below `MIN_MATCHES`, or if no geometry explains them, a pair of pictures shares nothing."""
+    first, second, planes, _ = two_pictures(MIN_MATCHES - 1)
     assert match_rigid(first, second, planes, FOCAL_PX) is None
-    first, second, planes, _ = two_pictures(2 * FEWEST, wrong=2 * FEWEST - 6)
+    first, second, planes, _ = two_pictures(2 * MIN_MATCHES, wrong=2 * MIN_MATCHES - 6)
     assert match_rigid(first, second, planes, FOCAL_PX) is None

@@ -85,7 +85,9 @@ class Innovations:
     def joint_jacobian(self, robot: str) -> Array:
         """How views go with the joints of a robot, (n, 6, joints); none if they were not recorded."""
         at = self.posture(robot)
-        return np.zeros((len(self.sample), 6, 0)) if at is None else self.flange_jacobian(robot) @ at.true.by_joints
+        return (
+            np.zeros((len(self.sample), 6, 0)) if at is None else self.flange_jacobian(robot) @ at.true.joint_derivative
+        )
 
     def posture(self, robot: str) -> Posture | None:
         """A robot as stated at its joints in all views, any in which it has no part; None if none were recorded."""
@@ -96,7 +98,7 @@ class Innovations:
         ends = [group.end_of(robot) for group in groups]
         joints = [None if end is None else end.joints for end in ends]
         each = [np.zeros((len(g), chain.n)) if q is None else q for g, q in zip(groups, joints, strict=True)]
-        return Posture(chain, recorded := np.concatenate(each), chain.at(recorded))
+        return Posture(chain, recorded := np.concatenate(each), chain.posture(recorded))
 
     def stands(self, robot: str) -> tuple[SE3, IntArray]:
         """Recorded poses of a robot's flange in all views, (n,), and the numbers of its stops, -1 where it has none."""

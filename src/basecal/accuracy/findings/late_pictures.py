@@ -50,7 +50,7 @@ def _late_samples(evidence: Evidence, camera: str, samples: set[int]) -> list[_L
         state = evidence.solution.state
         predicted = state.camera_from_target(views, evidence.recorded.stops)
         view = views.measurement.linearise(predicted, state.cameras.get(camera), False)
-        whole = spectrum(view.information, VIEW_ROUNDING).mahalanobis_squared(view.gradient)
+        whole = spectrum(view.information, VIEW_ROUNDING).squared_mahalanobis(view.gradient)
         assert views.motion is not None
         by_time = np.einsum("ni,ni->n", view.gradient, views.motion)
         per_s2 = np.einsum("ni,nij,nj->n", views.motion, view.information, views.motion)

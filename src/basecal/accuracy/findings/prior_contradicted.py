@@ -41,7 +41,7 @@ def contradicted_priors(solution: Solution, excluded: Set[str] = frozenset()) ->
             continue  # what is known of lenses in general was not stated by anyone
         after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
         learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
-        off = float(learnt.mahalanobis_squared(residual)) / max(solution.noise.factor, 1.0)
+        off = float(learnt.squared_mahalanobis(residual)) / max(solution.noise.factor, 1.0)
         if compare_nested(name, off, int(learnt.rank)).is_taken:
             what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
             why, do = "That is more than chance explains.", ("State larger sigmas or a better value, or make it free.",)

@@ -88,4 +88,4 @@ def _distance(solution: Solution, before: State, name: str) -> tuple[float, int]
     else:
         step = (before.transforms[name].inverse() @ solution.state.transforms[name]).log()[: where.stop - where.start]
     known = spectrum(solution.covariance[where, where])
-    return float(known.mahalanobis_squared(step)), int(known.rank)
+    return float(known.squared_mahalanobis(step)), int(known.rank)

@@ -17,7 +17,7 @@ from basecal.estimation.scene.alignment import alignments
 from basecal.estimation.scene.base import Sightings, project_points, refine_transform
 from basecal.geometry import SE3, Array, IntArray
 from basecal.vision.tracks.features import Descriptors
-from basecal.vision.tracks.guided import find_guided
+from basecal.vision.tracks.guided_matching import match_guided
 from basecal.vision.tracks.matching import match
 
 _MOST_TRANSFORMS = 12  # transforms that are tried
@@ -127,7 +127,9 @@ def _judge_transform(
     by_chance = 0.0
     for radius_px in _RADII_PX:
         pixels = project_points(points, camera_from_world @ transform, lens)
-        guided = [find_guided(pictures.features[row], pixels[k], looks, radius_px) for k, row in enumerate(second.rows)]
+        guided = [
+            match_guided(pictures.features[row], pixels[k], looks, radius_px) for k, row in enumerate(second.rows)
+        ]
         view = np.repeat(np.arange(len(guided)), [len(each.point) for each in guided])
         point = np.concatenate([each.point for each in guided])
         feature = np.concatenate([each.feature for each in guided])

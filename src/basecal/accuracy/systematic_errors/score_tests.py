@@ -203,7 +203,7 @@ def score_of(model: Linearised, known: Sums) -> Score:
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     seen = scaled_spectrum(left, _HIDDEN, np.where(size > 0, size, 1.0))
     sizes = -(seen.inverse @ gradient[..., None])[..., 0]
-    return Score(gradient, left, seen.mahalanobis_squared(gradient), seen.rank, sizes)
+    return Score(gradient, left, seen.squared_mahalanobis(gradient), seen.rank, sizes)
 
 
 def sums(model: Linearised, candidates: Candidates) -> Sums:

@@ -16,8 +16,8 @@ from basecal.cell.work_error import BudgetEntry
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.effects.registry import ROBOT_PARAMETERS
 from basecal.errors import InputError, list_names, nearest
+from basecal.fields.file_forms import LARGEST_NUMBER
 from basecal.fields.problems import CAUSE_LENGTH, SHORT_LENGTH, Loc, Problem, field_name
-from basecal.fields.written import LARGEST_NUMBER
 
 SCHEMA = "basecal/calibration/1"
 _FILE, _BUDGET_ENTRY, _FINDING = (TypeAdapter[Any](noun) for noun in (CalibrationFile, BudgetEntry, Finding))

@@ -25,9 +25,19 @@ from basecal.cell.results.noise_written import WrittenNoise
 from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import InputError
+from basecal.fields.file_forms import (
+    Covariance,
+    Length,
+    Number,
+    Real,
+    Seconds,
+    Whole,
+    WrittenPose,
+    as_written,
+    pose_data,
+)
 from basecal.fields.problems import shorten
 from basecal.fields.values import Status
-from basecal.fields.written import Covariance, Length, Number, Real, Seconds, Whole, WrittenPose, as_written, pose_data
 from basecal.geometry import Array, Camera, PoseEstimate
 
 

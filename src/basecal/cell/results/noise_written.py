@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, create_model
 
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.fields.written import THREE, Number, Real, Sigma, Whole, as_written
+from basecal.fields.file_forms import THREE, Number, Real, Sigma, Whole, as_written
 
 _Sigma3 = Annotated[list[Sigma | None], THREE]
 _Sigma6 = Annotated[list[Sigma | None], Field(min_length=6, max_length=6)]

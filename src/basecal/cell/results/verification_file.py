@@ -14,8 +14,8 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import append_durably
 from basecal.cell.schema.errors import collect_problems
 from basecal.errors import DatasetError
+from basecal.fields.file_forms import THREE, Error, Flag, Length, Vector3, Whole, array_form
 from basecal.fields.problems import field_name
-from basecal.fields.written import THREE, Error, Flag, Length, Vector3, Whole, array_in
 from basecal.geometry import Array
 
 FILE = "verifications.jsonl"
@@ -37,7 +37,7 @@ class MeasuredShift:
     """
 
     t_m: Vector3
-    sigma_m: Annotated[Array, array_in(Annotated[list[Length], THREE])]
+    sigma_m: Annotated[Array, array_form(Annotated[list[Length], THREE])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,7 @@ class NormalEquations:
         cost: (...) sum of squared residuals over sigmas, those of priors and of stop errors included.
         gradient: (..., p) half the derivative of the cost, the stop errors at their best.
         hessian: (..., p, p) half the second derivative, likewise.
-        eliminated: (...) by how much the stop errors alone lower the cost, brought to their best.
+        eliminated_cost: (...) by how much the stop errors alone lower the cost, brought to their best.
         stop_log_det: (...) log determinant of the information of the eliminated stop errors.
         views: What `retract` needs, by group.
         system: The shared stops, solved; None without any.
@@ -82,7 +82,7 @@ class NormalEquations:
     cost: Array
     gradient: Array
     hessian: Array
-    eliminated: Array
+    eliminated_cost: Array
     stop_log_det: Array
     views: tuple[LinearisedViews, ...]
     system: SchurComplement | None

@@ -38,7 +38,7 @@ class SparseNormalEquations:
     cost: Array
     gradient: Array
     hessian: SparseHessian
-    eliminated: Array
+    eliminated_cost: Array
     pairs: tuple[NormalEquations, ...]
     states: tuple[State, ...]
 
@@ -69,7 +69,7 @@ class SparseBundle:
             blocks.append(_scatter_blocks(columns[None], (jacobian.T @ jacobian)[None]))
         rows, columns, values = (np.concatenate(part) for part in zip(*blocks, strict=True))
         matrix = csc_array(coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width)))
-        eliminated = np.array([sum(float(of.eliminated.sum()) for of in found)])
+        eliminated = np.array([sum(float(of.eliminated_cost.sum()) for of in found)])
         return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), eliminated, found, own)
 
     def retract(self, state: State, model: SparseNormalEquations, step: Array) -> State:

@@ -87,7 +87,7 @@ def _misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Pr
         lost |= state.camera_from_target(group, problem.stops).translation[..., 2] <= 0
     equations = group.measurement.equations()
     return MahalanobisSquared(
-        np.where(lost, np.inf, information.mahalanobis_squared(gradient)), np.where(lost, equations, information.rank)
+        np.where(lost, np.inf, information.squared_mahalanobis(gradient)), np.where(lost, equations, information.rank)
     )
 
 
@@ -105,7 +105,7 @@ def _view_squares(model: LeaveOneOut, k: int) -> MahalanobisSquared:
     left = scaled_spectrum(np.eye(leverage.shape[-1]) + sign * leverage, 1 - _ALONE_LEVERAGE)
     # Directions in which the view has no information stand as zeros with a share of nothing.
     freedoms = np.maximum(information.rank - np.count_nonzero(~left.held, axis=-1), 0)
-    return MahalanobisSquared(np.where(freedoms > 0, left.mahalanobis_squared(whitened), np.nan), freedoms)
+    return MahalanobisSquared(np.where(freedoms > 0, left.squared_mahalanobis(whitened), np.nan), freedoms)
 
 
 def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
@@ -121,7 +121,7 @@ def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
     covariance = spectrum(model.normal.hessian).inverse
     spread = system.covariance(number, number) + by_unknowns @ covariance @ by_unknowns.mT
     learnt = scaled_spectrum(np.eye(6) - spread, _LEAST_GAIN_SHARE)
-    value[which], freedoms[which] = learnt.mahalanobis_squared(model.state.stop_errors[which]), learnt.rank
+    value[which], freedoms[which] = learnt.squared_mahalanobis(model.state.stop_errors[which]), learnt.rank
     return MahalanobisSquared(np.where(freedoms > 0, value, np.nan), freedoms)
 
 
@@ -181,7 +181,7 @@ def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: Bo
             return MahalanobisSquared(np.where(visible, value, np.nan), 2 * visible.astype(np.int64))
     known = scaled_spectrum(left, _LEAST_VARIANCE_SHARE)
     freedoms = np.where(visible, known.rank, 0)
-    return MahalanobisSquared(np.where(freedoms > 0, known.mahalanobis_squared(residual), np.nan), freedoms)
+    return MahalanobisSquared(np.where(freedoms > 0, known.squared_mahalanobis(residual), np.nan), freedoms)
 
 
 def _pair_distances(residual: Array, left: Array) -> tuple[Array, BoolArray]:

@@ -38,4 +38,4 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
     for end in problem.ends_of(robot):
         joints[end.stand] = end.joints
     joints[~seen] = joints[seen].mean(0)
-    return Posture(chain, joints, chain.at(joints))
+    return Posture(chain, joints, chain.posture(joints))

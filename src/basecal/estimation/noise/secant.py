@@ -35,7 +35,7 @@ def corrected(curvature: Array, secants: Sequence[Secant]) -> Array:
         along = float(off @ step)
         if abs(along) <= _PARALLEL * float(np.linalg.norm(off) * np.linalg.norm(step)):
             continue
-        left = 1 + floored_spectrum(curvature, _LEAST_CURVATURE).mahalanobis_squared(off) / along
+        left = 1 + floored_spectrum(curvature, _LEAST_CURVATURE).squared_mahalanobis(off) / along
         if left > _LEAST_LEFT:
             curvature = curvature + np.outer(off, off) / along
     return curvature

@@ -90,6 +90,6 @@ def _estimates(view: ViewInformation, total: int, by_shape: Array | None) -> Vie
         return ViewEstimates(*view, total, 0.0, 0)
     of = spectrum(view.information)
     counted = of.add_ridge(VIEW_ROUNDING)
-    own, count = counted.mahalanobis_squared(view.gradient), float((of.values / counted.values).clip(0.0).sum())
+    own, count = counted.squared_mahalanobis(view.gradient), float((of.values / counted.values).clip(0.0).sum())
     white = max(float(view.cost.sum() - own.sum()), 0.0)
     return ViewEstimates(own, view.gradient, view.information, count, white, max(total - count, 0.0))

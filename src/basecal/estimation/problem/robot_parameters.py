@@ -133,7 +133,7 @@ def robot_model(
     asked = {
         kind: parameters[kind] for kind in ROBOT_PARAMETERS if kind in parameters and parameters[kind].status != "fixed"
     }
-    at = Posture(chain, joints, chain.at(joints))
+    at = Posture(chain, joints, chain.posture(joints))
     others = end_moves(at.true.base_from_flange, free_ends)
     columns = {}
     for name, known in asked.items():
@@ -166,8 +166,8 @@ def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) 
         kinematics: Where.
         joints: (..., m, n) as recorded [rad].
     """
-    at = Posture(model.chain, joints, kinematics.moved.at(kinematics.true_joints(joints)))
-    parts = [at.true.by_joints[..., :0]]
+    at = Posture(model.chain, joints, kinematics.moved.posture(kinematics.true_joints(joints)))
+    parts = [at.true.joint_derivative[..., :0]]
     for kind, columns in model.columns.items():
         derivative = ROBOT_PARAMETERS[kind].derivative(at, model.stated[kind], kinematics.of(kind))
         parts.append(derivative @ columns.basis)

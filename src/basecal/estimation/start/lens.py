@@ -117,7 +117,7 @@ class _About:
         cost: (b,).
         gradient: (b, k).
         hessian: (b, k, k).
-        eliminated: (b,) by how much the poses alone lower the cost.
+        eliminated_cost: (b,) by how much the poses alone lower the cost.
         back: By target, (b, n, 6, k + 1): the poses' steps are minus its last column, and minus the others times those
             of the lens.
     """
@@ -125,7 +125,7 @@ class _About:
     cost: Array
     gradient: Array
     hessian: Array
-    eliminated: Array
+    eliminated_cost: Array
     back: tuple[Array, ...]
 
 

@@ -18,7 +18,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.view_pose import ViewPoses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import nearest_rotation
-from basecal.numerics.batch import choose_where, take
+from basecal.numerics.batch import choose_entries, take
 from basecal.numerics.spectral import dimension, floored_inverse
 
 _AMBIGUOUS_CHI2 = 25.0  # five sigmas: below, a plane's second pose fits as well
@@ -144,7 +144,7 @@ def _with_half_turns(sight: PairViews, target_from_turned: SE3) -> PairViews:
     assert isinstance(measurement, BearingMeasurement)
     own, other = sight.candidates, sight.candidates @ target_from_turned
     flip = turned_views(sight.group, own.rotation[:, 0], other.rotation[:, 0])
-    first, second = choose_where(flip, other, own), choose_where(flip, own, other)
+    first, second = choose_entries(flip, other, own), choose_entries(flip, own, other)
     rotation = np.concatenate([first.rotation, second.rotation], 1)
     candidates = SE3.adopt(rotation, np.concatenate([first.translation, second.translation], 1))
     if not flip.any():

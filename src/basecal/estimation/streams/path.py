@@ -89,8 +89,8 @@ class Path:
         if self.joints is not None and self.chain is not None:
             start = self.joints[first]
             turned, rate = self._cubic(first, times, [self.joints[k] - start for k in self._neighbour_records(first)])
-            there = self.chain.at(start + turned)
-            return PathPoints(there.base_from_flange, start + turned, _times(there.by_joints, rate))
+            there = self.chain.posture(start + turned)
+            return PathPoints(there.base_from_flange, start + turned, _times(there.joint_derivative, rate))
         at_first = self.base_from_flange[first]
         away = [(at_first.inverse() @ self.base_from_flange[k]).log() for k in self._neighbour_records(first)]
         tangent, rate = self._cubic(first, times, away)

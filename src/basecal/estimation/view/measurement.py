@@ -28,7 +28,7 @@ class ViewInformation(NamedTuple):
         return self.information
 
     @property
-    def eliminated(self) -> float:
+    def eliminated_cost(self) -> float:
         """Nothing is: what Levenberg-Marquardt calls what others eliminate."""
         return 0.0
 

@@ -14,7 +14,7 @@ import numpy as np
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross, lengths, nearest_rotation, with_identity
-from basecal.numerics.batch import choose_where, concatenate
+from basecal.numerics.batch import choose_entries, concatenate
 from basecal.numerics.levenberg_marquardt import Stop, levenberg_marquardt
 from basecal.numerics.spectral import principal_axes, smallest_vectors
 
@@ -79,7 +79,7 @@ def view_poses(
     enough = seen.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
     first, second = poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None))
     swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
-    best, next_best = choose_where(swapped, second, first), choose_where(swapped, first, second)
+    best, next_best = choose_entries(swapped, second, first), choose_entries(swapped, first, second)
     cost = np.stack([best.cost, next_best.cost], -1)
     cost = np.where(enough[:, None] & np.isfinite(cost), cost, np.inf)
     pair = [best.camera_from_target, next_best.camera_from_target]

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.cell import Target
 from basecal.geometry import SE3, Array, BoolArray, Camera
-from basecal.simulation.surroundings.drawn import Scene, Surroundings
+from basecal.simulation.surroundings.drawing import Scene, Surroundings
 from basecal.vision.detection import Image
 from basecal.vision.draw.backdrop import print_targets
 from basecal.vision.draw.light import LightSettings, expose_light, light_levels
@@ -130,8 +130,8 @@ class CameraView:
         )
 
 
-def _is_equal(scene: Seen, other: Seen) -> bool:
+def _is_equal(scene: Seen, other_scene: Seen) -> bool:
     """Whether two are the same to the last bit: what is drawn then follows from where things are, and nothing else."""
     if scene.scene is not None:
-        return scene.scene == other.scene
-    return np.array_equal(scene.camera_from_target.matrix, other.camera_from_target.matrix)
+        return scene.scene == other_scene.scene
+    return np.array_equal(scene.camera_from_target.matrix, other_scene.camera_from_target.matrix)

@@ -14,7 +14,7 @@ from basecal.simulation.running.arm import RunningArm
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.pictures import CameraView, Seen
 from basecal.simulation.running.world import World
-from basecal.simulation.surroundings.drawn import Scene, Surroundings
+from basecal.simulation.surroundings.drawing import Scene, Surroundings
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detection import Image
 

@@ -58,13 +58,13 @@ def fingerprint(cell: Path, versions: str) -> str:
     return digest.hexdigest()
 
 
-def _files(cell: Path, below: Path, left_out: frozenset[str]) -> Iterator[tuple[str, int, int]]:
+def _files(cell: Path, subfolder: Path, left_out: frozenset[str]) -> Iterator[tuple[str, int, int]]:
     """Path, size and time of change [ns] of each file."""
-    for entry in _entries(cell / below):
+    for entry in _entries(cell / subfolder):
         if entry.name in left_out:
             continue
         if entry.is_dir(follow_symlinks=False):
-            yield from _files(cell, below / entry.name, frozenset())
+            yield from _files(cell, subfolder / entry.name, frozenset())
         else:
             stat = entry.stat(follow_symlinks=False)
-            yield (below / entry.name).as_posix(), stat.st_size, stat.st_mtime_ns
+            yield (subfolder / entry.name).as_posix(), stat.st_size, stat.st_mtime_ns

@@ -95,9 +95,9 @@ def calibrate_row(folder: str, cell: str) -> bytes:
     return _pack_row(took, calibration, fault)
 
 
-def killed_row(cell: str, why: str) -> bytes:
+def killed_row(cell: str, cause: str) -> bytes:
     """As `calibrate_row`, of a cell that kills whoever works on it."""
-    return _pack_row(asdict(Row(cell, "failed", said=why)), None, "")
+    return _pack_row(asdict(Row(cell, "failed", said=cause)), None, "")
 
 
 def _pack_row(row: dict[str, Any], calibration: dict[str, Any] | None, fault: str) -> bytes:
@@ -122,27 +122,27 @@ def _calibrate_cell(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
     return _row(name, cell, recording, made), written
 
 
-def _row(name: str, cell: Cell, recording: Recording, made: Calibration) -> Row:
-    worst = sorted(made.findings, key=lambda finding: _WORST_FIRST[finding.severity])
+def _row(name: str, cell: Cell, recording: Recording, calibration: Calibration) -> Row:
+    worst = sorted(calibration.findings, key=lambda finding: _WORST_FIRST[finding.severity])
     bad = [finding for finding in worst if finding.severity != "info"]
-    valid = made.validation
-    found = next((each for each in cell.asked if each in made.transforms), None)
+    valid = calibration.validation
+    found = next((each for each in cell.asked if each in calibration.transforms), None)
     return Row(
         name,
-        made.verdict,
+        calibration.verdict,
         " ".join(dict.fromkeys(finding.code for finding in bad)),
         _one_line(bad[0].message) if bad else "",
         len(recording.samples),
-        **({} if found is None else _transform_columns(found, made)),
-        rms_px=made.residuals.rms_px,
+        **({} if found is None else _transform_columns(found, calibration)),
+        rms_px=calibration.residuals.rms_px,
         held_out_mm=None if valid is None or valid.target_m is None else 1e3 * valid.target_m,
         held_out_deg=None if valid is None or valid.target_rad is None else float(np.degrees(valid.target_rad)),
     )
 
 
-def _transform_columns(name: str, made: Calibration) -> dict[str, Any]:
+def _transform_columns(name: str, calibration: Calibration) -> dict[str, Any]:
     """The columns of a transform."""
-    estimate = made.transforms[name]
+    estimate = calibration.transforms[name]
     variances = np.diagonal(estimate.covariance)
     place = dict(zip(("x_m", "y_m", "z_m"), map(float, estimate.mean.translation), strict=True))
     turn = dict(zip(("qx", "qy", "qz", "qw"), map(float, estimate.mean.quaternion), strict=True))

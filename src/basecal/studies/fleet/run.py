@@ -19,7 +19,7 @@ from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.studies.fleet.folder import find_cells, fingerprint
 from basecal.studies.fleet.row import COLUMNS, calibrate_row, killed_row
-from basecal.studies.jobs import Job, Where, done_jobs
+from basecal.studies.jobs import Job, WorkerPool, done_jobs
 
 ROW, CALIBRATION, FAULT = "row.json", "calibration.json", "fault.txt"
 FLEET = "fleet.json"
@@ -43,7 +43,7 @@ class Fleet:
     cells: tuple[str, ...]
     output: Path
 
-    def kept(self, cell: str, name: str) -> Path:
+    def file(self, cell: str, name: str) -> Path:
         """A file that is kept of a cell."""
         return self.output / _CELLS / cell / name
 
@@ -54,7 +54,7 @@ class Fleet:
     def row(self, cell: str, fingerprint: str | None = None) -> Mapping[str, Any] | None:
         """The row that is kept of a cell; None if there is none, or of another fingerprint than `fingerprint`."""
         try:
-            kept = json.loads(read_bounded(self.kept(cell, ROW), _LARGEST_BYTES))
+            kept = json.loads(read_bounded(self.file(cell, ROW), _LARGEST_BYTES))
         except (DatasetError, ValueError, RecursionError):
             return None
         if not isinstance(kept, dict) or (kept.pop("fingerprint", None) != fingerprint and fingerprint is not None):
@@ -70,11 +70,11 @@ class Fleet:
         found = json.loads(content)
         for name, text in ((CALIBRATION, _as_text(found["calibration"])), (FAULT, found["fault"])):
             if text:
-                write_atomically(self.kept(cell, name), text, within=self.output, durable=False)
+                write_atomically(self.file(cell, name), text, within=self.output, durable=False)
             else:
-                self.kept(cell, name).unlink(missing_ok=True)
+                self.file(cell, name).unlink(missing_ok=True)
         row = found["row"] | {"fingerprint": fingerprint}
-        write_atomically(self.kept(cell, ROW), _as_text(row), within=self.output, durable=False)
+        write_atomically(self.file(cell, ROW), _as_text(row), within=self.output, durable=False)
 
 
 def _as_text(data: Any) -> str:
@@ -98,12 +98,12 @@ def make_fleet(folder: Path, output: Path) -> Fleet:
     return Fleet(folder, cells, output)
 
 
-def run_fleet(fleet: Fleet, where: Where, step: Step | None = None) -> None:
+def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None) -> None:
     """Calibrate each cell that has changed since it was, or never was; its row stands in the output folder then.
 
     Args:
         fleet: The cells.
-        where: Who works; workers of a cluster see the folder of the cells under the same path.
+        workers: Who works; workers of a cluster see the folder of the cells under the same path.
         step: Called with the cells done and all.
 
     Raises:
@@ -116,7 +116,7 @@ def run_fleet(fleet: Fleet, where: Where, step: Step | None = None) -> None:
     tell(done, total)
     folder = str(fleet.folder.resolve())
     jobs = [Job(k, 1, partial(calibrate_row, folder, cell), partial(killed_row, cell)) for k, cell in enumerate(left)]
-    for job, content in done_jobs(jobs, where):
+    for job, content in done_jobs(jobs, workers):
         cell = left[job.number]
         fleet.keep(cell, now[cell], content)
         done += 1

@@ -61,10 +61,10 @@ def _placeholder(draws: Draws) -> _Together:
     )
 
 
-def _complete_answers(draws: Draws, found: _Together, again: BoolArray) -> Answers:
+def _complete_answers(draws: Draws, solution: _Together, again: BoolArray) -> Answers:
     """What was found, those of `again` solved alone."""
-    rotation, translation = found.transform.rotation.copy(), found.transform.translation.copy()
-    covariance, solved = found.covariance.copy(), found.converged.copy()
+    rotation, translation = solution.transform.rotation.copy(), solution.transform.translation.copy()
+    covariance, solved = solution.covariance.copy(), solution.converged.copy()
     where = draws.problem.columns[draws.transform]
     for trial in np.flatnonzero(again):
         try:

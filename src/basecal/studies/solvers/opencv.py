@@ -47,14 +47,14 @@ def _solve_trial(draws: Draws, pixels: Array) -> SE3 | None:
     return _judged_transform(draws, robot_world(eye @ known @ seen, hand), False)
 
 
-def _judged_transform(draws: Draws, found: RobotWorld | None, of_camera: bool) -> SE3 | None:
+def _judged_transform(draws: Draws, solution: RobotWorld | None, of_camera: bool) -> SE3 | None:
     """The one of the two unknowns that is judged; the first is the camera's mount turned about, or the base."""
     group = draws.problem.groups[0]
-    if found is None:
+    if solution is None:
         return None
     if draws.transform == group.hand.mount:
-        return found.last
-    return found.first.inverse() if of_camera else found.first
+        return solution.last
+    return solution.first.inverse() if of_camera else solution.first
 
 
 SOLVER = Solver("solvePnP, then calibrateRobotWorldHandEye", solve, unfit)

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from basecal.geometry import Array
 
 _MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
-_TINY = 1e-9  # [px, or 1] below which a quotient takes its limit: rounding of it is 1e-16 / 1e-9
+_LEAST_DIVISOR = 1e-9  # [px, or 1] below which a quotient takes its limit: rounding of it is 1e-16 / 1e-9
 _DIFFERENCE_STEP = 1e-5  # of a logarithm: curvature and rounding leave ten digits of a derivative
 
 
@@ -75,8 +75,8 @@ def _ellipse_terms(q: Array, xy: Array) -> _Seen:
     matrix = _symmetric_exp(-q[:, 2], -q[:, 3], -q[:, 4])
     g11, g12, g22 = _entries(matrix @ matrix)
     du, dv = g11 * u + g12 * v, g12 * u + g22 * v
-    radius = np.maximum(np.sqrt(np.maximum(u * du + v * dv, 0.0)), _TINY)
-    size = np.maximum(np.hypot(du, dv), _TINY * radius)
+    radius = np.maximum(np.sqrt(np.maximum(u * du + v * dv, 0.0)), _LEAST_DIVISOR)
+    size = np.maximum(np.hypot(du, dv), _LEAST_DIVISOR * radius)
     sharpness = np.exp(-np.clip(q[:, 5:6], -_MOST_LOG, _MOST_LOG))
     return _Seen(sharpness * radius * (1 - radius) / size, radius, size, (u, v), (du, dv), (g11, g12, g22), sharpness)
 
@@ -94,7 +94,7 @@ def _symmetric_exp(a: Array, b: Array, c: Array) -> Array:
     a, b, c = (np.clip(each, -2 * _MOST_LOG, 2 * _MOST_LOG) for each in (a, b, c))
     mean, half = (a + c) / 2, (a - c) / 2
     radius = np.hypot(half, b)
-    ratio = np.where(radius > _TINY, np.sinh(radius) / np.maximum(radius, _TINY), 1.0)
+    ratio = np.where(radius > _LEAST_DIVISOR, np.sinh(radius) / np.maximum(radius, _LEAST_DIVISOR), 1.0)
     scale, cosh = np.exp(mean), np.cosh(radius)
     return np.stack(
         [scale * (cosh + ratio * half), scale * ratio * b, scale * ratio * b, scale * (cosh - ratio * half)], -1

@@ -33,7 +33,9 @@ _WAYS = (
     (Way(2.0, stretched=True), 0),
 )
 _ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
-_WINDOW = Window(arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=_ARM_SQUARES, outside=_ARM_SQUARES, before=_ARM_SQUARES)
+_CORNER_WINDOW = Window(
+    arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=_ARM_SQUARES, outside=_ARM_SQUARES, before=_ARM_SQUARES
+)
 
 
 def detect(image: Image, target: Target) -> Detection | None:
@@ -54,7 +56,7 @@ def detect(image: Image, target: Target) -> Detection | None:
     fitted: Corners | None = None
     for way, corners in _grids(eight_bit(image), (columns, rows)):
         grid = orient_grid(corners.reshape(rows, columns, 2))
-        once = refine_corners(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _WINDOW)
+        once = refine_corners(image, saddle, grid.reshape(-1, 2), grid_axes(grid), _CORNER_WINDOW)
         if fitted is None or once.trusted.sum() > fitted.trusted.sum():
             fitted = once
         if way.scale >= 1 or fitted.trusted.all():

@@ -125,9 +125,9 @@ def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
     return _Outlines(shape, variance, trusted, _shared_residual(used, fit.residuals) / np.maximum(contrast, 1e-9))
 
 
-def _shared_residual(used: Patches, residuals: Array) -> Array:
+def _shared_residual(patches: Patches, residuals: Array) -> Array:
     """What of residuals, (n, p), neighbours share, root of the mean square (n,): noise is each pixel's own."""
-    weights = used.weights > 0
+    weights = patches.weights > 0
     pairs = weights[:, 1:] & weights[:, :-1]
     products = np.where(pairs, residuals[:, 1:] * residuals[:, :-1], 0.0)
     return np.asarray(np.sqrt(np.maximum(products.sum(axis=1) / np.maximum(pairs.sum(axis=1), 1), 0.0)))

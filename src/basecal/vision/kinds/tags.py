@@ -104,11 +104,11 @@ class _Seen:
         """Those of which all four corners can be trusted."""
         return self[np.asarray(self.trusted.all(axis=1))]
 
-    def concatenate(self, others: _Seen) -> _Seen:
+    def concatenate(self, additions: _Seen) -> _Seen:
         """These tags and more."""
-        rows, pixels = np.concatenate([self.rows, others.rows]), np.concatenate([self.pixels, others.pixels])
-        sigma_px = np.concatenate([self.sigma_px, others.sigma_px])
-        return _Seen(rows, pixels, sigma_px, np.concatenate([self.trusted, others.trusted]))
+        rows, pixels = np.concatenate([self.rows, additions.rows]), np.concatenate([self.pixels, additions.pixels])
+        sigma_px = np.concatenate([self.sigma_px, additions.sigma_px])
+        return _Seen(rows, pixels, sigma_px, np.concatenate([self.trusted, additions.trusted]))
 
 
 def _fit_quads(look: _Look, rows: IntArray, quads: Array) -> _Seen:

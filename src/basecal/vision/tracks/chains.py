@@ -21,13 +21,13 @@ class Chains(NamedTuple):
     track: IntArray
 
 
-def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], fewest: int) -> Chains:
+def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], min_pictures: int) -> Chains:
     """Tracks that so many pictures show, without the pictures in which one would have two features.
 
     Args:
         counts: Features of each picture.
         matches: By the indices of two pictures.
-        fewest: Pictures of a track.
+        min_pictures: Pictures of a track.
     """
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
@@ -38,15 +38,15 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
     view = np.repeat(np.arange(len(counts)), counts)
     _, which, times = np.unique(track * len(counts) + view, return_inverse=True, return_counts=True)
     is_single = times[which] == 1
-    enough = np.bincount(track[is_single], minlength=len(track) + 1)[track] >= fewest
+    enough = np.bincount(track[is_single], minlength=len(track) + 1)[track] >= min_pictures
     kept = np.flatnonzero(is_single & enough)
     numbered = np.unique(track[kept], return_inverse=True)[1]
     return Chains(view[kept], kept - first[view[kept]], numbered.astype(np.int64))
 
 
-def longest_chains(chains: Chains, most: int) -> Chains:
+def longest_chains(chains: Chains, max_count: int) -> Chains:
     """At most so many tracks, those that most pictures show."""
     pictures = np.bincount(chains.track)
-    chosen = np.sort(np.argsort(-pictures, kind="stable")[:most])
+    chosen = np.sort(np.argsort(-pictures, kind="stable")[:max_count])
     kept = np.isin(chains.track, chosen)
     return Chains(chains.view[kept], chains.feature[kept], np.searchsorted(chosen, chains.track[kept]))

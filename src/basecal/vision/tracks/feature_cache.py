@@ -15,7 +15,7 @@ from basecal.cell.format.writing import write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.geometry import Array
 from basecal.vision.detection import Image
-from basecal.vision.tracks.features import DESCRIPTOR, MOST, Features, find_features
+from basecal.vision.tracks.features import DESCRIPTOR, MAX_FEATURES, Features, find_features
 
 VERSION = 1
 """Raised whenever features are found otherwise."""
@@ -26,27 +26,27 @@ _ROW_BYTES = _PIXEL_BYTES + DESCRIPTOR
 _SCALE = 255.0  # of a descriptor's entries, which are between 0 and 1, in a byte
 
 
-def kept_features(folder: Path, image_key: str, image: Image, covered: Sequence[Array]) -> Features:
+def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: Sequence[Array]) -> Features:
     """The features of a picture: those kept, or found now and kept.
 
     Args:
         folder: Of the cell.
         image_key: Hash of the picture's file.
         image: Grey levels.
-        covered: Of targets that move; see `find_features`.
+        excluded_pixels: Of targets that move; see `find_features`.
     """
-    parts = [str(VERSION).encode(), image_key.encode(), *(each.tobytes() for each in covered)]
+    parts = [str(VERSION).encode(), image_key.encode(), *(each.tobytes() for each in excluded_pixels)]
     path = folder / _FOLDER / hashlib.sha256(b"|".join(parts)).hexdigest()
     kept = _read(path)
     if kept is not None:
         return kept
-    found = find_features(image, covered)
+    found = find_features(image, excluded_pixels)
     _write(folder, path, found)
     return _from_levels(found.pixels, _levels(found))
 
 
-def _levels(found: Features) -> NDArray[np.uint8]:
-    return np.round(found.descriptors * _SCALE).astype(np.uint8)
+def _levels(features: Features) -> NDArray[np.uint8]:
+    return np.round(features.descriptors * _SCALE).astype(np.uint8)
 
 
 def _from_levels(pixels: Array, levels: NDArray[np.uint8]) -> Features:
@@ -57,7 +57,7 @@ def _from_levels(pixels: Array, levels: NDArray[np.uint8]) -> Features:
 
 def _read(path: Path) -> Features | None:
     try:
-        data = read_bounded(path, MOST * _ROW_BYTES)
+        data = read_bounded(path, MAX_FEATURES * _ROW_BYTES)
     except DatasetError:
         return None
     count, rest = divmod(len(data), _ROW_BYTES)
@@ -68,8 +68,8 @@ def _read(path: Path) -> Features | None:
     return _from_levels(pixels.astype(np.float64), levels) if np.isfinite(pixels).all() else None
 
 
-def _write(folder: Path, path: Path, found: Features) -> None:
+def _write(folder: Path, path: Path, features: Features) -> None:
     """Keep features; a folder that cannot be written to is only slower the next time."""
     with suppress(InputError):
-        content = found.pixels.astype("<f8").tobytes() + _levels(found).tobytes()
+        content = features.pixels.astype("<f8").tobytes() + _levels(features).tobytes()
         write_atomically(path, content, within=folder, durable=False)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Image, eight_bit
 
-MOST = 2500  # of a picture
+MAX_FEATURES = 2500  # of a picture
 DESCRIPTOR = 128  # numbers of a descriptor
 _CELLS = 24, 16  # of a picture, each of which keeps its clearest features first
 _CONTRAST = 0.02  # half of OpenCV's: what is too many is thinned evenly
@@ -38,19 +38,19 @@ class Features:
         return len(self.pixels)
 
 
-def find_features(image: Image, covered: Sequence[Array] = ()) -> Features:
-    """At most `MOST` features, outside of what is covered.
+def find_features(image: Image, excluded_pixels: Sequence[Array] = ()) -> Features:
+    """At most `MAX_FEATURES` features, outside of what is covered.
 
     SIFT (Lowe 2004) with the image upscaled to true positions; without it all are a quarter pixel off. Descriptors are
     square roots of shares (Arandjelovic & Zisserman 2012).
 
     Args:
         image: Grey levels.
-        covered: (k, 2) pixels each, of targets that move with a robot; their hulls and some more are left out.
+        excluded_pixels: (k, 2) pixels each, of targets that move with a robot; their hulls and some more are left out.
     """
     grey = cv2.createCLAHE(_CLIP, _TILES).apply(eight_bit(image))
     finder = cv2.SIFT.create(contrastThreshold=_CONTRAST, enable_precise_upscale=True)
-    points = finder.detect(grey, _mask(grey.shape, covered))
+    points = finder.detect(grey, _mask(grey.shape, excluded_pixels))
     if not points:
         return Features(np.zeros((0, 2)), np.zeros((0, DESCRIPTOR), dtype=np.float32))
     pixels = np.array([point.pt for point in points])
@@ -72,9 +72,9 @@ def named_features(names: IntArray, pixels: Array) -> Features:
     return Features(pixels, (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32))
 
 
-def _mask(shape: tuple[int, ...], covered: Sequence[Array]) -> NDArray[np.uint8]:
+def _mask(shape: tuple[int, ...], excluded_pixels: Sequence[Array]) -> NDArray[np.uint8]:
     mask = np.full(shape, 255, dtype=np.uint8)
-    for pixels in covered:
+    for pixels in excluded_pixels:
         if len(pixels) < 3:
             continue
         hull = cv2.convexHull(pixels.astype(np.float32)).reshape(-1, 2)
@@ -94,4 +94,4 @@ def _spread(pixels: Array, response: Array, shape: tuple[int, ...]) -> NDArray[n
     first = np.searchsorted(cell[order], cell[order])
     rank = np.empty(len(clear), dtype=np.int64)
     rank[order] = np.arange(len(clear)) - first
-    return clear[np.argsort(rank, kind="stable")[:MOST]]
+    return clear[np.argsort(rank, kind="stable")[:MAX_FEATURES]]

@@ -10,7 +10,7 @@ import numpy as np
 from basecal.geometry import Array, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
 
-FEWEST = 15  # matches of a pair that an essential matrix explains: fewer agree by chance
+MIN_MATCHES = 15  # matches of a pair that an essential matrix explains: fewer agree by chance
 _RATIO = 0.8  # of the distance to the best over that to the second best (Lowe 2004)
 _TAIL_PX = 2.0  # [px] from the epipolar geometry
 _STILL_PX = 3.0  # [px] of features that ride with the camera
@@ -54,13 +54,13 @@ def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], 
     found = match(first.descriptors, second.descriptors)
     moved = np.linalg.norm(first.pixels[found.first] - second.pixels[found.second], axis=1) > _STILL_PX
     found = Matches(found.first[moved], found.second[moved])
-    if len(found.first) < FEWEST:
+    if len(found.first) < MIN_MATCHES:
         return None
     one, other = planes[0][found.first], planes[1][found.second]
     essential, inlier = cv2.findEssentialMat(
         one, other, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, _TAIL_PX / focal_px, _MOST_ITERATIONS
     )
-    if essential is None or inlier is None or np.count_nonzero(inlier) < FEWEST:
+    if essential is None or inlier is None or np.count_nonzero(inlier) < MIN_MATCHES:
         return None
     kept = np.flatnonzero(inlier.ravel())
     return Matches(found.first[kept], found.second[kept])

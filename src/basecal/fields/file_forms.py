@@ -31,7 +31,7 @@ def as_written(form: Any, read: Callable[[Any], Any], write: Callable[[Any], Any
     return GetPydanticSchema(schema)
 
 
-def in_unit(form: Any, factor: float) -> GetPydanticSchema:
+def number_form(form: Any, factor: float) -> GetPydanticSchema:
     """The annotation of a number that is `factor` times as large in files, or null there."""
 
     def read(value: float | None) -> float | None:
@@ -45,7 +45,7 @@ def in_unit(form: Any, factor: float) -> GetPydanticSchema:
     return as_written(form, read, write)
 
 
-def array_in(form: Any, factor: float = 1.0, shape: tuple[int, ...] = (-1,)) -> GetPydanticSchema:
+def array_form(form: Any, factor: float = 1.0, shape: tuple[int, ...] = (-1,)) -> GetPydanticSchema:
     """The annotation of an array that files hold as lists of numbers `factor` times as large."""
     return as_written(
         form,
@@ -76,10 +76,10 @@ Seconds = Annotated[float, Strict(), Field(ge=-FARTHEST_S, le=FARTHEST_S)]
 Sigma = Annotated[float, Strict(), Field(ge=0, le=LARGEST_VALUE)]
 # An error of a fit; None where nothing defines it.
 Error = Annotated[float, Strict(), Field(ge=0, le=LARGEST_NUMBER)] | None
-ErrorInMm = Annotated[float | None, in_unit(Error, 1e3)]
-ErrorInDeg = Annotated[float | None, in_unit(Error, float(np.degrees(1)))]
+ErrorInMm = Annotated[float | None, number_form(Error, 1e3)]
+ErrorInDeg = Annotated[float | None, number_form(Error, float(np.degrees(1)))]
 Covariance = Annotated[Array, as_written(list[list[Real | None]], _square, lambda array: array + 0.0)]
-Vector3 = Annotated[Array, array_in(Annotated[list[Number], THREE])]
+Vector3 = Annotated[Array, array_form(Annotated[list[Number], THREE])]
 
 
 class WrittenPose(BaseModel):

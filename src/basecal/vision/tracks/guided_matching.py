@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from basecal.geometry import Array, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
 
-_ALIKE = 0.35  # squared distance of descriptors: matches of one point have 0.1 to 0.4, others 0.6 and more
+_MOST_DISTANCE = 0.35  # squared distance of descriptors: matches of one point have 0.1 to 0.4, others 0.6 and more
 _BESIDE_PX = 50.0  # [px] beside a prediction, where only chance finds a feature alike
 _DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
@@ -29,7 +29,7 @@ class Guided(NamedTuple):
     by_chance: float
 
 
-def find_guided(features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float) -> Guided:
+def match_guided(features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float) -> Guided:
     """Features near predictions that look like their points.
 
     Args:
@@ -38,12 +38,14 @@ def find_guided(features: Features, predicted_px: Array, descriptors: Descriptor
         descriptors: (p, 128) of the points.
         radius_px: How far a feature may be from its prediction [px].
     """
-    point, feature = _found(features, predicted_px, descriptors, radius_px)
-    beside = [_found(features, predicted_px + _BESIDE_PX * way, descriptors, radius_px)[0] for way in _DIRECTIONS]
+    point, feature = _nearest_features(features, predicted_px, descriptors, radius_px)
+    beside = [
+        _nearest_features(features, predicted_px + _BESIDE_PX * way, descriptors, radius_px)[0] for way in _DIRECTIONS
+    ]
     return Guided(point, feature, float(np.mean([len(each) for each in beside])))
 
 
-def _found(
+def _nearest_features(
     features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float
 ) -> tuple[IntArray, IntArray]:
     """Predictions and their most similar features, each feature once."""
@@ -59,7 +61,7 @@ def _found(
     feature = np.concatenate([np.asarray(each, dtype=np.int64) for each in near if each])
     apart = 2 - 2 * np.einsum("nk,nk->n", descriptors[point], features.descriptors[feature])
     order = np.argsort(apart, kind="stable")
-    order = order[apart[order] < _ALIKE]
+    order = order[apart[order] < _MOST_DISTANCE]
     # The most alike first: each prediction and each feature once.
     order = order[np.sort(np.unique(point[order], return_index=True)[1])]
     order = order[np.sort(np.unique(feature[order], return_index=True)[1])]

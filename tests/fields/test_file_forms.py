@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from basecal.fields.written import (
+from basecal.fields.file_forms import (
     Covariance,
     ErrorInDeg,
     ErrorInMm,
@@ -17,13 +17,13 @@ from basecal.fields.written import (
     Vector3,
     Whole,
     WrittenPose,
-    array_in,
+    array_form,
     as_written,
     pose_data,
 )
 from basecal.geometry import SE3, Array
 
-IN_MM = Annotated[Array, array_in(list[Length], 1e3)]
+IN_MM = Annotated[Array, array_form(list[Length], 1e3)]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from basecal.geometry import SE3, Camera
 from basecal.simulation.running.clock import Clock
 from basecal.simulation.running.plant import Plant
 from basecal.simulation.running.ur5e import ur5e
-from basecal.simulation.surroundings.drawn import Scene, Surroundings
+from basecal.simulation.surroundings.drawing import Scene, Surroundings
 from basecal.simulation.surroundings.graphics import missing_graphics
 from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detectors import find

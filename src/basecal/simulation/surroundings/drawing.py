@@ -75,7 +75,7 @@ class Surroundings:
 
     def is_visible(self, scene: Scene, points_in_world: Array) -> BoolArray:
         """Whether nothing stands between the camera and points, (n, 3) [m], (n,)."""
-        return self._thread.submit(self._seen, scene, points_in_world).result()
+        return self._thread.submit(self._visible_mask, scene, points_in_world).result()
 
     def is_mirrored(self, scene: Scene, points: Array) -> BoolArray:
         """Whether the camera sees points again in the tray, (n,), that seem to be at `points`, (n, 3) [m]."""
@@ -97,7 +97,7 @@ class Surroundings:
         self._renderer.update_scene(self._data, "eye")
         return self._flat.backdrop(self._renderer.render())
 
-    def _seen(self, scene: Scene, points_in_world: Array) -> BoolArray:
+    def _visible_mask(self, scene: Scene, points_in_world: Array) -> BoolArray:
         self._pose_bodies(scene)
         eye = scene.world_from_camera.translation
         return np.array([self._is_free(eye, point) for point in points_in_world], dtype=bool)
