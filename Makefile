@@ -9,13 +9,14 @@ BENCHMARKS := held_out two_arms semi_synthetic few_pictures real sag calibrate m
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-slow safety torment wheels dist lint docs bench mutants clean
+.PHONY: help setup demo test journeys test-slow safety torment wheels dist lint docs bench mutants clean
 .NOTPARALLEL:
 
 help:
 	@echo "make setup      .venv with the package (editable) and what the tests need"
 	@echo "make demo       run two simulated arms, capture, calibrate, compare with the truth; installs the core alone"
 	@echo "make test       the fast tests;   make test-slow   the statistics"
+	@echo "make journeys   whole ways of users: browsers, several commands, copies of the tree"
 	@echo "make safety     links, controllers and processes that fail while arms move; deadlines: run nothing else beside it"
 	@echo "make torment    damaged input, faults and hostile words, until SECONDS are over (else until Ctrl-C); SEED=0"
 	@echo "make wheels     the wheel in empty environments: the lowest versions allowed, and each Python from 3.11"
@@ -30,7 +31,10 @@ demo: $(VENV)/.core
 	$(BIN)/basecal demo
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow and not timed"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not journey and not slow and not timed"
+
+journeys: $(VENV)/.test
+	$(BIN)/python -m pytest -n auto --dist load -m "journey and not slow and not timed"
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -n auto -m "slow and not timed"

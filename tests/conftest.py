@@ -3,6 +3,7 @@
 import gc
 import os
 import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,18 @@ def pytest_collection_finish():
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)  # hypothesis counts each collection, and little of what tests make is garbage
     gc.enable()
+
+
+_TESTS = Path(__file__).parent
+_JOURNEYS = {"journeys", "recipes", "torment"}  # folders whose tests are whole ways of users, or of their damaged files
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """What stands in these folders is a journey."""
+    for item in items:
+        if item.path.relative_to(_TESTS).parts[0] in _JOURNEYS:
+            item.add_marker("journey")
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -63,6 +63,7 @@ def take(step: Step, tree: Path) -> None:
     path.write_text(text.replace(f"\n{step.line}\n", f"\n{step.line}\n{step.block}"), encoding="utf-8")
 
 
+@pytest.mark.journey
 @pytest.mark.parametrize("kind", examples())
 def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
     """By the files and lines that it names, and nothing else."""

@@ -55,7 +55,10 @@ USER = """
 })();
 """
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium, which is not installed here")
+pytestmark = [
+    pytest.mark.journey,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium, which is not installed here"),
+]
 
 
 @pytest.fixture(scope="module")

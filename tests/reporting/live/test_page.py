@@ -97,6 +97,7 @@ def test_without_nicegui_the_extra_is_named(monkeypatch, cell):
         pass
 
 
+@pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
 def test_in_a_browser(address, tmp_path):
     """It shows step, advice, sigma, picture, detections and arms; no error in the console, nobody else is asked."""

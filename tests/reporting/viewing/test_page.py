@@ -17,6 +17,7 @@ needed("nicegui", "web")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
 
 
+@pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
 def test_in_a_browser(tmp_path: Path) -> None:
     """The answer with all samples, the first sample, a box for each; no error in the console, nobody else is asked."""
