@@ -22,9 +22,8 @@ def length_m(text: str, option: str = "--tolerance", example: str = "0.5mm", suf
     unit = _UNITS_M.get(found[2]) if found else None
     length = float(found[1]) * unit if found and unit else 0.0
     if not (length > 0 and math.isfinite(length)):
-        raise UsageError(
-            f"{option} {text!r}: expected a {'speed' if suffix else 'length'} above 0 with its unit, such as {example}"
-        )
+        quantity = "speed" if suffix else "length"
+        raise UsageError(f"{option} {text!r}: expected a {quantity} above zero with its unit, such as {example}")
     return length
 
 

@@ -39,12 +39,12 @@ def storage(bag: Path) -> Path:
 
 
 @pytest.mark.parametrize("kind", ["ros1", "sqlite3", "mcap"])
-@pytest.mark.parametrize("name", ["a#b", "a?b", "a%41b", "a b'\"", "a\u00e9"])
-def test_a_sound_bag_is_read_wherever_it_is(tmp_path: Path, kind: str, name: str) -> None:
+def test_a_sound_bag_is_read_wherever_it_is(tmp_path: Path, kind: str) -> None:
     """Whatever the names of folders above it hold."""
     path = written(tmp_path / "plain", kind)
-    (tmp_path / name).mkdir()
-    bag = opened(path.rename(tmp_path / name / path.name))
+    folder = tmp_path / "a#b" / "a?b" / "a%41b" / "a b'\"" / "a\u00e9"
+    folder.mkdir(parents=True)
+    bag = opened(path.rename(folder / path.name))
     assert len(list(bag.read(["/joint_states"]))) == COUNT
     assert not bag.damage
 
