@@ -96,7 +96,7 @@ def test_a_file_may_stand_in_for_what_is_recorded(tmp_path: Path, capsys: pytest
     assert finish_import(tmp_path, poses("left", 3)) == 0
     journal = tmp_path / "recording" / "samples.jsonl"
     before = journal.read_bytes()
-    with pytest.raises(InputError, match="add --replace"):
+    with pytest.raises(InputError, match="or --replace for better ones"):
         finish_import(tmp_path, poses("left", 3, 0.5))
     assert journal.read_bytes() == before
     assert finish_import(tmp_path, poses("left", 3, 0.5), replace=True) == 0

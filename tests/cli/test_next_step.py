@@ -36,6 +36,16 @@ def test_one_thing_after_the_other(tmp_path: Path) -> None:
     assert "--camera NAME --on ROBOT" in step(tmp_path, replace(MADE.cell, cameras={}))
 
 
+def test_an_arm_that_stood_still(tmp_path: Path) -> None:
+    """Samples of a session without the arm that carries what they show are named."""
+    later = [
+        replace(each, sample=each.sample + 3, robots={"eye": each.robots["eye"]}) for each in MADE.recording.samples
+    ]
+    told = step(tmp_path, recording=Recording((*MADE.recording.samples, *later)))
+    assert told.startswith("next, where hand stood in sample 3 to 5: basecal import poses ")
+    assert told.endswith(" --robot hand FILE --format FORMAT --still")
+
+
 def test_pictures_that_were_dropped_in_are_seen(tmp_path: Path) -> None:
     """They have the place where they would be copied to, and are imported from there."""
     dropped = tmp_path / "recording" / "images" / "wrist"

@@ -40,6 +40,15 @@ def test_lengths_must_agree() -> None:
         recording_from_streams({"eye": stream("a.txt", 3, 0), "hand": stream("c.txt", 4, 1)}, "camera", "target")
 
 
+def test_a_robot_of_one_pose_stands_still() -> None:
+    """Its pose is of every sample, and the times are those of what moves."""
+    moving, still = stream("a", 3, 0), stream("c", 1, 1)
+    samples = recording_from_streams({"hand": still, "eye": moving}, "camera", "target").samples
+    assert [sample.stamp_s for sample in samples] == [0, 0.5, 1]
+    for sample in samples:
+        np.testing.assert_array_equal(sample.robots["hand"].base_from_flange.matrix, still.poses[0].matrix)
+
+
 def test_pixels_must_have_a_pose() -> None:
     """Pixels of a sample past the last pose are refused."""
     pixels = {3: (np.array([0]), np.array([[1.0, 2.0]]))}

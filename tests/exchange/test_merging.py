@@ -13,6 +13,7 @@ from basecal.exchange.merging import merge_cells
 from basecal.geometry import SE3
 
 BASE = "schema: basecal/cell/1\nreference: left  # by the door\nrobots:\n  left: {}\n"
+OTHER = "schema: basecal/cell/1\nreference: right\nrobots: {right: {}}\n"
 CAMERA = "cameras:\n  cam: {on: left, size_px: [64, 48], intrinsics: {status: free}}\n"
 
 
@@ -84,8 +85,8 @@ def test_three_at_once(tmp_path: Path) -> None:
         (BASE + CAMERA.replace("on: left", "on: world"), "cameras.cam.on: .*a states left, .*b world"),
         (BASE + CAMERA + "noise: {pixel_px: 0.2}\n", "noise: .*a states nothing, .*b {'pixel_px': 0.2}"),
         (
-            "schema: basecal/cell/1\nreference: right\nrobots: {right: {}}\ntargets: {board: {on: world}}\n",
-            "'board' stands in the base of 'right', and the reference of .*a is 'left'",
+            OTHER + "targets: {board: {on: world, mount: {status: fixed, t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}}}\n",
+            "targets.board is stated in the base of 'right', .* of .*a is 'left': merge .*b first, or make it free",
         ),
     ],
 )
@@ -96,6 +97,21 @@ def test_contradictions_are_named(tmp_path: Path, other: str, said: str) -> None
     with pytest.raises(InputError, match=said):
         merge_cells([a, b], tmp_path / "c")
     assert not (tmp_path / "c").exists()
+
+
+def test_cells_of_other_references(tmp_path: Path) -> None:
+    """What is free on the world is one thing in both, wherever it was guessed; the first reference is kept."""
+    guess = "mount: {status: free, guess: {t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}}"
+    a = cell(tmp_path / "a", BASE + "targets: {board: {on: world}}\n")
+    b = cell(
+        tmp_path / "b",
+        OTHER + f"targets: {{board: {{on: world, {guess}}}, tag: {{on: world, {guess}}}}}\n",
+        robot="right",
+    )
+    merge_cells([a, b], tmp_path / "c")
+    merged = read_cell(tmp_path / "c")
+    assert (merged.reference, *merged.robots) == ("left", "left", "right")
+    assert [(name, each.mount.mean) for name, each in merged.targets.items()] == [("board", None), ("tag", None)]
 
 
 def test_streams_at_one_time_are_not_mixed(tmp_path: Path) -> None:

@@ -24,7 +24,8 @@ from basecal.exchange.importing.imported import Imported, OneOf
 
 _HELP = """Make a cell and its recording from other programs' files, or complete what is
 there: nothing that is recorded is overwritten unless --replace is given, which
-keeps what was there in CELL/originals.
+keeps what was there in CELL/originals. A second recording of the same arms joins
+by --session.
 
 For example:
 
@@ -36,6 +37,12 @@ _REPLACE = Argument(
     Argument.KEYWORD_ONLY,
     default=False,
     annotation=Annotated[bool, Parameter(help="Let it stand in for what is recorded, which CELL/originals keeps.")],
+)
+_SESSION = Argument(
+    "session",
+    Argument.KEYWORD_ONLY,
+    default=False,
+    annotation=Annotated[bool, Parameter(help="Its rows are samples of their own: another day, another arm still.")],
 )
 _IN_WORDS = {
     "order": "in order",
@@ -57,14 +64,14 @@ def import_verb(read: Callable[..., Imported]) -> Callable[..., int]:
     """A command with the parameters and the docstring of an importer, which brings in what that reads."""
     declared = signature(read, eval_str=True)
     parameters = [_option(each) for each in declared.parameters.values() if each.name != _PROGRESS]
-    parameters.append(_REPLACE)
+    parameters += [_REPLACE, _SESSION]
 
-    def verb(cell: Path, *sources: Path, replace: bool = False, **options: object) -> int:
+    def verb(cell: Path, *sources: Path, replace: bool = False, session: bool = False, **options: object) -> int:
         """Read, bring in and report."""
         with counting("reading") as step:
             watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
             imported = read(cell, *sources, **options, **watched)
-        return finish_import(cell, imported, replace)
+        return finish_import(cell, imported, replace, session)
 
     verb.__doc__ = read.__doc__
     vars(verb)["__signature__"] = declared.replace(parameters=parameters, return_annotation=int)
@@ -88,13 +95,14 @@ def _option(parameter: Argument) -> Argument:
     return parameter.replace(annotation=kind)
 
 
-def finish_import(folder: Path, imported: Imported, replace: bool = False) -> int:
+def finish_import(folder: Path, imported: Imported, replace: bool = False, session: bool = False) -> int:
     """The exit code, after all that was read is in the cell and reported; nothing is there if that fails.
 
     Args:
         folder: The cell, or where one is to be made.
         imported: What was read.
         replace: Whether it stands in for what is recorded.
+        session: Whether it makes samples of its own.
 
     Raises:
         InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
@@ -103,7 +111,7 @@ def finish_import(folder: Path, imported: Imported, replace: bool = False) -> in
         say(note)
     if imported.is_preview:
         return 0
-    brought = import_into(folder, imported, replace=replace)
+    brought = import_into(folder, imported, replace=replace, session=session)
     for doubt in (*imported.warnings, *brought.doubts):
         say(f"basecal: warning: {doubt}", sys.stderr)
     for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought)):

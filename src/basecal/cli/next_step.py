@@ -9,7 +9,7 @@ from basecal.cli.terminal import quote_path
 from basecal.errors import list_names
 
 if TYPE_CHECKING:
-    from basecal.cell import Calibration, Cell, Recording
+    from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Recording
 
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
@@ -35,6 +35,18 @@ def cameras_without_lens(cell: Cell, recording: Recording) -> list[str]:
     return [name for name in lensless if any(name in sample.images for sample in recording.samples)]
 
 
+def _missing_robot(cell: Cell, recording: Recording) -> tuple[str, list[int]] | None:
+    """The first robot that carries what other robots' samples show and is not in them, and their numbers."""
+    things: dict[str, CellCamera | CellTarget] = {**cell.cameras, **cell.targets}
+    missing: dict[str, list[int]] = {}
+    for sample in recording.samples if len(cell.robots) > 1 else ():
+        names = {name for o in sample.observations for name in (o.camera, o.target) if name in things}
+        absent = {things[name].on for name in names} & cell.robots.keys() - sample.robots.keys()
+        for robot in absent if sample.robots else ():
+            missing.setdefault(robot, []).append(sample.sample)
+    return next(iter(missing.items()), None)
+
+
 def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     """The first of what is missing, and what to do; None if nothing is, so that it can be calibrated."""
     from basecal.exchange.pictures import ENDINGS
@@ -47,6 +59,10 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
     if silent:
         silent_names = list_names(silent)
         return f"next, poses of {silent_names}: basecal import poses {place} --robot {silent[0]} FILE --format FORMAT"
+    if missing := _missing_robot(cell, recording):
+        robot, numbers = missing
+        still = f"basecal import poses {place} --robot {robot} FILE --format FORMAT --still"
+        return f"next, where {robot} stood in sample {numbers[0]} to {numbers[-1]}: {still}"
     if not seen:
         camera = next(iter(cell.cameras))
         dropped = folder / "recording" / "images" / camera

@@ -20,7 +20,7 @@ def recording_from_streams(
     pixels: Mapping[int, tuple[IntArray, Array]] | None = None,
     sigma_px: float | None = None,
 ) -> Recording:
-    """A recording whose sample i is the i-th pose of every stream.
+    """A recording whose sample i is the i-th pose of every stream; a robot of one pose stands still.
 
     Args:
         robots: `base_from_flange` by robot.
@@ -37,14 +37,16 @@ def recording_from_streams(
     lengths = {stream.path: len(stream.poses) for stream in streams}
     if not lengths:
         raise InputError("no pose file: at least one robot's poses are needed")
-    if len(set(lengths.values())) != 1:
+    count = max(lengths.values())
+    moving = [stream for stream in streams if stream is camera_from_target or len(stream.poses) > 1]
+    if any(len(stream.poses) != count for stream in moving):
         found = ", ".join(f"{path} holds {length}" for path, length in lengths.items())
         raise InputError(f"the pose files differ in length: {found}; pose i of each must belong to the same instant")
-    count = next(iter(lengths.values()))
     strangers = sorted(set(pixels or ()) - set(range(count)))
     if strangers:
         raise InputError(f"pixels of sample {strangers[0]}, but the poses end at sample {count - 1}")
-    stamps_s = next((stream.stamps_s for stream in streams if stream.stamps_s is not None), None)
+    timed = [stream.stamps_s for stream in streams if stream.stamps_s is not None and len(stream.poses) == count]
+    stamps_s = next(iter(timed), None)
     samples = []
     for i in range(count):
         seen: list[Observation] = []
@@ -54,7 +56,7 @@ def recording_from_streams(
             ids, at = pixels[i]
             sigmas = None if sigma_px is None else np.full(len(ids), sigma_px)
             seen.append(PixelObservation(camera, target, ids, at, sigmas))
-        states = {robot: RobotState(base_from_flange=stream.poses[i]) for robot, stream in robots.items()}
+        states = {robot: RobotState(stream.poses[min(i, len(stream.poses) - 1)]) for robot, stream in robots.items()}
         stamp_s = None if stamps_s is None else float(stamps_s[i])
         samples.append(Sample(i, stamp_s, states, tuple(seen)))
     return Recording(tuple(samples))

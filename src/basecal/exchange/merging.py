@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from basecal.cell import WORLD, Cell, Recording, Sample
@@ -20,7 +20,7 @@ from basecal.cell.files import (
 from basecal.cell.format.writing import write_new
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
-from basecal.exchange.importing.placed import place_files
+from basecal.exchange.importing.placed import numbered_path, place_files
 
 _SECTIONS = ("robots", "bases", "cameras", "targets")
 
@@ -93,47 +93,49 @@ def _joined_text(parts: Sequence[Part]) -> str:
         InputError: if two have something of one name that differs.
     """
     first = parts[0]
-    known = _entries(first)
+    known = _entries(first, first)
     text = read_text(first.folder / "cell.yaml", "")
     for part in parts[1:]:
-        _check_reference(first, part)
         path = part.folder / "cell.yaml"
         written = parse_yaml(read_text(path, ""), str(path)).data
         added: dict[str, Any] = {}
-        for (section, name), entry in _entries(part).items():
+        for (section, name), entry in _entries(part, first).items():
             there, ours = known.setdefault((section, name), (part.folder, entry[1]))
             if ours != entry[1]:
                 raise InputError(_difference(f"{section}.{name}".rstrip("."), there, ours, *entry))
             if there == part.folder and name:
-                added.setdefault(section, {})[name] = written[section][name] or {}
+                told = written[section][name] or {}
+                same = part.cell.reference == first.cell.reference
+                added.setdefault(section, {})[name] = told if same or entry[1].get("on") != WORLD else _free(told)
         text = completed_cell_text(text, added, str(first.folder / "cell.yaml"))[0]
     return text
 
 
-def _entries(part: Part) -> dict[tuple[str, str], tuple[Path, Any]]:
-    """What a cell says of each thing by section and name, and of its noise; a base of which it says nothing is none."""
-    data = cell_to_dict(part.cell)
+def _entries(part: Part, first: Part) -> dict[tuple[str, str], tuple[Path, Any]]:
+    """What a cell says of each thing by section and name, and of its noise; a base that is free is none.
+
+    Guesses are no statements.
+
+    Raises:
+        InputError: if its world is another robot's base, and something is stated in it.
+    """
+    data, is_other = cell_to_dict(part.cell), part.cell.reference != first.cell.reference
     found = {(section, name): entry for section in _SECTIONS for name, entry in (data.get(section) or {}).items()}
-    said = {key: entry for key, entry in found.items() if key[0] != "bases" or entry != {"status": "free"}}
+    for (section, name), entry in found.items():
+        pose = entry if section == "bases" else entry.get("mount", {}) if entry.get("on") == WORLD else {}
+        if is_other and pose.get("status", "free") != "free":
+            raise InputError(
+                f"{part.folder}: {section}.{name} is stated in the base of {part.cell.reference!r}, and the reference "
+                f"of {first.folder} is {first.cell.reference!r}: merge {part.folder} first, or make it free"
+            )
+    said = {key: _free(entry) for key, entry in found.items() if key[0] != "bases" or entry["status"] != "free"}
     return {key: (part.folder, entry) for key, entry in {**said, ("noise", ""): data.get("noise")}.items()}
 
 
-def _check_reference(first: Part, other: Part) -> None:
-    """What a cell says of the world it says of its reference's base, which must be the same robot's.
-
-    Raises:
-        InputError: if it is not, and something stands there.
-    """
-    if other.cell.reference == first.cell.reference:
-        return
-    cameras = [camera.name for camera in other.cell.cameras.values() if camera.on == WORLD]
-    targets = [target.name for target in other.cell.targets.values() if target.on == WORLD]
-    bases = [name for section, name in _entries(other) if section == "bases"]
-    if standing := [*cameras, *targets, *bases]:
-        raise InputError(
-            f"{other.folder}: {standing[0]!r} stands in the base of {other.cell.reference!r}, and the reference of "
-            f"{first.folder} is {first.cell.reference!r}: give both cells the same reference"
-        )
+def _free(entry: dict[str, Any]) -> dict[str, Any]:
+    """The same without the guess of a free mount."""
+    is_free = entry.get("mount", {}).get("status") == "free"
+    return {**entry, "mount": {"status": "free"}} if is_free else entry
 
 
 def _difference(entry: str, first: Path, ours: Any, other: Path, theirs: Any) -> str:
@@ -200,10 +202,10 @@ def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sa
 
 def _picture(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
     """Where a picture is in the new cell; one that is missing keeps its path, to be found missing there."""
-    source, place = part.folder / path, PurePosixPath(path)
+    source = part.folder / path
     if not source.is_file():
         return path
     if files.setdefault(path, source) != source:
-        place = place.with_name(f"{number:06d}_{place.name}")
-        files[str(place)] = source
-    return str(place)
+        path = numbered_path(path, number)
+        files[path] = source
+    return path

@@ -53,7 +53,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
     in_full = _finding_lines(others)
     if len(lines) + len(in_full) <= _INFO_LINES:
         lines += in_full
-    else:
+    elif others:
         count_by_code = Counter(finding.code for finding in others)
         codes = ", ".join(code if times == 1 else f"{code} ({times})" for code, times in count_by_code.items())
         lines += wrap_text(f"also found, see --verbose: {codes}")

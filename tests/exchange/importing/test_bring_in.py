@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -75,7 +76,7 @@ def test_what_fails_leaves_everything(tmp_path: Path) -> None:
     def refuse(cell: Cell, recording: Recording) -> None:
         raise InputError("cannot be")
 
-    with pytest.raises(InputError, match="recorded already"):
+    with pytest.raises(InputError, match="recorded already: add --session for other samples, or --replace"):
         add_to_cell(tmp_path, poses("left", 3), fine)
     with pytest.raises(InputError, match=r"right.csv holds 2, the recording has 3"):
         add_to_cell(tmp_path, poses("right", 2), fine)
@@ -85,6 +86,38 @@ def test_what_fails_leaves_everything(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds 2, the recording has 3"):
         add_to_cell(tmp_path, photos, fine)
     assert content(tmp_path) == before
+
+
+def test_sessions_and_arms_that_stand_still(tmp_path: Path) -> None:
+    """A second session is of any length; the one row of a still arm is of each sample that has no pose of it."""
+    add_to_cell(tmp_path, poses("left", 3), fine)
+    add_to_cell(tmp_path, replace(poses("right", 1), is_still=True), fine)
+    add_to_cell(tmp_path, replace(poses("right", 5), is_session=True), fine)
+    assert add_to_cell(tmp_path, replace(poses("left", 1), is_still=True), fine).made == 0
+    samples = read_recording(tmp_path).samples
+    assert [sorted(sample.robots) for sample in samples] == [["left", "right"]] * 8
+    lefts = [sample.robots["left"].base_from_flange for sample in samples]
+    assert [round(float(pose.translation[1]), 1) for pose in lefts if pose is not None] == [0, 0.1, 0.2, *[0] * 5]
+    with pytest.raises(InputError, match="robot 'left' is recorded already"):
+        add_to_cell(tmp_path, replace(poses("left", 1), is_still=True), fine)
+
+
+def test_pictures_of_two_days_have_one_name(tmp_path: Path) -> None:
+    """Those of the second session are kept under other names, and its table finds them by the names they had."""
+    place = tmp_path / "c"
+    add_to_cell(place, poses("left", 2, names=True), fine)
+    add_to_cell(place, pictures(tmp_path / "one", ["IMG_0.png", "IMG_1.png"]), fine)
+    (tmp_path / "two").mkdir()
+    again = pictures(tmp_path / "two" / "x", ["IMG_1.png", "IMG_0.png"])
+    (tmp_path / "two" / "x" / "IMG_0.png").write_bytes(b"\x89PNGsecond")
+    add_to_cell(place, replace(again, is_session=True), fine)
+    add_to_cell(place, poses("left", 2, names=True), fine)
+    last = read_recording(place).samples[-1]
+    assert last.images["cam"] == "recording/images/cam/000003_IMG_0.png"
+    assert (place / last.images["cam"]).read_bytes() == b"\x89PNGsecond"
+    pose = last.robots["left"].base_from_flange
+    assert pose is not None
+    assert pose.translation[1] == 0
 
 
 def test_the_check_sees_what_is_new_alone(tmp_path: Path) -> None:

@@ -15,8 +15,10 @@ from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.hand_eye import (
+    Carriers,
     Names,
     chosen_names,
+    hand_eye_of_file,
     imported_hand_eye,
     imported_joint_states,
     is_camera_on_robot,
@@ -83,6 +85,28 @@ def test_another_carrier_is_told(tmp_path: Path) -> None:
     cell = cell_in(tmp_path, cameras={"hall": {"on": "world"}}, targets={"tag": {"on": "arm"}})
     with pytest.raises(InputError, match=r"cell.yaml:\d+: cameras.hall.on: states world, imported data say arm"):
         brought(tmp_path, cell, recorded(True), Names("arm", "hall", "tag"))
+
+
+def test_the_other_arm_stands_still(tmp_path: Path) -> None:
+    """One arm carries the camera and the other the target: which of them moved, the user or the file says."""
+    first = recorded(True)
+    cell, _ = brought_by(tmp_path, first, Carriers("left", "right"), None)
+    assert (cell.cameras["camera"].on, cell.targets["target"].on) == ("left", "right")
+    assert is_camera_on_robot(cell, None) is None
+    assert is_camera_on_robot(cell, None, None, "right") is False
+    after, recording = brought_by(tmp_path, recorded(False), Carriers(), "right")
+    assert (after.cameras["camera"].on, after.targets["target"].on) == ("left", "right")
+    assert [sorted(sample.robots) for sample in recording.samples] == [["left"]] * 3 + [["right"]] * 3
+    with pytest.raises(InputError, match=r"no robot 'rihgt' \(did you mean 'right'\?\); there are: left, right"):
+        brought_by(tmp_path, first, Carriers("left", "rihgt"), None)
+    with pytest.raises(InputError, match="camera 'camera' and target 'target' are both on 'left'"):
+        brought_by(tmp_path, first, Carriers("left", "left"), None)
+
+
+def brought_by(folder: Path, record: HandEyeRecord, carriers: Carriers, robot: str | None) -> tuple[Cell, Recording]:
+    imported = hand_eye_of_file(folder, lambda _: record, carriers, robot, None, None)
+    done = add_to_cell(folder, imported, lambda _, __: ())
+    return done.cell, done.recording
 
 
 def test_several_of_a_kind_are_asked_for(tmp_path: Path) -> None:

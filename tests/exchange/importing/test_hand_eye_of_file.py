@@ -11,7 +11,7 @@ from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.cli.importing import finish_import
 from basecal.exchange.hand_eye.record import HandEyeRecord
-from basecal.exchange.importing.hand_eye import hand_eye_of_file
+from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
 from basecal.geometry import SE3
 
 POSES = SE3.exp(np.random.default_rng(4).normal(size=(2, 3, 6)) * 0.3)
@@ -30,7 +30,7 @@ def test_a_new_cell(tmp_path: Path, said: str, camera: str, capsys: pytest.Captu
         asked.append(on_robot)
         return recorded(on_robot)
 
-    read_record = hand_eye_of_file(tmp_path / "c", read, said, None, None, None)
+    read_record = hand_eye_of_file(tmp_path / "c", read, Carriers(said), None, None, None)
     assert finish_import(tmp_path / "c", read_record) == 0
     assert asked == [said == "robot"]
     cell, samples = read_cell(tmp_path / "c"), read_recording(tmp_path / "c").samples
@@ -52,6 +52,6 @@ def test_a_cell_that_is_there_tells(tmp_path: Path) -> None:
         asked.append(on_robot)
         return recorded(on_robot)
 
-    assert finish_import(tmp_path / "c", hand_eye_of_file(tmp_path / "c", read, None, None, None, None)) == 0
+    assert finish_import(tmp_path / "c", hand_eye_of_file(tmp_path / "c", read, Carriers(), None, None, None)) == 0
     assert asked == [True]
     assert [*read_recording(tmp_path / "c").samples[0].robots] == ["left"]

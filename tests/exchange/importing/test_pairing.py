@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from basecal.cell import RobotState, Sample
+from basecal.cell import PoseObservation, RobotState, Sample
 from basecal.errors import InputError
 from basecal.exchange.importing.imported import By, Imported, Row
 from basecal.exchange.importing.pairing import pair
@@ -84,5 +85,43 @@ def test_streams_get_lines_of_their_own() -> None:
     new = Imported("b.csv", "", (Row({"b": RobotState(SE3.identity())}, stamp_s=1.0),) * 2, is_stream=True)
     assert pair(new, samples, {}).numbers == (8, 9)
     again = Imported("a.csv", "", (Row({"a": RobotState(SE3.identity())}, stamp_s=1.0),), is_stream=True)
-    with pytest.raises(InputError, match="robot 'a' is recorded already"):
+    with pytest.raises(InputError, match="robot 'a' is recorded already: add --session"):
         pair(again, samples, {})
+    assert pair(replace(later(again, 9.0), is_session=True), samples, {}).numbers == (8,)
+    with pytest.raises(InputError, match="its times lie within those that are recorded"):
+        pair(replace(again, is_session=True), samples, {})
+
+
+def later(imported: Imported, stamp_s: float) -> Imported:
+    return replace(imported, rows=tuple(replace(row, stamp_s=stamp_s) for row in imported.rows))
+
+
+def test_a_session_makes_samples_of_its_own() -> None:
+    """Of any length; what comes next is paired with its samples, which do not hold it yet."""
+    first = [Sample(n, None, {"a": at(n), "b": at(n)}) for n in range(3)]
+    day_two = rows(*[Row({"a": at(n)}) for n in (7, 8)])
+    with pytest.raises(InputError, match="robot 'a' is recorded already: add --session for other samples"):
+        pair(day_two, first, {})
+    assert pair(replace(day_two, is_session=True), first, {}).numbers == (3, 4)
+    both = [*first, Sample(3, None, {"a": at(7)}), Sample(4, None, {"a": at(8)})]
+    assert pair(rows(Row({"b": at(5)}), Row({"b": at(6)})), both, {}).numbers == (3, 4)
+
+
+def test_whole_rows_need_no_pairing() -> None:
+    """Rows of a robot and what a camera saw are a session by themselves, unless they are recorded already."""
+    seen = PoseObservation("cam", "tag", SE3.identity())
+    first = [Sample(n, None, {"a": at(n)}, (seen,)) for n in range(3)]
+    assert pair(rows(*[Row({"b": at(n)}, (seen,)) for n in range(2)]), first, {}).numbers == (3, 4)
+    with pytest.raises(InputError, match="recorded already"):
+        pair(rows(*[Row({"a": at(n)}, (seen,)) for n in range(3)]), first, {})
+
+
+def test_another_camera_of_the_same_poses_joins_its_samples() -> None:
+    """A robot that is where it was recorded is not recorded beside itself."""
+    first = [Sample(n, None, {"a": at(n)}, (PoseObservation("one", "tag", SE3.identity()),)) for n in range(3)]
+    second = PoseObservation("two", "tag", SE3.identity())
+    assert pair(rows(*[Row({"a": at(n)}, (second,)) for n in range(3)]), first, {}).numbers == (0, 1, 2)
+
+
+def at(place: float) -> RobotState:
+    return RobotState(SE3.from_rotvec([0, 0, 0.1 * place], [0.1 * place, 0, 0.4]))

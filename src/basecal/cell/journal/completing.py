@@ -59,11 +59,12 @@ def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where | None)
     """
     out = {"stamp_s": added["stamp_s"]} | data if "stamp_s" in added else dict(data)
     for key in ("robots", "images", "background"):
-        twice = sorted(out.get(key, {}).keys() & added.get(key, {}).keys())
+        held, more = out.get(key, {}), added.get(key, {})
+        twice = sorted(name for name in held.keys() & more.keys() if held[name] != more[name])
         if twice and place is not None:
             raise _there_already(place, f"{key}.{twice[0]}")
         if key in added:
-            out[key] = {**out.get(key, {}), **added[key]}
+            out[key] = {**held, **more}
     again = {_view(each) for each in added.get("observations", [])}
     for observation in out.get("observations", []):
         if _view(observation) in again and place is not None:
@@ -81,4 +82,7 @@ def _view(observation: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _there_already(place: Where, entry: str) -> InputError:
-    return place.error(entry, "is recorded already and is not overwritten: import into another cell, or add --replace")
+    return place.error(
+        entry,
+        "is recorded already and is not overwritten: add --session for other samples, or --replace for better ones",
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from basecal.exchange.hand_eye.arrays import read_record_of_arrays
 from basecal.exchange.hand_eye.record import HandEyeRecord
-from basecal.exchange.importing.hand_eye import CameraOn, hand_eye_of_file
+from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.poses import METRES, LengthUnit
 
@@ -16,7 +16,8 @@ def read_array_file(
     file: str | Path,
     /,
     *,
-    camera_on: CameraOn | None = None,
+    camera_on: str | None = None,
+    target_on: str | None = None,
     robot: str | None = None,
     hand: str | None = None,
     camera: str | None = None,
@@ -42,6 +43,7 @@ def read_array_file(
         cell: Folder of the cell.
         file: The archive, or the JSON file.
         camera_on: What carries the camera of one arm: robot, unless the cell says otherwise, or world.
+        target_on: What carries the target, if it is another robot, which is still.
         robot: Name of the robot in the cell; of two, of the one that carries the camera.
         hand: Name of the robot that carries the target, of two.
         camera: Name of the camera in the cell.
@@ -56,4 +58,4 @@ def read_array_file(
         """The record, given what cell or user say."""
         return read_record_of_arrays(file, camera_on_robot, METRES[unit])
 
-    return hand_eye_of_file(cell, read, camera_on, robot, camera, target, hand=hand)
+    return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, hand=hand)

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from basecal.exchange.hand_eye import industrial
-from basecal.exchange.importing.hand_eye import CameraOn, hand_eye_of_file
+from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file
 from basecal.exchange.importing.imported import Imported
 
 
@@ -15,7 +15,8 @@ def read_data_set(
     file: str | Path,
     /,
     *,
-    camera_on: CameraOn | None = None,
+    camera_on: str | None = None,
+    target_on: str | None = None,
     robot: str | None = None,
     camera: str | None = None,
     target: str | None = None,
@@ -40,6 +41,7 @@ def read_data_set(
         cell: Folder of the cell.
         file: The list of pictures and poses.
         camera_on: What carries the camera, where neither file nor cell says: robot, or world.
+        target_on: What carries the target, if it is another robot, which is still.
         robot: Name of the robot in the cell.
         camera: Name of the camera in the cell.
         target: Name of the target in the cell.
@@ -51,4 +53,4 @@ def read_data_set(
         InputError: if it cannot be read, or does not fit the cell.
     """
     read = partial(industrial.read_data_set, file, lens=intrinsics, target=target_file)
-    return hand_eye_of_file(cell, read, camera_on, robot, camera, target, link)
+    return hand_eye_of_file(cell, read, Carriers(camera_on, target_on), robot, camera, target, link)

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from basecal.exchange.hand_eye import moveit
-from basecal.exchange.importing.hand_eye import CameraOn, hand_eye_of_file, imported_joint_states
+from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file, imported_joint_states
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.known import known_cell
 
@@ -16,7 +16,8 @@ def read_moveit_samples(
     file: str | Path,
     /,
     *,
-    camera_on: CameraOn | None = None,
+    camera_on: str | None = None,
+    target_on: str | None = None,
     robot: str | None = None,
     camera: str | None = None,
     target: str | None = None,
@@ -36,6 +37,7 @@ def read_moveit_samples(
         cell: Folder of the cell.
         file: What MoveIt Calibration saved.
         camera_on: What carries the camera, where the cell does not say: robot (eye-in-hand) or world (eye-to-hand).
+        target_on: What carries the target, if it is another robot, which is still.
         robot: Name of the robot in the cell.
         camera: Name of the camera in the cell.
         target: Name of the target in the cell.
@@ -45,4 +47,6 @@ def read_moveit_samples(
     """
     if moveit.is_joint_states(file):
         return imported_joint_states(known_cell(cell), moveit.read_joint_states(file), str(file), robot)
-    return hand_eye_of_file(cell, partial(moveit.read_moveit_samples, file), camera_on, robot, camera, target)
+    return hand_eye_of_file(
+        cell, partial(moveit.read_moveit_samples, file), Carriers(camera_on, target_on), robot, camera, target
+    )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as dataclass_replace
 from pathlib import Path
 from typing import Any
 
-from basecal.cell import Cell, Recording, Sample
+from basecal.cell import WORLD, Cell, CellCamera, CellTarget, Recording, Sample
 from basecal.cell.files import (
     cell_from_dict,
     completed_cell_text,
@@ -22,8 +22,8 @@ from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError, InputError
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.pairing import Pairing, pair, plain_name
-from basecal.exchange.importing.placed import place_files
+from basecal.exchange.importing.pairing import Pairing, open_samples, pair, plain_name
+from basecal.exchange.importing.placed import numbered_path, place_files
 from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
@@ -82,9 +82,12 @@ def add_to_cell(
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
         imported = _repeat_row(imported, recorded) if imported.is_still else imported
+        if not replace and recorded.samples and len(imported.rows) != len(recorded.samples):
+            imported = dataclass_replace(imported, is_session=imported.is_session or _is_whole(imported.rows, cell))
         names = _names(folder)
-        pairing = pair(imported, recorded.samples, names) if imported.rows else None
-        samples, pictures = _samples(imported.rows, pairing)
+        pairing = pair(imported, recorded.samples, names, replace) if imported.rows else None
+        samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
+        samples, pictures = _samples(imported.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
         doubts = check(cell, Recording(tuple(samples)))
@@ -93,7 +96,7 @@ def add_to_cell(
                 keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imported.source}"})
             if text != old:
                 write_atomically(path, text)
-            named = {**names, **_named_samples(imported.rows, pairing)}
+            named = {**names, **_named_samples(imported.rows, pairing, samples)}
             if named != names:
                 write_atomically(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", within=folder)
             if samples:
@@ -109,7 +112,7 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _repeat_row(imported: Imported, recording: Recording) -> Imported:
-    """The same with its one row for each sample that is recorded.
+    """The same with its one row for each sample that is recorded without it.
 
     Raises:
         InputError: if it has more rows, or nothing is recorded.
@@ -117,8 +120,18 @@ def _repeat_row(imported: Imported, recording: Recording) -> Imported:
     if len(imported.rows) != 1 or not recording.samples:
         there = f"holds {len(imported.rows)} rows" if len(imported.rows) != 1 else "comes first"
         raise InputError(f"{imported.source}: {there}: --still takes one row, after what moves is imported")
-    rows = tuple(dataclass_replace(imported.rows[0], sample=sample.sample) for sample in recording.samples)
+    waiting = open_samples(imported.rows, recording.samples) or recording.samples
+    rows = tuple(dataclass_replace(imported.rows[0], sample=sample.sample) for sample in waiting)
     return dataclass_replace(imported, rows=rows, by="sample")
+
+
+def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:
+    """Whether each row has views, and the robots that carry what they show: it needs no other row."""
+    things: dict[str, CellCamera | CellTarget] = {**cell.cameras, **cell.targets}
+    carriers = [
+        {things[name].on for o in row.observations for name in (o.camera, o.target) if name in things} for row in rows
+    ]
+    return all(each and each - {WORLD} <= row.robots.keys() for each, row in zip(carriers, rows, strict=True))
 
 
 def _places(data: Mapping[str, Any], within: Loc = ()) -> Iterator[Loc]:
@@ -149,25 +162,29 @@ def _names(folder: Path) -> dict[str, int]:
         raise DatasetError(str(path), expected) from None
 
 
-def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None) -> Mapping[str, int]:
-    """Samples of the pictures that rows without pictures name."""
+def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None, samples: Sequence[Sample]) -> Mapping[str, int]:
+    """Samples of the pictures that rows name and that are not recorded under their names."""
     numbers = () if pairing is None else pairing.numbers
+    kept = {plain_name(path) for sample in samples for path in sample.images.values()}
     return {
         plain_name(row.image): number
         for row, number in zip(rows, numbers, strict=False)
-        if row.image is not None and number is not None and not row.pictures
+        if row.image is not None and number is not None and plain_name(row.image) not in kept
     }
 
 
-def _samples(rows: tuple[Row, ...], pairing: Pairing | None) -> tuple[list[Sample], dict[str, Path]]:
-    """What is added to each sample, and the pictures by their path in the cell."""
+def _samples(
+    rows: tuple[Row, ...], pairing: Pairing | None, samples_by_path: Mapping[str, int]
+) -> tuple[list[Sample], dict[str, Path]]:
+    """What is added to each sample, and the pictures by their path in the cell, which no other sample has."""
     samples, pictures = [], {}
     for row, number in zip(rows, () if pairing is None else pairing.numbers, strict=False):
         if number is None:
             continue
         images: dict[str, Any] = {}
         for camera, source in row.pictures.items():
-            images[camera] = f"{_FOLDER}/images/{camera}/{source.name}"
+            path = f"{_FOLDER}/images/{camera}/{source.name}"
+            images[camera] = numbered_path(path, number) if samples_by_path.get(path, number) != number else path
             pictures[images[camera]] = source
         samples.append(Sample(number, row.stamp_s, row.robots, row.observations, images))
     return samples, pictures

@@ -5,18 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from basecal.cell import WORLD, Cell, PoseObservation, RobotState, Unknown
+from basecal.cell import WORLD, Cell, CellCamera, PoseObservation, RobotState, Unknown
 from basecal.cell.format.plain import pose_dict
-from basecal.errors import InputError, list_names
+from basecal.errors import InputError, list_names, nearest
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.known import known_cell
 from basecal.geometry import SE3
 
-CameraOn = Literal["robot", "world"]
+_CARRIER_WORDS = ("robot", WORLD)
+
+
+@dataclass(frozen=True)
+class Carriers:
+    """What carries what, if the user says so.
+
+    Attributes:
+        camera_on: What carries the camera: robot (of the file), world, or the name of a robot.
+        target_on: What carries the target of a camera on the robot: world, or the name of another robot.
+    """
+
+    camera_on: str | None = None
+    target_on: str | None = None
 
 
 @dataclass(frozen=True)
@@ -32,7 +45,7 @@ class Names:
 def hand_eye_of_file(
     folder: str | Path,
     read: Callable[[bool | None], HandEyeRecord],
-    camera_on: CameraOn | None,
+    carriers: Carriers,
     robot: str | None,
     camera: str | None,
     target: str | None,
@@ -44,7 +57,7 @@ def hand_eye_of_file(
     Args:
         folder: The cell, or where one is to be made.
         read: The recording, given whether the robot carries the camera; None if neither user nor cell says so.
-        camera_on: What carries the camera, if the user says so.
+        carriers: What carries camera and target, if the user says so.
         robot: Its name in the cell; that of what is carried, or of the only one, if None.
         camera: Likewise.
         target: Likewise.
@@ -55,9 +68,11 @@ def hand_eye_of_file(
         InputError: if it cannot be read, or does not fit the cell.
     """
     cell = known_cell(folder)
-    record = read(is_camera_on_robot(cell, camera) if camera_on is None else camera_on == "robot")
+    record = read(is_camera_on_robot(cell, camera, carriers.camera_on, robot))
+    if robot is None and record.camera_on_robot and carriers.camera_on not in (None, *_CARRIER_WORDS):
+        robot = carriers.camera_on
     names = chosen_names(cell, robot, camera, target, record.camera_on_robot)
-    return imported_hand_eye(cell, record, replace(names, hand=hand or names.hand), is_linked)
+    return imported_hand_eye(cell, record, replace(names, hand=hand or names.hand), is_linked, carriers)
 
 
 def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, target: str | None, on_robot: bool) -> Names:
@@ -83,12 +98,29 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
     return Names(robot or _only_name("robot", cell.robots, "eye"), camera, target)
 
 
-def is_camera_on_robot(cell: Cell | None, camera: str | None) -> bool | None:
-    """Whether a robot of the cell carries the camera; None if the cell does not say."""
-    if cell is None or (camera is None and len(cell.cameras) != 1):
+def is_camera_on_robot(
+    cell: Cell | None, camera: str | None, camera_on: str | None = None, robot: str | None = None
+) -> bool | None:
+    """Whether the robot of a file carries the camera; None if neither user nor cell says so.
+
+    Args:
+        cell: The cell there is; None if one is made.
+        camera: The camera's name; that of the only one if None.
+        camera_on: What carries it, if the user says so.
+        robot: The robot of the file, likewise.
+    """
+    if camera_on is None and cell is not None and (camera is not None or len(cell.cameras) == 1):
+        found = cell.cameras.get(camera or next(iter(cell.cameras)))
+        camera_on = None if found is None else found.on
+        if robot is None and found is not None and _both_carry(cell, found):
+            return None  # either robot may be the one that moved
+    if camera_on is None:
         return None
-    found = cell.cameras.get(camera or next(iter(cell.cameras)))
-    return None if found is None else found.on != WORLD
+    return camera_on == "robot" or (camera_on != WORLD and robot in (None, camera_on))
+
+
+def _both_carry(cell: Cell, camera: CellCamera) -> bool:
+    return camera.on != WORLD and any(target.on not in (WORLD, camera.on) for target in cell.targets.values())
 
 
 def _only_name(kind: str, known: Mapping[str, Any], usual: str) -> str:
@@ -97,7 +129,13 @@ def _only_name(kind: str, known: Mapping[str, Any], usual: str) -> str:
     return next(iter(known), usual)
 
 
-def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is_linked: bool = False) -> Imported:
+def imported_hand_eye(
+    cell: Cell | None,
+    record: HandEyeRecord,
+    names: Names,
+    is_linked: bool = False,
+    carriers: Carriers = Carriers(),
+) -> Imported:
     """Rows of a recording, and what the cell must have for them; what it states already stays.
 
     Args:
@@ -105,18 +143,21 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is
         record: What was read.
         names: What the cell calls robot, camera and target.
         is_linked: Whether pictures are linked instead of copied.
+        carriers: What carries camera and target, if the user says so.
+
+    Raises:
+        InputError: if one thing carries both.
     """
-    carriers = (names.robot, WORLD) if record.camera_on_robot else (WORLD, names.robot)
-    if record.hand_base_from_flange is not None:
-        carriers = (names.robot, names.hand)
     known_camera = None if cell is None else cell.cameras.get(names.camera)
     known_target = None if cell is None else cell.targets.get(names.target)
+    on = _carriers(cell, record, names, carriers)
+    is_in_own = on[0] == names.robot or (on[0] == WORLD and (cell is None or cell.reference == names.robot))
     camera: dict[str, Any] = {
-        "on": carriers[0],
-        **_mount(None if known_camera is None else known_camera.mount, record.camera_mount),
+        "on": on[0],
+        **_mount(None if known_camera is None else known_camera.mount, record.camera_mount if is_in_own else None),
     }
     target: dict[str, Any] = {
-        "on": carriers[1],
+        "on": on[1],
         **_mount(None if known_target is None else known_target.mount, record.target_mount),
     }
     if known_camera is None or known_camera.intrinsics is None:
@@ -127,10 +168,27 @@ def imported_hand_eye(cell: Cell | None, record: HandEyeRecord, names: Names, is
     robot: dict[str, Any] = {}
     if known_robot is None or not known_robot.frames:
         robot = {"frames": dict(record.frames)} if record.frames else {}
-    robots = {names.robot: robot, **{carrier: {} for carrier in carriers if carrier not in (names.robot, WORLD)}}
+    robots = {names.robot: robot, **{carrier: {} for carrier in on if carrier not in (names.robot, WORLD)}}
     data = {"robots": robots, "cameras": {names.camera: camera}, "targets": {names.target: target}}
     rows = _rows(record, names)
     return Imported(record.path, record.what, rows, data, is_linked=is_linked, advice="check --camera-on")
+
+
+def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: Carriers) -> tuple[str, str]:
+    """What carries the camera, and what carries the target: the file's robot one, something still the other."""
+    if record.hand_base_from_flange is not None:
+        return names.robot, names.hand
+    known = None if cell is None else (cell.cameras if not record.camera_on_robot else cell.targets)
+    name = names.target if record.camera_on_robot else names.camera
+    stated = carriers.target_on if record.camera_on_robot else carriers.camera_on
+    told = known[name].on if known and name in known else WORLD
+    still = stated or (WORLD if told == names.robot else told)
+    robots = [still] if cell is None else [*cell.robots]
+    if close := "" if still in (WORLD, *robots) else nearest(still, [*robots, *_CARRIER_WORDS]):
+        raise InputError(f"no robot {still!r}{close}; there are: {list_names(robots)}")
+    if still == names.robot:
+        raise InputError(f"camera {names.camera!r} and target {names.target!r} are both on {still!r}")
+    return (names.robot, still) if record.camera_on_robot else (still, names.robot)
 
 
 def _mount(known: Unknown | None, found: SE3 | None) -> dict[str, Any]:

@@ -58,6 +58,7 @@ class Imported:
         files: Other files that the cell needs, such as a URDF, by their path in it.
         is_stream: Whether each row makes a line of its own, by the clock of what recorded it.
         by: What rows and samples are paired by; None for what both have.
+        is_session: Whether its rows make samples of their own, as of another day.
         is_still: Whether its one row is of every sample, as of an arm that stands still.
         is_linked: Whether pictures become hard links instead of copies.
         advice: Which option to check if the input is implausible.
@@ -77,6 +78,7 @@ class Imported:
     files: Mapping[str, Path] = field(default_factory=dict)
     is_stream: bool = False
     by: By | None = None
+    is_session: bool = False
     is_still: bool = False
     is_linked: bool = False
     advice: str = "check the options"

@@ -8,10 +8,13 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from basecal.cell import Sample
+from basecal.cell import RobotState, Sample
 from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.geometry import Array
 
+_ROBOT = "robot"
+_STATE_TOLERANCE = 1e-9  # [m] and [rad]: of poses that were written and read
 LARGEST_DIFFERENCE_S = 0.05
 """Between a row and its sample where times pair them: half of what a camera of 10 pictures a second leaves open."""
 
@@ -33,27 +36,30 @@ class Pairing:
     unpaired_samples: tuple[int, ...] = ()
 
 
-def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]) -> Pairing:
+def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int], replace: bool = False) -> Pairing:
     """The samples of the rows; a number that no sample has is that of a new one.
+
+    Samples that hold already what the rows bring belong to an earlier session, and take none of them.
 
     Args:
         imported: What was read.
         samples: Those that are recorded.
         names: Samples of the pictures that a table named before.
+        replace: Whether rows stand in for what is recorded.
 
     Raises:
         InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
-            if it is to be by name and nothing that is recorded has one; of a stream, if what it reports is recorded
-            already.
+            if it is to be by name and nothing that is recorded has one; if what it reports is recorded already.
     """
     rows, by = imported.rows, imported.by
-    if imported.is_stream:
-        return _lines_of_their_own(imported, samples)
+    waiting = samples if replace else open_samples(rows, samples)
+    if imported.is_stream or imported.is_session or (samples and not waiting):
+        return _own_samples(imported, samples)
     known = dict(names)
     if by == "image" or not any(row.pictures for row in rows):
         # Pictures of one camera are named by chance as those of another.
         known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
-    chosen = _pairing_method(rows, samples, known) if by is None else by
+    chosen = _pairing_method(rows, waiting, known) if by is None else by
     if not samples and chosen != "sample":
         numbers: list[int | None] = list(range(len(rows)))
     elif chosen == "image":
@@ -61,39 +67,91 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
     elif chosen == "sample":
         numbers = [row.sample for row in rows]
     elif chosen == "stamp_s":
-        numbers = _pair_by_time(rows, samples)
+        numbers = _pair_by_time(rows, waiting)
     else:
-        numbers = _pair_by_order(imported, samples)
+        numbers = _pair_by_order(imported, waiting)
     _check_unique(imported, numbers)
     paired = set(numbers)
     return Pairing(
         chosen,
         tuple(numbers),
         tuple(_name(row, i) for i, row in enumerate(rows) if numbers[i] is None),
-        tuple(sample.sample for sample in samples if sample.sample not in paired),
+        tuple(sample.sample for sample in waiting if sample.sample not in paired),
     )
 
 
-def _lines_of_their_own(imported: Imported, samples: Sequence[Sample]) -> Pairing:
+def open_samples(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]:
+    """Samples that hold nothing of what rows bring; beside views, poses of a robot that are recorded bring nothing."""
+    same = len(rows) == len(samples) and all(
+        is_same_state(row.robots[name], sample.robots[name])
+        for row, sample in zip(rows, samples, strict=True)
+        for name in row.robots.keys() & sample.robots.keys()
+    )
+    brought = _content_names(rows)
+    views = {name for name in brought if not name.startswith(_ROBOT)} if same else brought
+    return [sample for sample in samples if not (views or brought) & _content_names([sample])]
+
+
+def _own_samples(imported: Imported, samples: Sequence[Sample]) -> Pairing:
     """Numbers beyond all that are recorded.
 
     Raises:
-        InputError: if a robot, or a camera's view of a target, is recorded already.
+        InputError: if rows are recorded already, or may be.
     """
     again = sorted(_content_names(imported.rows) & _content_names(samples))
-    if again:
-        raise InputError(
-            f"{imported.source}: {list_names(again)} is recorded already, and would stand beside itself; "
-            "import into another folder, and `basecal merge` both"
-        )
+    is_whole = all(row.robots and (row.observations or row.pictures) for row in imported.rows)
+    is_apart = imported.is_session or (is_whole and not imported.is_stream)
+    if again and (not is_apart or _holds_copies(imported.rows, samples)):
+        do = "add --session for other samples, or --replace for better ones"
+        raise InputError(f"{imported.source}: {list_names(again)} is recorded already: {do}")
+    if again and imported.is_stream:
+        _check_times(imported, samples)
     first = max((sample.sample for sample in samples), default=-1) + 1
     return Pairing("sample", tuple(range(first, first + len(imported.rows))))
 
 
+def _holds_copies(rows: Sequence[Row], samples: Sequence[Sample]) -> bool:
+    """Whether every row repeats robots and views of a recorded sample."""
+    whole = [row for row in rows if row.robots and row.observations]
+    return bool(whole) and all(any(_is_copy(row, sample) for sample in samples) for row in whole)
+
+
+def _is_copy(row: Row, sample: Sample) -> bool:
+    is_there = row.robots.keys() <= sample.robots.keys() and _content_names([row]) <= _content_names([sample])
+    return is_there and all(is_same_state(state, sample.robots[name]) for name, state in row.robots.items())
+
+
+def is_same_state(state: RobotState, recorded_state: RobotState) -> bool:
+    """Whether two states of a robot are the same to the digits that a file holds."""
+    pairs = ((state.joints_rad, recorded_state.joints_rad), (_matrix(state), _matrix(recorded_state)))
+    return all(a is b if a is None or b is None else np.allclose(a, b, rtol=0, atol=_STATE_TOLERANCE) for a, b in pairs)
+
+
+def _matrix(state: RobotState) -> Array | None:
+    return None if state.base_from_flange is None else state.base_from_flange.matrix
+
+
+def _check_times(imported: Imported, samples: Sequence[Sample]) -> None:
+    """Lines of robots alone are interpolated by time: two sessions at one time would be taken for one.
+
+    Raises:
+        InputError: if they would.
+    """
+    rows = [row.stamp_s for row in imported.rows if row.stamp_s is not None]
+    stamps = [sample.stamp_s for sample in samples if sample.stamp_s is not None]
+    if rows and stamps and min(rows) <= max(stamps) and min(stamps) <= max(rows):
+        raise InputError(
+            f"{imported.source}: its times lie within those that are recorded, by which streams are joined: "
+            "import into another folder, or shift them"
+        )
+
+
 def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
     """What lines report, in words."""
-    robots = {f"robot {name!r}" for line in lines for name in line.robots}
-    return robots | {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
+    found = {f"{_ROBOT} {name!r}" for line in lines for name in line.robots}
+    found |= {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
+    pictures = (line.pictures if isinstance(line, Row) else line.images for line in lines)
+    return found | {f"camera {name!r}" for each in pictures for name in each}
 
 
 def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]) -> By:
@@ -126,8 +184,8 @@ def _pair_by_order(imported: Imported, samples: Sequence[Sample]) -> list[int | 
     if len(imported.rows) != len(samples):
         counts = f"{imported.source} holds {len(imported.rows)}, the recording has {len(samples)} samples"
         raise InputError(
-            f"{counts}: row i belongs to sample i; where it does not, a column `image` or `sample` of a table says so, "
-            "and --by name of pictures"
+            f"{counts} without it: row i belongs to sample i; where it does not, a column `image` or `sample` of a "
+            "table says so, and --by name of pictures; --session if it was recorded apart, --still for one row"
         )
     return [sample.sample for sample in samples]
 

@@ -6,7 +6,7 @@ import filecmp
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from basecal.bounded_file import read_bounded
 from basecal.cell.format.paths import inside
@@ -53,6 +53,12 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
     except BaseException:
         _remove_files(made, folder, existed)
         raise
+
+
+def numbered_path(path: str, number: int) -> str:
+    """Where a picture is whose path is taken: the number of its sample before its name."""
+    place = PurePosixPath(path)
+    return str(place.with_name(f"{number:06d}_{place.name}"))
 
 
 def _place_file(source: Path, target: Path, link: bool) -> None:

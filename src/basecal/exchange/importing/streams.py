@@ -68,13 +68,9 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
         target: Likewise the target.
 
     Raises:
-        InputError: if a recording is there already, or files and cell do not fit.
+        InputError: if files and cell do not fit.
     """
-    path, known = Path(cell) / "recording" / "samples.jsonl", known_cell(cell)
-    if path.exists() and path.stat().st_size:
-        raise InputError(
-            f"{path} holds a recording and is not overwritten: import into another folder, or move it away"
-        )
+    known = known_cell(cell)
     places = _new_places(cell, files, camera, target) if known is None else _known_places(known, files, camera, target)
     poses = _read(files)
     eye, hand = poses.get("eye-base-from-flange"), poses.get("hand-base-from-flange")

@@ -1,0 +1,51 @@
+"""Newcomers with what they have: at most five commands, and the answer within its 99 % ellipsoid."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from scipy.stats import chi2
+
+from basecal.cell.files import read_recording
+from basecal.cli import main
+from tests.journeys.personas import Persona, opencv_arm, opencv_cameras, ros_sessions
+from tests.journeys.raw import run, squared_error
+
+HOLD = 0.99
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("persona", [opencv_arm, opencv_cameras, ros_sessions])
+def test_from_files_to_an_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, persona: Callable[[Path, int], Persona]
+) -> None:
+    """Each command ends well, the calibration among them, and what is found is the truth."""
+    monkeypatch.chdir(tmp_path)
+    made = persona(tmp_path, 0)
+    run(*made.commands)
+    for name, truth in made.truth.items():
+        assert squared_error(tmp_path / made.cell, name, truth) < chi2.ppf(HOLD, 6), name
+
+
+def test_the_commands_of_sessions_are_documented(tmp_path: Path) -> None:
+    """The page of imports has them, one below the other."""
+    page = (Path(__file__).parents[2] / "docs" / "importing.md").read_text()
+    assert "\n".join(ros_sessions(tmp_path, 0).commands) in page
+
+
+def test_sessions_of_unequal_length(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second session of another length joins the first, and what is missing is named with its command."""
+    monkeypatch.chdir(tmp_path)
+    first, _, second, *_ = ros_sessions(tmp_path, 0).commands
+    assert main(shlex.split(first)[1:]) == 0
+    assert main(shlex.split(second)[1:]) == 0
+    told = capsys.readouterr().out
+    assert "completed the 38 samples, 21 of them new, of mycell: next, where right stood in sample 0 to 16: " in told
+    assert told.rstrip().endswith("basecal import poses mycell --robot right FILE --format FORMAT --still")
+    samples = read_recording(tmp_path / "mycell").samples
+    assert [sorted(sample.robots) for sample in samples] == [["left"]] * 17 + [["right"]] * 21
