@@ -79,7 +79,11 @@ def compare(first: Calibration, second: Calibration) -> Comparison:
 def _difference(first: Calibration, second: Calibration, name: str) -> Difference:
     width = 3 if name in first.points | second.points else 6
     apart = (first[name].mean.inverse() @ second[name].mean).log()
-    covariance = (first[name].covariance + second[name].covariance)[:width, :width]
+    # What a gauge holds at zero is held there in both.
+    parts = (
+        [each[name].covariance, *(-held for held in each.gauge_covariances(name).values())] for each in (first, second)
+    )
+    covariance = np.sum([part for of in parts for part in of], axis=0)[:width, :width]
     length, angle = float(np.linalg.norm(apart[:3])), float(np.linalg.norm(apart[3:])) if width == 6 else 0.0
     if not np.any(covariance) or not np.all(np.isfinite(covariance)):
         return Difference(length, angle, None, None)

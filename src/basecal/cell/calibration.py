@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, GetPydanticSchema
 
 from basecal.cell.cell import Cell
@@ -17,6 +18,7 @@ from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingErro
 from basecal.effects.faces.robot_parameter import RobotParameters
 from basecal.errors import FrameNotFound, InputError
 from basecal.fields.file_forms import (
+    Covariance,
     Error,
     ErrorInDeg,
     ErrorInMm,
@@ -180,6 +182,21 @@ class LineTime:
 
 
 @dataclass(frozen=True, eq=False)
+class HeldGauge:
+    """What parameters of a robot that a gauge holds at zero leave uncertain in transforms.
+
+    Attributes:
+        robot: Its name.
+        parameters: Kinds of the parameters.
+        covariance: (6 n, 6 n) [m, rad] of the transforms of `Calibration.order`, part of their covariance.
+    """
+
+    robot: str
+    parameters: tuple[str, ...]
+    covariance: Covariance
+
+
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """The answer, with all that is needed to trust it.
 
@@ -195,6 +212,7 @@ class Calibration:
         noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m`, `touch_m` and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
+        gauges: What of it comes of parameters that are held at zero, robot by robot.
         residuals: How everything fits.
         outliers: What was not used, and why; None if it was not looked for.
         validation: How well held-out samples are predicted; None if it was not computed.
@@ -224,6 +242,7 @@ class Calibration:
     noise: Mapping[str, Any] = field(default_factory=dict)
     order: tuple[str, ...] = ()
     joint_covariance: Array | None = None
+    gauges: tuple[HeldGauge, ...] = ()
     residuals: Residuals = Residuals()
     outliers: tuple[Outlier, ...] | None = None
     validation: Validation | None = None
@@ -249,6 +268,13 @@ class Calibration:
     def parameters_of_robot(self, robot: str) -> dict[str, RobotParameters]:
         """What was found of a robot's own kinematics, by kind."""
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
+
+    def gauge_covariances(self, name: str) -> dict[str, Array]:
+        """Of a transform's covariance what comes of a robot's held parameters, (6, 6) [m, rad], by robot."""
+        if name not in self.order:
+            return {}
+        at = slice(6 * self.order.index(name), 6 * self.order.index(name) + 6)
+        return {gauge.robot: gauge.covariance[at, at] for gauge in self.gauges if np.any(gauge.covariance[at, at])}
 
     def between(self, robot: str, other: str) -> PoseEstimate:
         """`<robot>_base_from_<other>_base` of any two robots, by what both share too.

@@ -83,7 +83,7 @@ def explain_unobserved(case: Unobserved) -> str:
     if case.by_prior:
         rest = f"the sigmas of {case.base} and of the mounts contain what they leave open"
         return f"offsets known from their prior alone: {why}; {rest}"
-    rest = f"{case.base} and the mounts make up for them"
+    rest = f"{case.base} and the mounts make up for them, and their sigmas contain the usual size"
     return f"offsets that are unobservable and fixed at zero as a gauge: {why}; {rest}"
 
 

@@ -18,7 +18,7 @@ from basecal.geometry import Array, Camera
 from basecal.geometry.lenses.registry import find_lens
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.digits import shown_decimals, two_digits
-from basecal.reporting.statement.verdict import error_text, headline, held_out_errors, sort_by_severity
+from basecal.reporting.statement.verdict import error_text, gauge_clause, headline, held_out_errors, sort_by_severity
 
 _INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 _DISPLAY_UNITS = {"px": (1.0, "px"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
@@ -74,6 +74,8 @@ def _transform(name: str, calibration: Calibration) -> list[str]:
         lines.append(f"  {what:<6}{number_row(values, decimals)} {unit}")
         if status != "fixed":
             lines.append(f"  sigma {number_row(sigmas, decimals)} {unit}")
+    if clause := gauge_clause(name, calibration):
+        lines.append(f"  sigma{clause}")
     return lines if is_point else [*lines, f"  q_xyzw{number_row(estimate.mean.quaternion, 9)}"]
 
 

@@ -35,7 +35,7 @@ def test_ends_that_priors_alone_hold():
     assert {(f.code, f.severity) for f in found.values()} == {("prior-dominated", "info")}
 
 
-def test_gauges_of_free_offsets():
+def test_gauge_covariances_free_offsets():
     """They are fixed at zero; a still arm's others hardly move by themselves."""
     free = {**PRIOR, "joint_offsets": "free", "camera_mount": "fixed"}
     found = told(**free, arms="eye_still")

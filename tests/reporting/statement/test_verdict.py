@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, MeetingError, Robot, Tolerance
+from basecal.cell import Calibration, Cell, CellCamera, CellTarget, Finding, HeldGauge, MeetingError, Robot, Tolerance
 from basecal.cell.calibration import Verdict
 from basecal.cli.calibrate import exit_code
 from basecal.geometry import SE3, PoseEstimate
@@ -78,3 +78,13 @@ def test_the_error_at_the_work_comes_first(
     assert "eye_base_from_hand_base to 0.17 mm" in summary(CELL, made)
     asked = replace(made, tolerance=Tolerance(1e-3, 4.38e-4, True))
     assert words not in summary(CELL, asked)
+
+
+def test_a_gauge_is_named_beside_the_sigma_that_it_makes() -> None:
+    """In the line of its transform in terminal and report."""
+    name, part = next(iter(KNOWN)), np.diag([0.0, 0.0, 0.0, 0.0, 0.0, 4e-9])
+    gauges = (HeldGauge("hand", ("joint_offsets",), part), HeldGauge("eye", ("joint_offsets",), 0 * part))
+    made = Calibration("good", KNOWN, order=(name,), joint_covariance=1e-8 * np.eye(6), gauges=gauges)
+    clause = ", of which 0 mm and 0.0036 deg by the gauge that holds joint offsets of hand"
+    assert f"{name} to 0.17 mm and 0.0099 deg (1 sigma){clause}" in " ".join(summary(CELL, made).split())
+    assert clause in text_report(CELL, made)

@@ -1,4 +1,4 @@
-"""How well a problem predicts stations that were left out of its fit. Source: docs/mathematics.md (9.3)."""
+"""How well a problem predicts stations that were left out of its fit. Source: docs/mathematics.md (9.4)."""
 
 from __future__ import annotations
 

@@ -157,7 +157,8 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     predicted = _robot_covariance(exact, calibration)
     if calibration.joint_covariance is not None and calibration.order:
         by_transforms = np.concatenate([exact.of(exact.frame_jacobian(name)) for name in calibration.order], axis=1)
-        predicted = by_transforms @ calibration.joint_covariance @ by_transforms.T + predicted
+        known = calibration.joint_covariance - sum(gauge.covariance for gauge in calibration.gauges)
+        predicted = by_transforms @ known @ by_transforms.T + predicted
     robots = calibration.noise.get("robots", {})
     freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)
     return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))

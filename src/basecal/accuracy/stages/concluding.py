@@ -14,6 +14,7 @@ from basecal.accuracy.clocks.correction import (
     line_times,
     remaining_step,
 )
+from basecal.accuracy.held_gauges import held_gauges
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
 from basecal.accuracy.phrases.outlier import described_outlier
@@ -71,13 +72,17 @@ def _estimates(case: Case) -> dict[str, Any]:
     estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}
     lenses = solution.problem.columns.keys() - solution.observability.unobservable if solution.converged else set()
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
+    gauges = held_gauges(solution, order) if solution.converged else ()
+    joint = sum((gauge.covariance for gauge in gauges), solution.covariance_of(list(order)))
+    blocks = {name: joint[at : at + 6, at : at + 6] for name, at in zip(order, range(0, len(joint), 6), strict=True)}
     return {
-        "transforms": estimates,
+        "transforms": {n: replace(e, covariance=blocks.get(n, e.covariance)) for n, e in estimates.items()},
         "verdicts": transform_verdicts(solution.problem, estimates, case.findings),
         "status": {n: solution.problem.unknowns[n].status for n in estimates},
         "points": frozenset(n for n in solution.problem.point_mounts if n in estimates),
         "cameras": {n: (c, solution.lens_covariance(n)) for n, c in solution.state.cameras.items() if n in lenses},
         "robot_parameters": robot_parameters(solution) if solution.converged else {},
         "order": order,
-        "joint_covariance": solution.covariance_of(list(order)) if order else None,
+        "joint_covariance": joint if order else None,
+        "gauges": gauges,
     }

@@ -15,6 +15,7 @@ from basecal.cell.calibration import (
     Certificate,
     ClockOffset,
     Finding,
+    HeldGauge,
     LineTime,
     Outlier,
     Residuals,
@@ -149,6 +150,7 @@ class CalibrationFile:
     line_time_sigma_s: Mapping[str, _TimeSigma] | None
     noise: WrittenNoise
     joint: _Joint | None
+    gauges: tuple[HeldGauge, ...]
     residuals: Residuals
     outliers: tuple[Outlier, ...] | None
     validation: Validation | None
@@ -176,6 +178,9 @@ class CalibrationFile:
         if self.joint is not None and len(self.joint.covariance) != 6 * len(self.joint.order):
             size, count = len(self.joint.covariance), len(self.joint.order)
             raise InputError(f"joint.covariance: has {size} rows, expected 6 for each of {count} transforms")
+        rows = 0 if self.joint is None else len(self.joint.covariance)
+        if any(len(gauge.covariance) != rows for gauge in self.gauges):
+            raise InputError(f"gauges: expected covariances of {rows} rows, as joint.covariance has")
         if (errors := self.error_map) and not len(errors.points_m) == len(errors.length_95_m) == len(
             errors.angle_95_rad
         ):

@@ -77,8 +77,22 @@ def tolerance_sentence(check: Tolerance) -> str:
 
 def transform_sentence(name: str, calibration: Calibration) -> str:
     """How well a transform is known."""
-    sigma_m, sigma_rad = calibration[name].sigma_norms
-    return f"{name} to {error_text(sigma_m, None if name in calibration.points else sigma_rad)} (1 sigma)"
+    return f"{name} to {_sigma_text(name, calibration, calibration[name])} (1 sigma){gauge_clause(name, calibration)}"
+
+
+def gauge_clause(name: str, calibration: Calibration) -> str:
+    """What of the sigma of a transform a gauge makes, and which parameters it holds; empty if there is none."""
+    held = calibration.gauge_covariances(name)
+    if not held:
+        return ""
+    kinds = {kind.replace("_", " ") for gauge in calibration.gauges if gauge.robot in held for kind in gauge.parameters}
+    part = _sigma_text(name, calibration, PoseEstimate(calibration[name].mean, sum(held.values(), np.zeros((6, 6)))))
+    return f", of which {part} by the gauge that holds {' and '.join(sorted(kinds))} of {' and '.join(held)}"
+
+
+def _sigma_text(name: str, calibration: Calibration, estimate: PoseEstimate) -> str:
+    sigma_m, sigma_rad = estimate.sigma_norms
+    return error_text(sigma_m, None if name in calibration.points else sigma_rad)
 
 
 def error_text(length_m: float, angle_rad: float | None) -> str:
