@@ -30,6 +30,21 @@ def test_limit_of_read_back(off, stops):
     assert stop_numbers(turns, None, None).tolist() == stops
 
 
+def test_a_place_is_one_stop_whenever_it_is_read_back():
+    """Revisits out of order, with read-backs of 20 um and urad; places a millimetre apart stay apart."""
+    rng = np.random.default_rng(1)
+    visits = rng.permutation(np.tile(np.arange(8), 5))
+    places = SE3.exp(np.concatenate([PLACES.log(), PLACES.log()[:3] + 1e-3]))[visits]
+    numbers = stop_numbers(places @ SE3.exp(2e-5 * rng.standard_normal((40, 6))), None, None)
+    assert len(set(numbers)) == 8
+    assert all(len(set(numbers[visits == place])) == 1 for place in range(8))
+
+
+def test_a_stated_noise_ties_poses_in_a_row_alone():
+    """Of hundreds of places some are within a large noise by chance."""
+    assert stop_numbers(shifted([0, 0.1, 4e-4]), None, np.full(6, 5e-4)).tolist() == [0, 1, 2]
+
+
 def test_a_slow_path_is_many_stops():
     """Steps below the limit do not chain: a stop ends where its first pose is too far."""
     numbers = stop_numbers(shifted(0.6 * READ_BACK_M * np.arange(9)), None, None)

@@ -1,13 +1,14 @@
 """Which recorded poses are of one stop: a pose read back anew differs a little each time, and an arm may come again.
 
-The error of an arm belongs to the place where it stands, so that poses share it which one after another agree as
-read-backs of one place do, or which are equal, whenever they were taken. Taken for stops of their own they would seem
-to vouch for one another. Poses that agree only nearly, with others between them, are places of their own.
+The error of an arm belongs to the place where it stands, so that poses share it which agree as read-backs of one place
+do, whenever they were taken. Taken for stops of their own they would seem to vouch for one another. Within a stated
+noise that is larger, only poses one after another are one place: of hundreds of places some are as near by chance.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from basecal.geometry import SE3, Array, IntArray
 
@@ -25,16 +26,28 @@ def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | Non
         joints: (n, k) [rad], where recorded: one pose by other joints is another stop.
         noise: (6,) stated sigmas of the poses [m, rad]; places nearer than these are no places of their own.
     """
+    angles = [base_from_flange.rotation.reshape(-1, 9), *([] if joints is None else [joints])]
+    coordinates = np.concatenate([base_from_flange.translation, *angles], axis=-1)
+    is_angle = np.arange(coordinates.shape[1]) >= 3
+    read_back = np.where(is_angle, READ_BACK_RAD, READ_BACK_M)
     stated = np.zeros(6) if noise is None else noise
-    near_m, near_rad = max(READ_BACK_M, float(stated[:3].min())), max(READ_BACK_RAD, float(stated[3:].min()))
-    parts = [base_from_flange.translation / near_m, base_from_flange.rotation.reshape(-1, 9) / near_rad]
-    if joints is not None:
-        parts.append(joints / near_rad)
-    places = np.concatenate(parts, axis=-1)
-    first = _runs(places)
-    _, same = np.unique(places[first], axis=0, return_inverse=True)
-    _, at, number = np.unique(same.ravel(), return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(at))[number].astype(np.int64)
+    limit = np.maximum(read_back, np.where(is_angle, stated[3:].min(), stated[:3].min()))
+    starts, of_start = np.unique(_runs(coordinates / limit), return_inverse=True)
+    first = _first_visits(coordinates[starts] / read_back)[of_start]
+    return np.unique(first, return_inverse=True)[1].astype(np.int64)
+
+
+def _first_visits(places: Array) -> IntArray:
+    """Of each row, (n, k), the first within 1 of it in every coordinate that is not near another before."""
+    _, at, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(at)
+    first, distinct = at[order], places[at[order]]  # as they first appear
+    owner = np.arange(len(distinct))
+    near = KDTree(distinct).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    for early, late in near[np.lexsort((near[:, 0], near[:, 1]))]:
+        if owner[early] == early and owner[late] == late:
+            owner[late] = early
+    return np.asarray(first[owner[np.argsort(order)[same.ravel()]]], dtype=np.int64)
 
 
 def _runs(places: Array) -> IntArray:
