@@ -1,4 +1,4 @@
-"""`overfit`: held-out samples predicted much worse than used ones fit."""
+"""`overfit`: held-out samples predicted much worse than is expected of them."""
 
 from types import SimpleNamespace
 
@@ -8,19 +8,19 @@ import pytest
 from basecal.accuracy.findings.overfit import overfit
 
 
-def errors(cost, px=None, metres=None):
+def errors(cost, px=None, metres=None, uncertain=0.0):
     count_px, count_poses = (0 if px is None else 10), (0 if metres is None else 10)
     squares = {"square_px": 10 * (px or 0) ** 2, "square_m": 10 * (metres or 0) ** 2}
-    return SimpleNamespace(cost=cost, count_px=count_px, count_poses=count_poses, **squares)
+    return SimpleNamespace(cost=cost, uncertain=uncertain, count_px=count_px, count_poses=count_poses, **squares)
 
 
 def compared(used, predicted, summary=True):
     return SimpleNamespace(summary=summary, fitted=used, predicted=predicted)
 
 
-@pytest.mark.parametrize(("ratio", "found"), [(1.0, False), (3.9, False), (4.1, True), (np.inf, True)])
+@pytest.mark.parametrize(("ratio", "found"), [(1.0, False), (3.8, False), (4.0, True), (np.inf, True)])
 def test_four_times_worse(evidence, ratio, found):
-    """From four times on, in sigmas; both errors are told."""
+    """Beyond what chance makes once in ten thousand, in sigmas; both errors are told."""
     validated = compared(errors(1.0, px=0.25), errors(ratio**2, px=1.0))
     made = overfit(evidence(cross_validation=validated))
     assert [f.severity for f in made] == (["warning"] if found else [])
@@ -52,11 +52,18 @@ def test_without_cross_validation_nothing_is_said(evidence):
 def test_what_cannot_be_compared_in_pixels_or_lengths_is_told_by_its_ratio(evidence, used, predicted):
     """Where one of them has none."""
     (made,) = overfit(evidence(cross_validation=compared(errors(*used), errors(*predicted))))
-    assert "is 5.0 times the residual of the same samples when used. There are too few" in made.message
+    assert "is 5.0 times what is expected of it. The covariance" in made.message
 
 
 def test_the_ratio_is_of_both_costs(evidence):
     """A fit that costs little is overfitted where one that costs more is not, by the same held-out error."""
     assert overfit(evidence(cross_validation=compared(errors(4.0), errors(60.0)))) == []
     (made,) = overfit(evidence(cross_validation=compared(errors(0.25), errors(60.0))))
-    assert "is 15.5 times the residual" in made.message
+    assert "is 15.5 times what is expected" in made.message
+
+
+def test_what_the_covariance_expects_is_no_overfit(evidence):
+    """Held-out views that few others predict, by what these leave uncertain."""
+    assert overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0, uncertain=20.0)))) == []
+    (made,) = overfit(evidence(cross_validation=compared(errors(1.0), errors(100.0, uncertain=3.0))))
+    assert "is 5.0 times" in made.message

@@ -9,7 +9,7 @@ Source: Hausman 1978; docs/mathematics.md (5.4).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -22,10 +22,11 @@ from basecal.accuracy.model_comparison.comparison import Comparison
 from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Validation
+from basecal.estimation.least_squares.jacobians import stop_error_jacobians
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, sparse_bundle
 from basecal.estimation.observability.observability import analyse_observability, condition_number
-from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.problem import Problem, State, Stops, chain
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import DEFAULT, Settings
 from basecal.estimation.solve import Solution
@@ -59,7 +60,10 @@ class _Fold:
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """Of held-out views: squares over their sigmas, of pixels, and of the target's pose; with their counts."""
+    """Of held-out views: squares over their sigmas, of pixels, and of the target's pose; with their counts.
+
+    `uncertain` is what of the first is expected of unknowns and stops as uncertain as other views leave them.
+    """
 
     cost: float = 0.0
     square_px: float = 0.0
@@ -67,6 +71,7 @@ class HeldOutErrors:
     square_m: float = 0.0
     square_rad: float = 0.0
     count_poses: int = 0
+    uncertain: float = 0.0
 
     def __add__(self, other: HeldOutErrors) -> HeldOutErrors:
         return HeldOutErrors(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
@@ -185,7 +190,27 @@ def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors,
             in_pixels = isinstance(group.measurement, PixelMeasurement)
             used += _of_group(views, group, full, None if in_pixels else alone)
             predicted += _of_group(views, group, fold.state, alone)
+        predicted += HeldOutErrors(uncertain=_expected_cost(fold, solution.noise.factor))
     return used, predicted
+
+
+def _expected_cost(fold: _Fold, factor: float) -> float:
+    """What held-out views are expected to cost by what the fold leaves uncertain; 0 where unknowns are many."""
+    views, known = fold.fit.views, fold.fit.known
+    if fold.fit.sparse is not None:
+        return 0.0
+    covariance = factor * spectrum(fold.fit.optimum.hessian).inverse
+    bare = replace(views, groups=tuple(g.without_stops() for g in views.groups), stops=Stops(np.zeros((0, 6))))
+    exact = linearise(bare, replace(fold.state, stop_errors=fold.state.stop_errors[:0]))
+    total = 0.0
+    for seen, group in zip(exact.views, views.groups, strict=True):
+        spread = seen.by_unknowns @ covariance[np.ix_(seen.columns, seen.columns)] @ seen.by_unknowns.mT
+        total += float(np.sum(seen.information * spread))
+        parts = stop_error_jacobians(group, chain(group, fold.state, views.stops), fold.state, views.stops, rows=6)
+        for stop, by_error in parts:
+            by_open = by_error[~known[stop]]
+            total += float(np.sum(by_open * (seen.information[~known[stop], :6, :6] @ by_open)))
+    return total
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""`overfit`: held-out samples are predicted much worse than samples that are used fit."""
+"""`overfit`: held-out samples are predicted much worse than used ones fit, and than the covariance expects."""
 
 from __future__ import annotations
 
@@ -6,26 +6,29 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.validation import HeldOutErrors, root_mean
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.model_comparison.nested import compare_nested
 from basecal.cell import Finding
 
-_OVERFIT_RATIO = (
-    4.0  # rms ratio: with enough samples it is near one, and nears two where unknowns are half the equations
-)
 _ROUNDING = 1e-12  # cost of a view that fits to rounding: synthetic cells without noise
 
 
 def overfit(evidence: Evidence) -> list[Finding]:
-    """A warning if the cross-validation error is more than four times the residual of the same samples."""
+    """A warning if the cross-validation error is beyond what is expected by the residuals and the covariance.
+
+    Few samples leave a direction open, in which held-out ones are predicted badly: as one chi-square, at worst.
+    """
     if evidence.cross_validation is None or evidence.cross_validation.summary is None:
         return []
     used, predicted = evidence.cross_validation.fitted, evidence.cross_validation.predicted
-    ratio = np.sqrt(predicted.cost / used.cost) if used.cost > 0 and np.isfinite(predicted.cost) else np.inf
-    if ratio <= _OVERFIT_RATIO or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
+    expected = used.cost + predicted.uncertain
+    ratio = np.sqrt(predicted.cost / expected) if expected > 0 and np.isfinite(predicted.cost) else np.inf
+    is_expected = not compare_nested("overfit", ratio**2, 1).is_taken
+    if is_expected or predicted.cost <= _ROUNDING * max(predicted.count_px, predicted.count_poses):
         return []
     compared = _comparison(used, predicted)
-    what = f"The cross-validation error is {ratio:.1f} times the residual of the same samples when used{compared}."
+    what = f"The cross-validation error is {ratio:.1f} times what is expected of it{compared}."
     do = ("Record more, or state what is known as a prior.",)
-    return [Finding("overfit", "warning", (), what, do, "There are too few samples for all that is unknown.")]
+    return [Finding("overfit", "warning", (), what, do, "The covariance is too small for it.")]
 
 
 def _comparison(used: HeldOutErrors, held_out: HeldOutErrors) -> str:
