@@ -7,6 +7,7 @@ from dataclasses import replace
 from basecal.accuracy.findings.outlier_samples import agreement_findings
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
+from basecal.accuracy.input_check.explaining_offsets import explaining_offsets
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
 from basecal.accuracy.stages.case import Case
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
@@ -73,8 +74,9 @@ def refuse_unexplained(case: Case) -> Case:
         return case
     assert case.robust is not None
     last = case.solution
-    why = unobservable_by_poses(case.cell, case.problem) or [
-        hopeless(last.problem, last.state),
-        *agreement_findings(case.robust),
-    ]
+    why = (
+        unobservable_by_poses(case.cell, case.problem)
+        or explaining_offsets(last.problem, last.state, case.stated_settings)
+        or [hopeless(last.problem, last.state), *agreement_findings(case.robust)]
+    )
     return case.refused([*why, *(finding for finding in case.findings if finding.code != why[0].code)])
