@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,31 @@ def test_a_pose_is_printed_and_nothing_else(solved: Path, capsys: pytest.Capture
         np.testing.assert_allclose(numbers, [*pose.translation, *pose.rotvec], atol=1e-5)
 
 
+def test_each_controller_has_its_own_line(solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Without a kind: p[...] for the UR, $BASE for the KUKA, each with the frame that its poses were recorded in."""
+    cell = tmp_path / "cell"
+    shutil.copytree(solved, cell)
+    known = read_cell(cell)
+    told = {"eye": {"format": "ur"}, "hand": {"format": "kuka", "base": "BASE_3", "tool": "TOOL_1"}}
+    robots = {name: replace(robot, controller=told[name]) for name, robot in known.robots.items()}
+    write_cell(replace(known, robots=robots), cell)
+    run = latest_run(cell)
+    assert run is not None
+    mean = read_calibration(run)["eye_base_from_hand_base"].mean
+    capsys.readouterr()
+    assert main(["export", str(cell)]) == 0
+    out = capsys.readouterr().out
+    assert "# for eye, in the frame that its poses were recorded in: eye_base, its base: no other was stated" in out
+    assert "; for hand, in the frame that its poses were recorded in: BASE_3, which is hand_base here" in out
+    assert "hand_flange is TOOL_1" in out
+    (line,) = [line for line in out.splitlines() if line.startswith("p[")]
+    numbers = [float(word) for word in line[2:-1].split(", ")]
+    np.testing.assert_allclose(numbers, [*mean.translation, *mean.rotvec], atol=1e-5)
+    base = next(line for line in out.splitlines() if line.startswith("$BASE="))
+    written = [float(word.split()[1]) for word in base[len("$BASE={") : base.index("}")].split(",")]
+    np.testing.assert_allclose(written[:3], 1e3 * mean.inverse().translation, atol=1e-2)
+
+
 def test_any_two_frames_are_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of a ring of three, the pose of one base in another, neither the reference: in json with the joint covariance."""
     made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)
@@ -160,7 +186,7 @@ def test_what_is_doubtful_says_so_and_what_is_refused_is_kept(
         (["--to", "sdf"], "no 'sdf'"),
         (["--to", "ur", "--robot", "hand"], "--to ur takes --transform, not --robot"),
         (["--to", "urdf", "--transform", "x"], "--to urdf takes --robot, not --transform"),
-        ([], "--to"),
+        (["--robot", "hand"], "without --to only --transform is taken"),
     ],
 )
 def test_wrong_usage_is_said(words: list[str], said: str, solved: Path, capsys: pytest.CaptureFixture[str]) -> None:

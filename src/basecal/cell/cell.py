@@ -93,6 +93,7 @@ class Robot:
         base_link: Name of the chain's root in the URDF.
         flange_link: Name of the chain's tip in the URDF.
         frames: Names of `base` and `flange` in other programs, for export.
+        controller: `format` of its poses, and the `base` and `tool` frames of it in which they were recorded.
         clock: Of the stamps of its poses; None if nothing is stated.
         driver: What talks to it while a recording is made; None if nothing does.
         reach_m: Farthest place of its flange from its base; None if it is not stated.
@@ -107,6 +108,7 @@ class Robot:
     base_link: str | None = None
     flange_link: str | None = None
     frames: Mapping[str, str] = field(default_factory=dict)
+    controller: Mapping[str, str] = field(default_factory=dict)
     clock: Clock | None = None
     driver: Driver | None = None
     reach_m: float | None = None
@@ -148,6 +150,7 @@ class CellCamera:
         driver: What gives its pictures while a recording is made; None if nothing does.
         rolling_shutter: Of its rows; None if all are seen at once.
         kind: A `tracker` measures points in space all around it; a `tip` touches points at its own origin.
+        frame: Name of its optical frame in other programs; None if it is not stated.
     """
 
     name: str
@@ -160,6 +163,7 @@ class CellCamera:
     driver: Driver | None = None
     rolling_shutter: RollingShutter | None = None
     kind: SensorKind = "camera"
+    frame: str | None = None
 
     @property
     def distortion_terms(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import CycloptsError, Parameter, validators
 
@@ -21,7 +21,7 @@ def export(
     cell: Path,
     /,
     *,
-    to: Annotated[str, Parameter(help=f"For which program. {_KINDS}.")],
+    to: Annotated[str | None, Parameter(help=f"For which program. {_KINDS}.")] = None,
     transform: str | None = None,
     robot: str | None = None,
     camera: str | None = None,
@@ -37,11 +37,14 @@ def export(
     A transform a_from_b is the pose of b in a; --transform takes any two frames
     that do not move against each other, such as the bases of any two robots, in
     either direction. Without it, those that the cell is calibrated for are written.
+    Without --to each robot's own lines are, for the controller that wrote its
+    poses, in the frame that they were recorded in.
     Numbers have the digits that their sigma justifies, and two more. A
     calibration that is refused is not exported, and a doubtful one says so.
 
     For example:
 
+        basecal export mycell
         basecal export mycell --to ur
         basecal export mycell --to kuka --transform hand_base_from_eye_base
         basecal export ring --to json --transform robot2_base_from_robot3_base
@@ -51,7 +54,7 @@ def export(
 
     Args:
         cell: Folder of the cell.
-        to: For which program.
+        to: For which program; the robots' own controllers if not given.
         transform: Name of a transform, a_from_b of any two frames that the calibration places.
         robot: Whose file, for kinds that are of a robot.
         camera: Whose file, for kinds that are of a camera.
@@ -63,6 +66,7 @@ def export(
         domain: Of DDS, with --publish; that of ROS_DOMAIN_ID, else 0, where not said.
     """
     from basecal.cell.files import read_calibration, read_cell
+    from basecal.exchange.exporters.controllers import controllers_text
     from basecal.exchange.exporters.exporter import export as exported
 
     _check_usage(to, {"transform": transform, "robot": robot, "camera": camera, "urdf": urdf, "joint": joint})
@@ -71,30 +75,27 @@ def export(
     calibration = read_calibration(folder)
     if publish:
         return publish_transforms(calibration, described, transform, domain)
-    text = exported(
-        calibration,
-        to,
-        transform,
-        robot=robot,
-        camera=camera,
-        urdf=urdf,
-        joint=joint,
-        cell=described,
-        folder=cell,
-        run=folder.name,
-    )
+    if to is None:
+        text = controllers_text(calibration, described, transform, folder.name)
+    else:
+        named: dict[str, Any] = {"robot": robot, "camera": camera, "urdf": urdf, "joint": joint}
+        text = exported(calibration, to, transform, **named, cell=described, folder=cell, run=folder.name)
     _write(text, output, cell)
     if calibration.verdict == "doubtful":
         say(f"basecal: warning: the calibration is doubtful: basecal report {quote_path(cell)}", sys.stderr)
     return 0
 
 
-def _check_usage(to: str, given: Mapping[str, object]) -> None:
+def _check_usage(to: str | None, given: Mapping[str, object]) -> None:
     """Whether there is such a kind, and each option given is one of its.
 
     Raises:
         CycloptsError: if not.
     """
+    if to is None and any(value for option, value in given.items() if option != "transform"):
+        raise CycloptsError(msg="without --to only --transform is taken: say for which program, --to")
+    if to is None:
+        return
     if to not in EXPORTERS:
         raise CycloptsError(msg=f"--to: {FrameNotFound(to, list(EXPORTERS))}")
     takes = EXPORTERS[to].takes

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
     """What to type after a calibration of a cell's folder."""
-    from basecal.exchange.exporters.registry import EXPORTERS
+    from basecal.exchange.exporters.controllers import controller_kind
     from basecal.reporting.statement.verdict import verdict_word
 
     place, word = quote_path(folder), verdict_word(calibration)
     if word in ("PASS", "GOOD"):
-        drivers = [robot.driver.kind for robot in cell.robots.values() if robot.driver is not None]
-        return f"basecal export {place} --to {next((kind for kind in drivers if kind in EXPORTERS), 'ur')}"
+        is_known = any(controller_kind(robot) != "matrix" for robot in cell.robots.values())
+        return f"basecal export {place}" + ("" if is_known else " --to ur")
     if word == "FAIL":
         point = calibration.settings.get("task_point")
         task = "X Y Z" if point is None else " ".join(f"{x:g}" for x in point)

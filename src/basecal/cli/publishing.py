@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _A_DAY_S = 86_400.0
 
 
-def check_publishing(publish: bool, domain: int | None, to: str, output: Path | None) -> None:
+def check_publishing(publish: bool, domain: int | None, to: str | None, output: Path | None) -> None:
     """Whether options of publishing stand where they mean something.
 
     Raises:

@@ -26,7 +26,8 @@ def test_a_new_cell(tmp_path: Path, arm: SerialChain) -> None:
     )
     entry = bag_entry(None, "x", survey, taken, Asked(on={"tag": "b"}), {"d": (32, 24), "w": (64, 48)})
     assert entry["reference"] == "a"
-    assert entry["robots"] == {"a": {"urdf": urdf_name("a"), "base_link": "base", "flange_link": "tool"}, "b": {}}
+    frames = {"frames": {"base": "b0", "flange": "b6"}}
+    assert entry["robots"] == {"a": {"urdf": urdf_name("a"), "base_link": "base", "flange_link": "tool"}, "b": frames}
     assert entry["cameras"]["w"]["intrinsics"]["status"] == "fixed"
     assert entry["cameras"]["d"]["size_px"] == [32, 24]
     assert entry["cameras"]["d"]["intrinsics"] == {"status": "free"}

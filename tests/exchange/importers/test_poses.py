@@ -86,7 +86,7 @@ def test_a_robot_is_recorded_once(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert main(["import", "poses", cell, "--robot", "left", path, "--format", "ur"]) == 0
     before = (tmp_path / "c" / "recording" / "samples.jsonl").read_bytes()
     assert main(["import", "poses", cell, "--robot", "left", path, "--format", "ur"]) == 3
-    assert "robots.left: is recorded already" in capsys.readouterr().err
+    assert "robot 'left' is recorded already: add --session" in capsys.readouterr().err
     short = tmp_path / "short.csv"
     short.write_text("\n".join(Path(path).read_text().splitlines()[:3]) + "\n")
     assert main(["import", "poses", cell, "--robot", "right", str(short), "--format", "ur"]) == 3

@@ -98,7 +98,7 @@ def test_sessions_and_arms_that_stand_still(tmp_path: Path) -> None:
     assert [sorted(sample.robots) for sample in samples] == [["left", "right"]] * 8
     lefts = [sample.robots["left"].base_from_flange for sample in samples]
     assert [round(float(pose.translation[1]), 1) for pose in lefts if pose is not None] == [0, 0.1, 0.2, *[0] * 5]
-    with pytest.raises(InputError, match="robot 'left' is recorded already"):
+    with pytest.raises(InputError, match=r"robots\.left: is recorded already"):
         add_to_cell(tmp_path, replace(poses("left", 1), is_still=True), fine)
 
 

@@ -50,6 +50,7 @@ def _robot(robot: Robot) -> dict[str, Any]:
     return (
         data
         | ({"frames": dict(robot.frames)} if robot.frames else {})
+        | ({"controller": dict(robot.controller)} if robot.controller else {})
         | clock_dict(robot.clock)
         | _driver(robot.driver)
     )
@@ -62,6 +63,7 @@ def _driver(driver: Driver | None) -> dict[str, Any]:
 def _camera(camera: CellCamera) -> dict[str, Any]:
     data: dict[str, Any] = {"on": camera.on, "mount": _unknown(camera.mount), "model": camera.model}
     data |= {"kind": camera.kind} if camera.kind != "camera" else {}
+    data |= {} if camera.frame is None else {"frame": camera.frame}
     if camera.size_px is not None:
         data["size_px"] = [int(side) for side in camera.size_px]
     if camera.intrinsics is not None:

@@ -66,6 +66,7 @@ def _robot(name: str, entry: RobotEntry, chain: SerialChain | None) -> Robot:
         base_link=entry.base_link,
         flange_link=entry.flange_link,
         frames=entry.frames.model_dump(exclude_none=True),
+        controller={} if entry.controller is None else entry.controller.model_dump(exclude_none=True),
         clock=None if entry.clock is None else entry.clock.noun(),
         driver=_driver(entry.driver),
         reach_m=entry.reach_m,
@@ -79,7 +80,7 @@ def _camera(name: str, entry: CameraEntry) -> CellCamera:
     driver = _driver(entry.driver)
     shutter = None if entry.rolling_shutter is None else entry.rolling_shutter.noun()
     return CellCamera(
-        name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver, shutter, entry.kind
+        name, entry.on, _unknown(entry.mount), entry.model, size, lens, clock, driver, shutter, entry.kind, entry.frame
     )
 
 

@@ -43,8 +43,13 @@ class RobotNoiseEntry(Entry):
     kind: Literal["repeatability", "total"] = "repeatability"
 
 
+def is_frame_name(name: str) -> bool:
+    """Whether ROS takes a name for a frame's, and a terminal for a word."""
+    return bool(re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", name)) and len(name) <= _LONGEST_FRAME
+
+
 def _frame_name(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", name) or len(name) > _LONGEST_FRAME:
+    if not is_frame_name(name):
         raise ValueError(
             f"expected a frame of ROS: a-z, A-Z, 0-9 and _ . / -, a letter or _ first, up to {_LONGEST_FRAME} of them; "
             f"got {shorten(name)}"
@@ -63,6 +68,14 @@ class FramesEntry(Entry):
     flange: FrameName | None = None
 
 
+class ControllerEntry(Entry):
+    """What wrote a robot's poses: how, and in which of its base and tool frames; those of the robot if not stated."""
+
+    format: FrameName
+    base: FrameName | None = None
+    tool: FrameName | None = None
+
+
 class RobotEntry(Entry):
     """A robot, but for what it says of its own kinematics; see `AnyRobotEntry`."""
 
@@ -72,6 +85,7 @@ class RobotEntry(Entry):
     flange_link: str | None = None
     reach_m: Length | None = None
     frames: FramesEntry = FramesEntry()
+    controller: ControllerEntry | None = None
     clock: ClockEntry | None = None
     driver: DriverEntry | None = None
 
@@ -119,6 +133,7 @@ class CameraEntry(Entry):
     driver: DriverEntry | None = None
     rolling_shutter: RollingShutterEntry | None = None
     kind: Literal["camera", "tracker"] = "camera"
+    frame: FrameName | None = None
 
     @checks_whole(mode="after")
     def _tracker_without_lens(self) -> CameraEntry:

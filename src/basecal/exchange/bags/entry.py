@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from basecal.cell import Cell
+from basecal.cell.schema.cell_schema import is_frame_name
 from basecal.exchange.bags.lenses import bag_lens
-from basecal.exchange.bags.sources import Asked, ByJoints, Taken
-from basecal.exchange.bags.survey import Survey
+from basecal.exchange.bags.sources import Asked, ByFrames, ByJoints, Taken
+from basecal.exchange.bags.survey import Survey, plain
 from basecal.exchange.importing.seen_poses import Sight, sight_entry
 from basecal.exchange.lens_files.stated import camera_entry
 
@@ -40,6 +41,8 @@ def bag_entry(
         is_new = isinstance(source, ByJoints) and source.urdf is not None
         links = {"base_link": source.base, "flange_link": source.flange} if isinstance(source, ByJoints) else {}
         data["robots"][name] = {"urdf": urdf_name(name), **links} if is_new else {}
+        if isinstance(source, ByFrames) and (cell is None or name not in cell.robots):
+            data["robots"][name] = _frames({"base": source.parent, "flange": source.child})
     for name, camera in sources.cameras.items():
         if cell is not None and name in cell.cameras:
             data["cameras"][name] = {}
@@ -49,7 +52,8 @@ def bag_entry(
         )
         lens = {"intrinsics": {"status": "free"}} if info is None else camera_entry(info.camera, "fixed")
         size = {"size_px": list(sizes[name])} if name in sizes and "size_px" not in lens else {}
-        data["cameras"][name] = {"on": camera.on, "mount": {"status": "free"}, **size, **lens}
+        frame = _frames({"frame": plain(survey.frame_ids.get(camera.topic, ""))}).get("frames", {})
+        data["cameras"][name] = {"on": camera.on, "mount": {"status": "free"}, **size, **lens, **frame}
     for eye, target in sources.views:
         on = data["cameras"].get(eye, {}).get("on", request.on.get(eye))
         seen = sight_entry(cell, Sight(eye, target, on, request.on.get(target)))
@@ -57,6 +61,12 @@ def bag_entry(
         data["cameras"] = {**seen["cameras"], **data["cameras"]}
         data["targets"] |= seen["targets"]
     return {key: value for key, value in data.items() if value}
+
+
+def _frames(names: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Names that `cell.yaml` takes for frames."""
+    known = {key: name for key, name in names.items() if is_frame_name(name)}
+    return {"frames": known} if known else {}
 
 
 def urdf_name(robot: str) -> str:

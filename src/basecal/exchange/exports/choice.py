@@ -51,10 +51,11 @@ def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple
 def frame_names(cell: Cell, name: str) -> tuple[str, str]:
     """What parent and child of a transform are called in other programs.
 
-    The cell's `frames` of each robot, unless both are called the same; else our own names.
+    The cell's `frames` of each robot and `frame` of each camera, unless both are called the same; else our own names.
     """
     ours = tuple(name.split("_from_"))
     named = {f"{robot.name}_{part}": other for robot in cell.robots.values() for part, other in robot.frames.items()}
+    named |= {camera.name: camera.frame for camera in cell.cameras.values() if camera.frame is not None}
     parent, child = (named.get(frame, frame) for frame in ours)
     return (parent, child) if parent != child else (ours[0], ours[1])
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from basecal.errors import DatasetError, list_names
@@ -25,7 +25,7 @@ from basecal.geometry import SE3
 _LARGEST = 2**22  # bytes: five thousand samples
 _ON_ROBOT = {"eye_in_hand": True, "eye_on_hand": True, "eye_on_base": False}
 _IN_NAMES = {"eih": True, "eob": False, **_ON_ROBOT}
-_FRAMES = {"base": "robot_base_frame", "flange": "robot_effector_frame"}
+_FRAMES = {"base": "robot_base_frame", "flange": "robot_effector_frame", "camera": "tracking_base_frame"}
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,13 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
         name: field.text().lstrip("/") for name, key in _FRAMES.items() if (field := place.first(key)) is not None
     }
     frames = {name: frame for name, frame in written.items() if frame}
+    camera_frame = frames.pop("camera", "")
     mount = root.first("transform", "transformation")
     carried = "flange" if arrangement.on_robot else "base"
     if mount is not None:
         what = f"a calibration of easy_handeye, {carried}_from_camera (m; {arrangement.by})"
-        return HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_mount=mount.pose())
+        found = HandEyeRecord(str(path), what, arrangement.on_robot, frames=frames, camera_frame=camera_frame)
+        return replace(found, camera_mount=mount.pose())
     robot, tracking = _samples(root)
     inverted = "" if arrangement.on_robot else ", written as flange_from_base and turned back here"
     what = f"{len(robot)} samples of easy_handeye (m): base_from_flange{inverted}, and camera_from_target"
@@ -68,6 +70,7 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
         _stack_poses(robot) if arrangement.on_robot else _stack_poses(robot).inverse(),
         _stack_poses(tracking),
         frames=frames,
+        camera_frame=camera_frame,
     )
 
 

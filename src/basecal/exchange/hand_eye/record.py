@@ -22,6 +22,7 @@ class HandEyeRecord:
         camera_from_target: (n,) poses of the target; None if there are pictures instead.
         pictures: One for each pose; none if there are poses.
         frames: What the file calls the robot's `base` and `flange`.
+        camera_frame: What it calls the camera's frame; empty if it does not say.
         camera_mount: Where the camera was found to be, in the flange or the base; None if the file does not say.
         target_mount: Likewise the target.
         lens: What `cell.yaml` says of the camera's lens; nothing if the file does not.
@@ -36,6 +37,7 @@ class HandEyeRecord:
     camera_from_target: SE3 | None = None
     pictures: tuple[Path, ...] = ()
     frames: Mapping[str, str] = field(default_factory=dict)
+    camera_frame: str = ""
     camera_mount: SE3 | None = None
     target_mount: SE3 | None = None
     lens: Mapping[str, Any] = field(default_factory=dict)

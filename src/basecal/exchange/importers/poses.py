@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,7 @@ from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import METRES, LengthUnit
 
+_ONE_ROBOT = "for one robot's poses: CELL --robot NAME FILE --format FORMAT"
 POSE_ADVICE = "check --length-unit and --format"
 """What to check where poses are implausible."""
 
@@ -38,6 +40,8 @@ def read_poses(
     invert: tuple[Inverted, ...] = (),
     streams: bool = False,
     still: bool = False,
+    base_frame: str | None = None,
+    tool_frame: str | None = None,
     on: str | None = None,
     target_on: str | None = None,
 ) -> Imported:
@@ -89,6 +93,8 @@ def read_poses(
             target camera-from-target.
         streams: Each row, at its time (column stamp_s, else the first), makes a line of its own.
         still: The robot stands still: the one row of its file is of every sample.
+        base_frame: Which of the controller's frames the poses are in, such as BASE_3; its own base if not given.
+        tool_frame: Of which tool they are, such as TOOL_1; the flange if not given.
         on: What carries a camera that is new, with a table of a target: a robot, or world.
         target_on: What carries a target that is new; the world where the camera is on a robot.
 
@@ -102,18 +108,31 @@ def read_poses(
         return _target_poses(cell, table, Sight(camera, target, on, target_on), is_inverted)
     if on is not None or target_on is not None:
         raise UsageError("--on and --target-on belong to a table of a target: CELL FILE --camera C --target T")
-    if robot is not None or table is not None:
-        if robot is None or table is None:
-            missing = "--robot" if robot is None else "FILE"
-            raise UsageError(f"{missing} is missing: CELL --robot NAME FILE")
-        return replace(_robot_poses(robot, table, _is_inverted(invert, "base-from-flange")), is_still=still)
+    if (robot is None) != (table is None):
+        raise UsageError(f"{'--robot' if robot is None else 'FILE'} is missing: CELL --robot NAME FILE")
+    if robot is not None and table is not None:
+        imported = replace(_robot_poses(robot, table, _is_inverted(invert, "base-from-flange")), is_still=still)
+        return remember_controller(imported, cell, robot, table.reading.name, {"base": base_frame, "tool": tool_frame})
     if streams:
         raise UsageError("--streams belongs to a table: CELL --robot NAME FILE, one after the other")
     if camera_from_target is None or length_unit is None:
-        missing = "--camera-from-target" if camera_from_target is None else "--length-unit"
-        raise UsageError(f"{missing} is missing; for one robot's poses: CELL --robot NAME FILE --format FORMAT")
+        raise UsageError(f"--camera-from-target and --length-unit are missing; {_ONE_ROBOT}")
     files = Streams(eye_base_from_flange, hand_base_from_flange, camera_from_target, length_unit, invert)
     return read_streams(cell, files, camera, target)
+
+
+def remember_controller(
+    imported: Imported, folder: str | Path, robot: str, name: str, frames: Mapping[str, str | None]
+) -> Imported:
+    """The same with the format of a robot's poses, and frames that are stated, for `cell.yaml`.
+
+    What the cell has stays, unless frames are stated.
+    """
+    cell, stated = known_cell(folder), {name: frame for name, frame in frames.items() if frame is not None}
+    if not stated and cell is not None and robot in cell.robots and cell.robots[robot].controller:
+        return imported
+    entry = {"robots": {robot: {"controller": {"format": name, **stated}}}}
+    return replace(imported, cell=entry, replaced=frozenset({("robots", robot, "controller")}))
 
 
 def _is_inverted(invert: tuple[Inverted, ...], held: Inverted) -> bool:

@@ -82,7 +82,7 @@ def add_to_cell(
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
         imported = _repeat_row(imported, recorded) if imported.is_still else imported
-        if not replace and recorded.samples and len(imported.rows) != len(recorded.samples):
+        if not (replace or imported.by) and recorded.samples and len(imported.rows) != len(recorded.samples):
             imported = dataclass_replace(imported, is_session=imported.is_session or _is_whole(imported.rows, cell))
         names = _names(folder)
         pairing = pair(imported, recorded.samples, names, replace) if imported.rows else None

@@ -162,6 +162,8 @@ def imported_hand_eye(
     }
     if known_camera is None or known_camera.intrinsics is None:
         camera |= record.lens
+    if record.camera_frame and (known_camera is None or known_camera.frame is None):
+        camera["frame"] = record.camera_frame
     if known_target is None or known_target.target is None:
         target |= record.target
     known_robot = None if cell is None else cell.robots.get(names.robot)

@@ -53,7 +53,8 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
     """
     rows, by = imported.rows, imported.by
     waiting = samples if replace else open_samples(rows, samples)
-    if imported.is_stream or imported.is_session or (samples and not waiting):
+    is_numbered = all(row.sample is not None for row in rows)
+    if imported.is_stream or imported.is_session or (samples and not waiting and not is_numbered):
         return _own_samples(imported, samples)
     known = dict(names)
     if by == "image" or not any(row.pictures for row in rows):

@@ -1,0 +1,72 @@
+"""Each robot's lines for the controller that wrote its poses, in the frame that they were recorded in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from basecal.cell import Calibration, Cell, Robot
+from basecal.errors import InputError, RefusedCalibration
+from basecal.exchange.exporters.registry import EXPORTERS
+from basecal.exchange.exports.choice import chosen_transforms
+from basecal.exchange.exports.remarks import provenance
+from basecal.exchange.exports.wanted import NamedTransform, Wanted
+
+
+def controllers_text(calibration: Calibration, cell: Cell, transform: str | None = None, run: str | None = None) -> str:
+    """What is calibrated as each robot's own controller writes it.
+
+    Args:
+        calibration: What came out.
+        cell: What was calibrated: it says which controllers wrote poses, and in which frames.
+        transform: Name of a transform, in whichever direction; those that the cell was calibrated for if None.
+        run: Name of the calibration's run, said in comments.
+
+    Raises:
+        RefusedCalibration: if the calibration is refused.
+        FrameNotFound: if there is no such transform.
+        InputError: if none of them is in a frame of a robot.
+    """
+    if calibration.verdict == "refused":
+        raise RefusedCalibration(next((f.message for f in calibration.findings if f.severity == "error"), ""))
+    remarks = provenance(calibration, run)
+    texts = []
+    for robot in cell.robots.values():
+        held = tuple(_own_transforms(robot, calibration, cell, transform))
+        if held:
+            kind = controller_kind(robot)
+            wanted = Wanted(held, (*remarks, recorded_frame(robot)), calibration, cell)
+            texts.append(EXPORTERS[kind].text(wanted))
+    if not texts:
+        raise InputError("no transform is in the base or flange of a robot: give --to, and --transform")
+    return "\n".join(texts)
+
+
+def controller_kind(robot: Robot) -> str:
+    """The export that a robot's controller takes; matrices if nothing says which it is."""
+    driver = "" if robot.driver is None else robot.driver.kind
+    known = (robot.controller.get("format", ""), driver, "ros" if robot.frames else "")
+    return next((kind for kind in known if kind in EXPORTERS), "matrix")
+
+
+def recorded_frame(robot: Robot) -> str:
+    """In which frames of its controller the poses of a robot were recorded."""
+    base, tool = robot.controller.get("base"), robot.controller.get("tool")
+    own = robot.frames.get("base", f"{robot.name}_base")
+    frame = f"{own}, its base: no other was stated" if base is None else f"{base}, which is {own} here"
+    of_tool = "" if tool is None else f"; {robot.name}_flange is {tool}"
+    return f"for {robot.name}, in the frame that its poses were recorded in: {frame}{of_tool}"
+
+
+def _own_transforms(
+    robot: Robot, calibration: Calibration, cell: Cell, transform: str | None
+) -> Iterator[NamedTransform]:
+    """Those whose parent is of the robot, and bases that are turned round for it."""
+    own = (f"{robot.name}_base", f"{robot.name}_flange")
+    for one in chosen_transforms(calibration, cell, transform):
+        parent, child = one.own_frames
+        if parent in own:
+            yield one
+        elif child == own[0] and parent.endswith("_base"):
+            (turned,) = chosen_transforms(calibration, cell, f"{child}_from_{parent}")
+            yield replace(turned, status=one.status)

@@ -1,0 +1,49 @@
+"""Lines for the controllers that wrote the poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.cell import Calibration, Cell, CellCamera, Robot
+from basecal.errors import InputError, RefusedCalibration
+from basecal.exchange.exporters.controllers import controller_kind, controllers_text, recorded_frame
+from basecal.geometry import SE3, PoseEstimate
+
+ESTIMATE = PoseEstimate(SE3.from_rotvec([0, 0, 0.5], [1, 0, 0]), 1e-8 * np.eye(6))
+
+
+def cell(**robots: Robot) -> Cell:
+    return Cell(next(iter(robots)), robots, cameras={"cam": CellCamera("cam", next(iter(robots)))})
+
+
+@pytest.mark.parametrize(
+    ("robot", "kind"),
+    [
+        (Robot("a", controller={"format": "abb"}), "abb"),
+        (Robot("a", controller={"format": "franka"}), "matrix"),
+        (Robot("a", frames={"base": "base_link"}), "ros"),
+        (Robot("a"), "matrix"),
+    ],
+)
+def test_the_export_of_a_controller(robot: Robot, kind: str) -> None:
+    """That of its format, else of its frames in ROS, else matrices."""
+    assert controller_kind(robot) == kind
+
+
+def test_the_frame_of_recorded_poses() -> None:
+    """The robot's own base, by its name in ROS, unless another was stated."""
+    assert "recorded in: base_link, its base: no other was" in recorded_frame(Robot("a", frames={"base": "base_link"}))
+    stated = recorded_frame(Robot("a", controller={"format": "abb", "base": "wobj3", "tool": "tool2"}))
+    assert stated.endswith("recorded in: wobj3, which is a_base here; a_flange is tool2")
+
+
+def test_a_mount_goes_to_the_robot_that_carries() -> None:
+    """One robot alone has the mount of its camera; a transform of no robot, and what is refused, have no lines."""
+    made = cell(a=Robot("a", controller={"format": "abb"}))
+    calibration = Calibration("good", {"a_flange_from_cam": ESTIMATE}, {"a_flange_from_cam": "free"})
+    assert "[[1000.000" in controllers_text(calibration, made)
+    with pytest.raises(InputError, match="no transform is in the base or flange of a robot"):
+        controllers_text(calibration, made, "cam_from_a_flange")
+    with pytest.raises(RefusedCalibration):
+        controllers_text(Calibration("refused"), made)
