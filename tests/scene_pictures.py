@@ -82,7 +82,7 @@ def solved_camera(scene: Scene, pictures: Pictures, camera: int) -> OneCamera:
     fit = SceneFit(views, tracks, state, PIXEL, np.zeros((len(rows), 6)), nothing, nothing, nothing, 0.0, (LENS,))
     at = [pictures.features[rows[v]].pixels for v in tracks.view]
     feature = [int(np.argmin(np.sum((all_px - px) ** 2, 1))) for all_px, px in zip(at, tracks.pixels, strict=True)]
-    start = MountStart(MOUNT, LENS, PIXEL, np.inf)
+    start = MountStart(MOUNT, LENS, PIXEL)
     return OneCamera(camera, views, rows, start, fit, np.array(feature), 60)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,11 +20,12 @@ MIDDLE = np.array([0.7, 0.0, 0.0])
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What was recorded, and the truth."""
+    """What was recorded, and the truth, with where the cameras truly were."""
 
     views: SceneViews
     tracks: Tracks
     truth: SceneState
+    world_from_camera: SE3 = field(default_factory=SE3.identity)
 
 
 def looks(rng: np.random.Generator, count: int, side: float) -> SE3:
@@ -76,7 +77,7 @@ def made_scene(seed: int, arms: int = 1, count: int = 15, points: int = 150, noi
     tracks, old = tracks.take(np.ones(len(tracks), dtype=bool))
     errors = np.zeros((arms * count, 6))
     truth = SceneState(SE3.stack([MOUNT] * arms), SE3.stack(bases), (LENS,) * arms, errors, at[old])
-    return Scene(views, tracks, truth)
+    return Scene(views, tracks, truth, SE3.stack([each[k] for each in cameras for k in range(count)]))
 
 
 def started(scene: Scene, off: float = 0.02) -> SceneState:

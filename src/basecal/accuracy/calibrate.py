@@ -43,6 +43,7 @@ SOLVING_STAGES = (
     Stage(None, pose_noise.shape_pose_noise),
     Stage(None, solving.leave_outliers_out),
     Stage(None, solving.widen_lenses),
+    Stage(None, solving.join_static_scene),
     Stage("noise", solving.integrate_noise),
 )
 JUDGING_STAGES = (

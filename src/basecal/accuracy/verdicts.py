@@ -55,7 +55,7 @@ def _concerns(finding: Finding, name: str, own: set[str], names: set[str]) -> bo
 def _parts(problem: Problem) -> list[set[str]]:
     """Names of devices and transforms, those that views tie together in one set."""
     parts: list[set[str]] = []
-    for group in problem.groups:
+    for group in problem.all_groups:
         mine = _names(group)
         mine.update(*(part for part in parts if not part.isdisjoint(mine)))
         parts = [part for part in parts if part.isdisjoint(mine)] + [mine]

@@ -18,7 +18,7 @@ from basecal.fields.typed_length import length_m
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell
-    from basecal.estimation.settings import Settings
+    from basecal.estimation.settings import Method, Settings
 
 
 _EXIT_CODES = {"REFUSED": 4, "FAIL": 5, "DOUBTFUL": 1}
@@ -30,7 +30,7 @@ def calibrate(
     *,
     method: Literal["maximum-likelihood", "axis-shift"] = "maximum-likelihood",
     start: Literal["closed", "thorough", "guess", "axis-shift"] = "closed",
-    scene: bool = False,
+    scene: bool | Literal["also"] = False,
     task_point: Point | None = None,
     task_box: Box | None = None,
     station_choice: Literal["nearest", "weighted"] = "nearest",
@@ -60,6 +60,7 @@ def calibrate(
         basecal calibrate mycell --certify
         basecal calibrate mycell --against opencv
         basecal calibrate mycell --scene
+        basecal calibrate mycell --scene also
         basecal calibrate mycell --open
         basecal calibrate mycell --verbose
         basecal calibrate mycell --method axis-shift --task-point 0.8 0.1 0.3
@@ -68,7 +69,8 @@ def calibrate(
         cell: Folder of the cell.
         method: axis-shift is the closed form for a light shifted before a still camera.
         start: Where the solver starts: a closed form, a search, the cell's guesses, or the axis-shift method.
-        scene: Calibrate from the static scene that cameras on the robots see, without a target.
+        scene: Calibrate from the static scene that cameras on the robots see, without a target; `--scene also` lets
+            it take part beside targets, if held-out views are predicted better so.
         task_point: Where the work is done, x y z [m] in the reference robot's base: the error there is reported by
             source, and the axis-shift method fits best there.
         task_box: Two opposite corners of where it is done, instead of a point: the error is reported for its
@@ -86,10 +88,11 @@ def calibrate(
     from basecal.estimation.settings import Settings
 
     needed_m = None if tolerance is None else length_m(tolerance)
-    _refuse_unused_options("scene" if scene else method, start, task_point, task_box, station_choice)
+    method_in_use: Method = "scene" if scene is True else method
+    _refuse_unused_options(method_in_use, start, task_point, task_box, station_choice)
     described = read_cell(cell)
     settings = Settings(
-        method="scene" if scene else method,
+        method=method_in_use,
         start=start,
         task_point=task_point if task_box is None else task_points(task_point, task_box)[0],
         task_box=task_box,
@@ -97,6 +100,7 @@ def calibrate(
         certify=certify,
         against=against,
         robot_noise=robot_noise,
+        joins_scene=scene == "also",
     )
     made = calibrate_folder(cell, described, settings, verbose, needed_m)
     if json:

@@ -38,6 +38,7 @@ class Settings:
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
         certify: Prove that no other state fits better, or say why that cannot be proven.
         against: Other methods whose predictions of held-out views are reported beside the answer's; None for none.
+        joins_scene: Whether the static scene takes part beside targets.
         stages: Where the time of each stage is counted; no part of what is asked.
     """
 
@@ -50,6 +51,7 @@ class Settings:
     robot_noise: RobotNoise = "estimated"
     certify: bool = False
     against: Against | None = None
+    joins_scene: bool = False
     stages: Stages | None = field(default=None, compare=False)
 
     def as_dict(self) -> dict[str, Any]:

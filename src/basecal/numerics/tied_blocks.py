@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,16 +27,19 @@ class TiedBlocks(NamedTuple):
     hubs: list[int]
 
 
-def tied_blocks(pairs: IntArray, count: int, block_size: int) -> TiedBlocks:
+def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequence[int] = ()) -> TiedBlocks:
     """Blocks of at most so many nodes.
 
     Args:
         pairs: (p, 2) nodes that stand in one block, or of which one is a hub.
         count: How many nodes there are.
         block_size: Of a block.
+        known_hubs: Nodes that are hubs whatever they tie.
     """
+    pairs = pairs[~np.isin(pairs, known_hubs).any(axis=1)]
     label = _components(pairs, count)
-    hubs = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > block_size], block_size)
+    found = _separator_nodes(pairs[np.bincount(label)[label[pairs[:, 0]]] > block_size], block_size)
+    hubs = sorted({*map(int, known_hubs), *found})
     if hubs:
         label = _components(pairs[~np.isin(pairs, hubs).any(axis=1)], count)
     others = np.setdiff1d(np.arange(count), hubs)

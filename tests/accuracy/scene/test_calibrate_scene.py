@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.scene import calibrate_scene as room
+from basecal.accuracy.scene import find_scene
 from basecal.accuracy.scene.calibrate_scene import calibrate_scene
 from basecal.accuracy.scene.pictures import Pictures
 from basecal.cell import Calibration, Recording, Unknown
@@ -45,7 +46,7 @@ def calibrated(monkeypatch: pytest.MonkeyPatch, pictures: Pictures, reference: s
 
 def with_true_mounts(monkeypatch: pytest.MonkeyPatch, scene: Scene) -> None:
     """Spare the search for each camera's mount."""
-    monkeypatch.setattr(room, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
+    monkeypatch.setattr(find_scene, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
 
 
 def errors(answer: Calibration) -> set[str]:
@@ -71,6 +72,26 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(
         answer.joint_covariance[at : at + 6, at : at + 6], answer.transforms[BASE_NAME].covariance
     )
+
+
+@pytest.mark.parametrize(
+    ("off_m", "sigma_m", "verdict"),
+    [(0.01, 0.02, "good"), (0.0, 0.5, "doubtful"), (0.3, 0.02, "refused"), (0.3, 0.5, "doubtful")],
+)
+def test_a_stated_place_of_the_base_is_second_evidence(
+    monkeypatch: pytest.MonkeyPatch, off_m: float, sigma_m: float, verdict: str
+) -> None:
+    """A base stated to 20 mm excludes copies, one to 0.5 m does not; one 0.3 m away contradicts the scene."""
+    scene = made_scene(1, arms=2, count=12, points=220)
+    with_true_mounts(monkeypatch, scene)
+    sigma = np.array([sigma_m] * 3 + [0.5] * 3)
+    stated = Unknown("prior", BASE @ SE3.exp(np.array([off_m, 0, 0, 0, 0, 0])), sigma)
+    views = replace(scene.views, bases=(scene.views.bases[0], stated))
+    answer = calibrated(monkeypatch, replace(pictures_of_scene(scene), views=views))
+    assert answer.verdict == verdict
+    if verdict != "refused":
+        off = (BASE.inverse() @ answer.transforms[BASE_NAME].mean).log()
+        assert np.linalg.norm(off[:3]) < 3e-3
 
 
 def test_any_robot_may_be_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:

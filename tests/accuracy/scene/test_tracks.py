@@ -11,29 +11,8 @@ import pytest
 from basecal.cell.files import read_cell, read_recording, write_recording
 from basecal.cli import main
 from basecal.geometry import SE3
-from scene_points import BASE, LENS, MOUNT, Scene, made_scene
-
-LENS_FIELDS = dict(zip(("fx", "fy", "cx", "cy"), LENS.parameters[:4].tolist(), strict=True))
-LENS_FIELDS["distortion"] = LENS.parameters[4:].tolist()
-CAMERA = {"model": "pinhole", "size_px": list(LENS.size_px or ()), "intrinsics": {"status": "fixed", **LENS_FIELDS}}
-
-
-def write_tracks(folder: Path, scene: Scene) -> None:
-    """A cell, and a line for each view."""
-    views, tracks = scene.views, scene.tracks
-    cameras = {camera.name: {"on": camera.robot, **CAMERA} for camera in views.cameras}
-    robots = {name: {} for name in views.robots}
-    cell = {"schema": "basecal/cell/1", "reference": "left", "robots": robots, "cameras": cameras}
-    (folder / "recording").mkdir()
-    (folder / "cell.yaml").write_text(json.dumps(cell))
-    lines = []
-    for view in range(len(views)):
-        mine, pose = tracks.view == view, views.base_from_flange[view]
-        seen = {"tracks": tracks.point[mine].tolist(), "pixels": tracks.pixels[mine].tolist()}
-        state = {"base_from_flange": {"t_m": pose.translation.tolist(), "q_xyzw": pose.quaternion.tolist()}}
-        camera, robot = views.cameras[views.camera[view]].name, views.robots[views.robot[view]]
-        lines.append({"sample": view, "robots": {robot: state}, "observations": [{"camera": camera, **seen}]})
-    (folder / "recording" / "samples.jsonl").write_text("\n".join(map(json.dumps, lines)) + "\n")
+from scene_points import BASE, MOUNT, made_scene
+from scene_tracks import write_tracks
 
 
 def refused(folder: Path, observations: list[dict], capsys: pytest.CaptureFixture[str]) -> str:

@@ -34,7 +34,7 @@ def test_points_are_eliminated_as_by_a_whole_system():
     state = scene.truth
     columns = scene_columns(scene.views, state.lenses)
     of = pixel_equations(scene.views, scene.tracks, state, np.ones(len(scene.tracks)))
-    reduced = reduced_equations(scene.views, scene.tracks, of, columns)
+    reduced = reduced_equations(scene.views.camera, scene.tracks, of, columns.lens_widths)
     views, points, terms = len(scene.views), scene.tracks.count, len(LENS.parameters)
     whole = np.zeros((2 * len(scene.tracks), 6 * views + terms + 3 * points))
     for row, (view, point) in enumerate(zip(scene.tracks.view, scene.tracks.point, strict=True)):

@@ -1,49 +1,25 @@
-"""Calibrate cameras and bases from the static scene that they see: one camera after another, then all together."""
+"""Calibrate cameras and bases from the static scene that they see, without a target."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.scene.checks import (
-    SAME_SPOT,
-    aim_covariance,
-    base_findings,
-    camera_findings,
-    direction_findings,
-    join_findings,
-    kept_findings,
-)
-from basecal.accuracy.scene.joining import Join, join
-from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
-from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
-from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.accuracy.scene.checks import aim_covariance, base_findings, direction_findings
+from basecal.accuracy.scene.find_scene import Report, find_scene
+from basecal.accuracy.scene.pictures import read_pictures
 from basecal.accuracy.verdicts import judge_findings
-from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual
+from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
 from basecal.errors import InputError
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
-from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
-from basecal.estimation.scene.state import Columns, SceneState, scene_columns
+from basecal.estimation.scene.state import Columns, scene_columns
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera, PoseEstimate
 
+_NOTHING_M = 1e3  # [m] sigma of which nothing is known
 _UNIT = "The arms' own lengths give the scale: an error of unit in all poses cannot be seen."
-
-
-@dataclass
-class _Report:
-    """Findings made so far."""
-
-    findings: list[Finding] = field(default_factory=list)
-
-    @property
-    def is_refused(self) -> bool:
-        """Whether one is an error."""
-        return judge_findings(self.findings) == "refused"
 
 
 def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Calibration:
@@ -65,88 +41,13 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
         raise InputError(
             f"robot {cell.reference!r}, the reference, has no camera with pictures: name another reference"
         )
-    report = _Report([*recording.findings, *pictures.lost])
+    report = Report([*recording.findings, *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
-    with settings.stage("tracks"):
-        ones = [_solve_one(pictures, camera, stated, settings) for camera in range(len(pictures.views.cameras))]
-    for camera, one in zip(pictures.views.cameras, ones, strict=True):
-        report.findings += camera_findings(camera.name, one)
-    if report.is_refused:
-        return _refuse(report, settings)
-    with settings.stage("joining"):
-        joins = _joins(pictures, ones, report)
-    if report.is_refused:
-        return _refuse(report, settings)
-    with settings.stage("descent"):
-        fit = _fit(pictures, ones, joins, stated, cell.reference, report)
+    fit = find_scene(pictures, stated, cell.reference, report, settings)
     return _refuse(report, settings) if fit is None else _conclude(cell, fit, report, settings)
 
 
-def _solve_one(pictures: Pictures, camera: int, stated: Sequence[Array | None], settings: Settings) -> OneCamera:
-    settings.part(camera + 1, len(pictures.views.cameras))
-    rows = pictures.camera_views(camera)
-    robot = int(pictures.views.robot[rows[0]]) if rows else 0
-    return solve_camera(pictures, camera, stated[robot])
-
-
-def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: _Report) -> list[tuple[int, int, Join]]:
-    """How the scene of each camera joins that of the first."""
-    joins = []
-    for index in range(1, len(ones)):
-        found = join(pictures, ones[0], ones[index])
-        names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
-        shared, of_each, common = 0, (0, 0), 0.0
-        if found is not None:
-            common = common_share(ones[0], ones[index], found)
-            joins.append((0, index, found))
-            tracks = merged_tracks(pictures, ones, [joins[-1]])
-            shared, of_each = shared_points(pictures, tracks, (0, index))
-        report.findings += join_findings(names, found, shared, of_each, common)
-    return joins
-
-
-def _fit(
-    pictures: Pictures,
-    ones: Sequence[OneCamera],
-    joins: Sequence[tuple[int, int, Join]],
-    stated: Sequence[Array | None],
-    reference: str,
-    report: _Report,
-) -> SceneFit | None:
-    """All pictures adjusted together."""
-    fits = [one.fit for one in ones if one.fit is not None]
-    lenses = tuple(fit.state.lenses[0] for fit in fits)
-    views = pictures.views
-    if not joins:
-        start = replace(fits[0].state, errors=np.zeros((len(views.stop_robot), 6)))
-    else:
-        bases = [SE3.identity() for _ in views.robots]
-        for _, index, found in joins:
-            robot = int(views.robot[pictures.camera_views(index)[0]])
-            bases[robot] = found.second_from_first.inverse()
-        mounts = SE3.stack([fit.state.mounts[0] for fit in fits])
-        home = bases[views.robots.index(reference)]
-        bases = [
-            known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
-            for known, base in zip(views.bases, bases, strict=True)
-        ]
-        start = SceneState(mounts, SE3.stack(bases), lenses, np.zeros((len(views.stop_robot), 6)), np.zeros((0, 3)))
-    tracks = merged_tracks(pictures, ones, joins)
-    before = [shared_points(pictures, tracks, (i, k))[0] for i, k, _ in joins]
-    try:
-        fit = fit_scene(views, tracks, start, lenses, stated)
-    except np.linalg.LinAlgError:
-        what = "The pictures of all cameras fit no common scene."
-        report.findings.append(Finding("scene-rival", "error", (), what, (SAME_SPOT,)))
-        return None
-    for (i, k, _), count in zip(joins, before, strict=True):
-        names = (views.cameras[i].name, views.cameras[k].name)
-        report.findings += kept_findings(names, count, shared_points(pictures, fit.tracks, (i, k))[0])
-        report.findings += base_findings(names)
-    return None if report.is_refused else fit
-
-
-def _refuse(report: _Report, settings: Settings) -> Calibration:
+def _refuse(report: Report, settings: Settings) -> Calibration:
     return Calibration("refused", findings=tuple(report.findings), settings=settings.as_dict())
 
 
@@ -182,7 +83,7 @@ def _covariance(fit: SceneFit, columns: Columns) -> Array:
     return covariance
 
 
-def _conclude(cell: Cell, fit: SceneFit, report: _Report, settings: Settings) -> Calibration:
+def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
     """The calibration of a scene that was adjusted."""
     columns = scene_columns(fit.views, fit.state.lenses)
     covariance, places = _covariance(fit, columns), _places(cell, fit, columns)
@@ -190,6 +91,11 @@ def _conclude(cell: Cell, fit: SceneFit, report: _Report, settings: Settings) ->
     own = {each.name: open_covariance.get(each.name, np.zeros((6, 6))) for each in places}
     for name, spread in own.items():
         report.findings += direction_findings(name, spread)
+    for robot, known in zip(fit.views.robots, fit.views.bases, strict=True):
+        if known.status != "fixed" and not report.is_refused:
+            name = cell.base_name(robot)
+            base = PoseEstimate(fit.state.bases[fit.views.robots.index(robot)], own[name])
+            report.findings += base_findings(name, *_beside_statement(known, base))
     if report.is_refused:
         return _refuse(report, settings)
     report.findings.append(Finding("scene-scale", "info", (), _UNIT))
@@ -209,6 +115,17 @@ def _conclude(cell: Cell, fit: SceneFit, report: _Report, settings: Settings) ->
         verdicts=dict.fromkeys(own, verdict),
         settings=settings.as_dict(),
     )
+
+
+def _beside_statement(known: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:
+    """From where a base is stated to where a scene alone has it, (3,) [m], and covariance; None if nothing is known."""
+    if known.mean is None or known.sigma is None:
+        return None, np.eye(3)
+    sigma = np.minimum(known.sigma, _NOTHING_M)
+    information = np.linalg.inv(base.covariance)
+    of_scene = np.linalg.inv(information - np.diag(1 / sigma**2))
+    apart = of_scene @ information @ (known.mean.inverse() @ base.mean).log()
+    return apart[:3], (of_scene + np.diag(sigma**2))[:3, :3]
 
 
 def _lenses(fit: SceneFit, columns: Columns, covariance: Array) -> dict[str, tuple[Camera, Array]]:

@@ -1,7 +1,8 @@
 """Whether an answer from a scene may be given: what is missing, in words, with what to do.
 
 The limits are assumed: right scenes of the recordings that were tried are far beyond them. A room in which all that has
-texture is copied deceives them (benchmarks.scene), so that a base that rests on a scene alone is doubtful.
+texture is copied deceives them (benchmarks.scene), so that a base that rests on a scene alone is doubtful. It is not if
+other evidence of the base, however coarse, would not be so near to it by chance.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from basecal.accuracy.model_comparison.independent import compare_contradiction, compare_places
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.cell import Finding
@@ -35,6 +37,12 @@ _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
 SAME_SPOT = "Take about five pictures with each arm of the same spot, from similar directions."
+_SECOND = (
+    "Measure where the base is to 20 mm, and state it in cell.yaml as a prior with its sigma.",
+    "Or let one camera see a board on the other arm, and run `basecal calibrate CELL --scene also`.",
+    "Or touch one point with both tools.",
+)
+_TWO_PLACES = "Check what cell.yaml states of the base, and whether anything in the scene moved or stands there twice."
 _MISTAKEN = "Similar objects, or objects that moved between the pictures, were taken for one."
 _TURN = "Rotate the flange about two axes, by 20 deg and more, between pictures."
 _AIM = "Take pictures that do not all aim at one spot: move the arm along the viewing direction, too."
@@ -101,11 +109,20 @@ def join_findings(
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,), why)
 
 
-def base_findings(names: tuple[str, str]) -> Iterator[Finding]:
-    """That nothing but the scene speaks for a base."""
-    what = f"The base rests on objects that {names[0]} and {names[1]} both see."
-    do = "Check the base with `basecal verify` on samples of a board, or by touching one point with both tools."
-    yield Finding("not-validated", "warning", names, what, (do,), "Two copies of one object would deceive it.")
+def base_findings(name: str, apart: Array | None, covariance: Array) -> Iterator[Finding]:
+    """Whether something beside the scene speaks for a base.
+
+    Args:
+        name: Of the base.
+        apart: (3,) from where other evidence has it to where the scene has it [m]; None without other evidence.
+        covariance: (3, 3) of that [m^2].
+    """
+    if apart is not None and compare_contradiction(apart, covariance).is_taken:
+        what = f"The scene has {name} {1e3 * np.linalg.norm(apart):.3g} mm from where all else has it."
+        yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
+    elif apart is None or not compare_places(apart, covariance).is_taken:
+        what = f"{name} rests on objects that two cameras see."
+        yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two copies of one object would deceive it.")
 
 
 def kept_findings(names: tuple[str, str], before: int, after: int) -> Iterator[Finding]:

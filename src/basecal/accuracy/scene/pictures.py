@@ -32,6 +32,7 @@ class Pictures:
         lenses: By camera, as stated or guessed.
         is_guessed: By camera, whether nothing of its lens is stated.
         lost: What could not be read.
+        mounts: By camera where it nearly is; None if that is to be found. Empty if it is of all.
     """
 
     views: SceneViews
@@ -39,6 +40,7 @@ class Pictures:
     lenses: tuple[Camera, ...]
     is_guessed: tuple[bool, ...]
     lost: tuple[Finding, ...] = ()
+    mounts: tuple[SE3 | None, ...] = ()
 
     def camera_views(self, camera: int) -> list[int]:
         """The views of a camera."""

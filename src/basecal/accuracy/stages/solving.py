@@ -57,6 +57,18 @@ def widen_lenses(case: Case) -> Case:
     return replace(case, robust=with_likely_lenses(case.robust, case.cell, case.settings))
 
 
+def join_static_scene(case: Case) -> Case:
+    """Let the static scene take part, if it is requested or tracks of it were recorded."""
+    has_tracks = any(each.tracks for each in case.recording.samples)
+    if not (case.settings.joins_scene or has_tracks) or not case.solution.converged:
+        return case
+    from basecal.accuracy.scene.join_scene import join_scene  # it reads images, which most calibrations do not
+
+    assert case.robust is not None
+    joined, findings = join_scene(case.cell, case.recording, case.solution, case.settings)
+    return replace(case, robust=replace(case.robust, solution=joined)).with_findings(findings)
+
+
 def integrate_noise(case: Case) -> Case:
     """Integrate the covariance over all that unstated sigmas may be."""
     assert case.robust is not None

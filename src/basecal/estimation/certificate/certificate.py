@@ -135,6 +135,8 @@ def _scope_reason(solution: Solution) -> str:
         return f"the lens of {free_lens} is estimated: a single view gives no pose without it"
     if any(name not in problem.unknowns for name in problem.columns):
         return "more than transforms is estimated"
+    if problem.tied is not None:
+        return "views of the static scene are tied by unknown points"
     if any(len(group.readings) > 1 for group in problem.groups):
         return "views can be read in several ways"
     if any(isinstance(g.measurement, PixelMeasurement) and g.measurement.weight.shape[1] < 4 for g in problem.groups):

@@ -16,6 +16,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
+from basecal.estimation.least_squares.tied_equations import linearise_tied
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.robot_parameters import apply_step, column_values
 from basecal.estimation.problem.view_group import ViewGroup
@@ -119,6 +120,10 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         transposed = flat.mT
         hessian[..., of.columns[:, None], of.columns] += transposed @ weighted
         gradient[..., of.columns] += (transposed @ of.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
+    if problem.tied is not None:
+        tied = linearise_tied(problem, problem.tied, state)
+        cost += tied.cost
+        tied.add(hessian, gradient, problem, sums)
     system = None if sums is None else sums.solve()
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)

@@ -121,6 +121,17 @@ class SchurAccumulator:
         if len(shared_views) == 2:
             self._add_pairs(shared_views[0], shared_views[1], information)
 
+    def add_tied(self, stop: IntArray, gradient: Array, by_unknowns: Array, information: Array) -> None:
+        """Add what ties k stops to one another: gradient (..., 6 k), (..., 6 k, p) and information (..., 6 k, 6 k)."""
+        k = len(stop)
+        self.gradient[..., stop, :] += gradient.reshape(*gradient.shape[:-1], k, 6)
+        self.by_unknowns[..., stop, :, : by_unknowns.shape[-1]] += by_unknowns.reshape(*gradient.shape[:-1], k, 6, -1)
+        blocks = np.swapaxes(information.reshape(*information.shape[:-2], k, 6, k, 6), -3, -2)
+        self.diagonal[..., stop, :, :] += blocks[..., np.arange(k), np.arange(k), :, :]
+        one, other = np.triu_indices(k, 1)
+        if len(one):
+            self.pairs.append((stop[one], stop[other], blocks[..., one, other, :, :]))
+
     def _add_pairs(self, eye: SharedView, hand: SharedView, information: Array) -> None:
         both, a, b = np.intersect1d(eye.view, hand.view, assume_unique=True, return_indices=True)
         if not len(both):

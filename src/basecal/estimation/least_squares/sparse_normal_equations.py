@@ -26,7 +26,7 @@ MANY_COLUMNS = 300
 
 def is_sparse(problem: Problem) -> bool:
     """Whether a problem has many unknowns, of which each view moves few and shares no error with another view."""
-    if problem.width < MANY_COLUMNS or problem.models or problem.jitter_s:
+    if problem.width < MANY_COLUMNS or problem.models or problem.jitter_s or problem.tied is not None:
         return False
     return not np.any(problem.shared_stops >= 0)
 

@@ -86,6 +86,8 @@ def residual_counts(problem: Problem) -> dict[str, int]:
     for group in problem.groups:
         for key, count in group.measurement.counts().items():
             total[key] = total.get(key, 0) + count
+    if problem.tied is not None:
+        total["stated"] = total.get("stated", 0) + problem.tied.count
     return total
 
 

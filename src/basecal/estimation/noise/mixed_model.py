@@ -17,10 +17,12 @@ from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_residuals
+from basecal.estimation.least_squares.tied_equations import linearise_tied
 from basecal.estimation.noise.shaped_targets import points_of, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED, ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
+from basecal.estimation.problem.tied_views import SCENE, TiedViews
 from basecal.geometry import Array, IntArray
 from basecal.numerics.tied_blocks import tied_blocks
 
@@ -169,6 +171,8 @@ def mixed_model(
             parts[key] = of if key not in parts else parts[key] + of
             before = white.get(key, (0.0, 0.0))
             white[key] = (before[0] + view.white, before[1] + view.white_count)
+    if problem.tied is not None:
+        parts[SCENE, STATED] = _scene_moments(problem, problem.tied, state, layout)
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
     sigmas = SigmaPlaces.in_turn(open_views, robots, open_jitter(problem), bool(layout.common))
@@ -186,7 +190,8 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
 def _layout(problem: Problem, shared: Mapping[str, SharedErrors]) -> Layout:
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
-    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED)
+    of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
+    of = tied_blocks(pairs[(pairs >= 0).all(1)], count, _MOST_TIED, of_scene)
     block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
     column = np.full(count, -1, dtype=np.int64)
     blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
@@ -259,6 +264,29 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     squares = np.vecdot(present, (carried - 2 * view.gradient)[:, :rows])
     about = replace(view, cost=view.cost + squares, gradient=gradient)
     return _summed(about, fixed, errors, block, layout, by_shape)
+
+
+def _scene_moments(problem: Problem, tied: TiedViews, state: State, layout: Layout) -> Moments:
+    """Of the scene, whose stops all stand among the columns."""
+    about = linearise_tied(problem, tied, state)
+    fixed = np.zeros((len(about.gradient), layout.width))
+    fixed[:, : problem.width] = about.by_unknowns
+    fixed[:, (layout.column[tied.stops, None] + np.arange(6)).ravel()] = about.by_errors
+    for group in tied.groups:
+        robot = group.eye.robot
+        if robot is not None and robot in layout.common and group.eye.has_noise:
+            at, shared = layout.common[robot]
+            stop, first = np.unique(group.eye.stop, return_index=True)
+            by_error = about.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(tied.stops, stop)]
+            moved = np.einsum("qkc,kcs->qs", by_error, shared.by_stop[group.eye.stand[first]])
+            fixed[:, at : at + len(shared.is_turn)] += moved
+    present = about.by_errors @ state.stop_errors[tied.stops].ravel()
+    carried = about.information @ present
+    cost = float(about.cost + present @ (carried - 2 * about.gradient))
+    b, q, m = layout.blocks, layout.rows, layout.width
+    errors = np.zeros((b, q)), np.zeros((b, q, m)), np.zeros((b, q, q))
+    both = fixed.T @ about.information @ fixed
+    return Moments(tied.count, cost, fixed.T @ (about.gradient - carried), errors[0], both, *errors[1:])
 
 
 def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:

@@ -301,7 +301,7 @@ def _weighed(model: MixedModel, weights: dict[tuple[str, str], float], fields: t
 
 def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
     """Inverse and log determinant; directions without information are held by a floor, the same for all sigmas."""
-    size = 1 / np.sqrt(np.maximum(before, 1e-300))
+    size = 1 / np.sqrt(np.where(before > 0, before, 1.0))  # of what nothing was seen its own unit
     scaled = 0.5 * (hessian + hessian.T) * size[:, None] * size
     try:
         factor = np.linalg.cholesky(scaled + _FLOOR * np.eye(len(scaled)))

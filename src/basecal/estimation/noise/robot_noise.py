@@ -45,8 +45,8 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
         first[robot] = len(names)
         names += [robot] * count
         sigma.append(np.broadcast_to(sigmas[robot], (count, 6)))
-    groups = tuple(g.with_ends(lambda end: _renumbered(end, renumbered, first)) for g in problem.groups)
-    return replace(problem, groups=groups, stops=Stops(np.concatenate(sigma), tuple(names)))
+    numbered = problem.with_ends(lambda end: _renumbered(end, renumbered, first))
+    return replace(numbered, stops=Stops(np.concatenate(sigma), tuple(names)))
 
 
 def without_errors(problem: Problem, state: State) -> State:

@@ -11,7 +11,10 @@ from basecal.estimation.problem.view_group import End
 
 
 def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, State]:
-    """The problem of at most so many views of each group, spread evenly, and of their stops alone; the state of it."""
+    """The problem of at most so many views of each group, spread evenly, and of their stops alone; the state of it.
+
+    Views of the scene are left out.
+    """
     groups = [g.take(np.arange(0, len(g), -(-len(g) // most))) for g in problem.groups if len(g)]
     seen = np.zeros(len(problem.stops) + 1, dtype=bool)
     for group in groups:
@@ -22,7 +25,9 @@ def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, Stat
     row[kept] = np.arange(len(kept))
     stops = Stops(problem.stops.sigma[kept], tuple(problem.stops.robot[k] for k in kept))
     taken = (group.with_ends(lambda end: replace(end, stop=row[end.stop])) for group in groups)
-    return replace(problem.with_groups(taken), stops=stops), replace(state, stop_errors=state.stop_errors[kept])
+    return replace(problem.with_groups(taken), stops=stops, tied=None), replace(
+        state, stop_errors=state.stop_errors[kept]
+    )
 
 
 def recorded_alone(problem: Problem, state: State, most: int) -> tuple[Problem, State]:

@@ -68,7 +68,7 @@ def motions(problem: Problem) -> dict[str, Motion]:
         order = np.argsort(-about)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
         twists = _indistinct(base_from_flange, least.get(robot, LEAST_RMS))[0]
-        count = len({int(n) for g in problem.groups if g.end_of(robot) for n in g.sample})
+        count = len({int(n) for g in problem.all_groups if g.end_of(robot) for n in g.sample})
         found[robot] = Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
     return found
 
@@ -154,7 +154,7 @@ def base_names(problem: Problem, robot: str) -> list[str]:
     """Names of the transforms that say where a robot's base stands: of the reference's, all that stand about it."""
     if robot != problem.reference:
         return [end.base for end in problem.ends_of(robot) if end.base is not None]
-    names = [end.base for group in problem.groups for end in group.ends if end.base is not None]
+    names = [end.base for group in problem.all_groups for end in group.ends if end.base is not None]
     names += [end.mount for end in problem.ends_of(None) if end.base is None]
     return list(dict.fromkeys(names))
 

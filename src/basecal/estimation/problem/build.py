@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -33,8 +33,10 @@ from basecal.estimation.problem.repeated_views import repeated_views, view_conte
 from basecal.estimation.problem.robot_parameters import RobotModel, robot_model
 from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.problem.stated_lens import with_usual_error
+from basecal.estimation.problem.tied_views import SCENE, scene_end
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, IntArray
 
 Views = list[tuple[int, Observation]]
@@ -65,11 +67,7 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     """
     samples = canonical_order(recording.samples)
     findings: list[Finding] = []
-    states: dict[str, list[tuple[int, RobotState]]] = defaultdict(list)
-    for i, sample in enumerate(samples):
-        for robot, state in sample.robots.items():
-            states[robot].append((i, state))
-    poses = {name: _robot_poses(cell, name, states[name]) for name in cell.robots}
+    poses = _poses(cell, samples)
     stops = _number_stops(cell, poses)
     views = _views(cell, samples, poses, findings)
     groups = tuple(_group(cell, samples, poses, key, views[key]) for key in sorted(views))
@@ -77,6 +75,30 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     stands = {name: int(of.stand.max(initial=-1)) + 1 for name, of in poses.items()}
     problem = replace(_problem(cell, groups, stops), unstated=unstated, stands=stands)
     return problem.with_models(_models(cell, problem)), findings
+
+
+def scene_groups(
+    cell: Cell, recording: Recording, problem: Problem, seen: Mapping[str, Sequence[int]]
+) -> tuple[ViewGroup, ...]:
+    """Views of the static scene, at the stops of a problem of the same recording.
+
+    Args:
+        cell: What exists.
+        recording: With poses of the robots that carry cameras.
+        problem: Whose stops are numbered.
+        seen: Sample numbers by camera.
+    """
+    samples = canonical_order(recording.samples)
+    index, poses = {sample.sample: i for i, sample in enumerate(samples)}, _poses(cell, samples)
+    first = {robot: k for k, robot in reversed(list(enumerate(problem.stops.robot)))}
+    groups = []
+    for camera, numbers in seen.items():
+        eye = _end(cell, poses, camera, cell.cameras[camera].on, [index[number] for number in numbers])
+        stop = eye.stand + first[eye.robot] if eye.robot in first else np.full(len(numbers), -1, dtype=np.int64)
+        nothing = PoseMeasurement(SE3.identity((len(stop),)), *np.zeros((2, len(stop), 6)))
+        ends = replace(eye, stop=stop), scene_end(len(stop))
+        groups.append(ViewGroup(camera, SCENE, ends, np.array(numbers, dtype=np.int64), nothing))
+    return tuple(groups)
 
 
 def restated(cell: Cell, problem: Problem) -> Problem:
@@ -132,6 +154,15 @@ def canonical_order(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
     timed = all(s.stamp_s is not None for s in samples)
     ordered = sorted(samples, key=lambda s: (s.stamp_s if timed and s.stamp_s is not None else 0.0, s.sample))
     return tuple({s.sample: s for s in reversed(ordered)}.values())[::-1]
+
+
+def _poses(cell: Cell, samples: tuple[Sample, ...]) -> dict[str, _Poses]:
+    """Poses of all robots, by name."""
+    states: dict[str, list[tuple[int, RobotState]]] = defaultdict(list)
+    for i, sample in enumerate(samples):
+        for robot, state in sample.robots.items():
+            states[robot].append((i, state))
+    return {name: _robot_poses(cell, name, states[name]) for name in cell.robots}
 
 
 def _robot_poses(cell: Cell, robot: str, having: list[tuple[int, RobotState]]) -> _Poses:

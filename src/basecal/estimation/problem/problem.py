@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 from basecal.cell import Cell, Intrinsics, Unknown
 from basecal.errors import InputError
 from basecal.estimation.problem.robot_parameters import Kinematics, RobotModel
+from basecal.estimation.problem.tied_views import SCENE, TiedViews
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, Camera, IntArray, Rows
@@ -57,6 +58,7 @@ class Problem:
         jitter_s: Sigma in use of what stamps of a camera's views are off by themselves, by camera [s].
         open_jitter: Cameras whose jitter is to be estimated.
         open_clocks: Devices whose offsets in time are estimated about the solution.
+        tied: Views of the static scene beside those of targets; None if there are none.
     """
 
     reference: str
@@ -76,20 +78,27 @@ class Problem:
     jitter_s: Mapping[str, float] = field(default_factory=dict)
     open_jitter: frozenset[str] = frozenset()
     open_clocks: frozenset[str] = frozenset()
+    tied: TiedViews | None = None
 
     @property
     def width(self) -> int:
         """Number of columns."""
         return max((c.stop for c in self.columns.values()), default=0)
 
+    @property
+    def all_groups(self) -> tuple[ViewGroup, ...]:
+        """The views of targets, then those of the scene."""
+        return self.groups if self.tied is None else (*self.groups, *self.tied.groups)
+
     @cached_property
     def robots(self) -> tuple[str, ...]:
         """Names of the robots that see or are seen."""
-        return tuple(sorted({robot for group in self.groups for robot in group.robots}))
+        return tuple(sorted({robot for group in self.all_groups for robot in group.robots}))
 
     def ends_of(self, robot: str | None) -> list[End]:
         """The ends of views that a robot, or the world, carries."""
-        return [end for group in self.groups for end in group.ends if end.robot == robot]
+        seen = [end for group in self.all_groups for end in group.ends if end.mount != SCENE]
+        return [end for end in seen if end.robot == robot]
 
     @cached_property
     def shared_stops(self) -> IntArray:
@@ -99,6 +108,8 @@ class Problem:
             for end in group.ends:
                 count += np.bincount(end.stop[end.stop >= 0], minlength=len(count))
         several = count > 1
+        if self.tied is not None:
+            several[self.tied.stops] = True
         return np.where(several, np.cumsum(several) - 1, -1)
 
     def shake(self, group: ViewGroup) -> Array | None:
@@ -113,6 +124,14 @@ class Problem:
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
         """The same unknowns with other views."""
         return replace(self, groups=tuple(groups))
+
+    def with_ends(self, change: Callable[[End], End]) -> Problem:
+        """The same with the ends of all views changed."""
+        changed = self.with_groups(group.with_ends(change) for group in self.groups)
+        if self.tied is None:
+            return changed
+        tied = tuple(group.with_ends(change) for group in self.tied.groups)
+        return replace(changed, tied=replace(self.tied, groups=tied))
 
     def of_batch(self, rows: Rows) -> Problem:
         """The problems at these rows of a batch."""
@@ -177,6 +196,8 @@ class State:
 
     def view_transform(self, name: str) -> SE3:
         """A transform that broadcasts against views: of a batch (..., 1)."""
+        if name == SCENE:
+            return SE3.identity()
         transform = self.transforms[name]
         return transform.spread() if transform.shape else transform
 

@@ -10,12 +10,12 @@ from basecal.estimation.scene.equations import PixelEquations, pixel_equations, 
 from basecal.estimation.scene.priors import prior_information
 from basecal.estimation.scene.state import Columns, SceneState, column_jacobian, scene_columns, take_step
 from basecal.estimation.scene.views import SceneViews, Tracks
-from basecal.geometry import Array, Camera
+from basecal.geometry import Array, Camera, IntArray
+from basecal.numerics.batch import stack, take
+from basecal.numerics.levenberg_marquardt import Quadratic, Stop, levenberg_marquardt
 
 _MOST_STEPS = 30  # of one descent
-_RELATIVE_DECREASE = 1e-6  # relative decrease of the cost that ends a descent
-_FIRST_DAMPING = 1e-6  # of the diagonal
-_LARGEST_DAMPING = 1e6
+_SHARE_LEFT = 1e-3  # its square is the share of the cost that may be left to go
 _POINT_STEPS = 2  # Gauss-Newton steps of the points after each step of the cameras
 
 
@@ -71,51 +71,67 @@ class Task:
 
 def adjust(task: Task, state: SceneState) -> SceneFit:
     """The optimum downhill of a state."""
+    optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
+    state = take(optima.state, 0)
     columns = scene_columns(task.views, state.lenses)
-    damping = _FIRST_DAMPING
-    equations = _weight_equations(task, state)
-    cost = _cost(task, state, equations)
-    for _ in range(_MOST_STEPS):
-        information, gradient = _normal(task, state, equations)
-        after, decrease = None, 0.0
-        while damping < _LARGEST_DAMPING:
-            damped = information + damping * np.diag(np.diag(information) + 1e-12)
-            tried = _take_step(task, state, columns, np.asarray(-np.linalg.solve(damped, gradient), dtype=np.float64))
-            of_tried = equations if tried is None else _weight_equations(task, tried)
-            decrease = -1.0 if tried is None else cost - _cost(task, tried, of_tried)
-            if decrease >= 0:
-                after, damping = tried, damping / 10
-                break
-            damping *= 10
-        if after is None:
-            break
-        state, equations, cost = after, of_tried, cost - decrease
-        if decrease < _RELATIVE_DECREASE * cost:
-            break
-    return _fit(task, state)
-
-
-def _fit(task: Task, state: SceneState) -> SceneFit:
-    """The optimum with its information."""
-    views, tracks = task.views, task.tracks
-    columns = scene_columns(views, state.lenses)
-    equations = _weight_equations(task, state)
-    reduced = reduced_equations(views, tracks, equations, columns)
-    moves = column_jacobian(views, state, columns, len(reduced.gradient) - 6 * len(views))
-    of_pixels = moves.T @ reduced.information @ moves * task.sigma_px**2
-    prior = prior_information(views, state, columns, task.stop_sigma, task.guesses)
+    reduced = _reduced(task, state, _weight_equations(task, state), columns)
+    of_pixels = Quadratic(reduced.cost, reduced.gradient * task.sigma_px**2, reduced.hessian * task.sigma_px**2)
+    prior = prior_information(task.views, state, columns, task.stop_sigma, task.guesses)
     return SceneFit(
-        views,
-        tracks,
+        task.views,
+        task.tracks,
         state,
         task.sigma_px,
         task.stop_sigma,
-        of_pixels / task.sigma_px**2 + prior.information,
-        of_pixels,
-        moves.T @ reduced.gradient * task.sigma_px**2,
-        _cost(task, state, equations),
+        reduced.hessian + prior.information,
+        of_pixels.hessian,
+        of_pixels.gradient,
+        float(reduced.cost + prior.cost),
         task.guesses,
     )
+
+
+@dataclass(frozen=True)
+class _System:
+    """A scene as Levenberg-Marquardt knows it, a batch of one; see `numerics.levenberg_marquardt.System`."""
+
+    task: Task
+
+    def linearise(self, state: SceneState) -> Quadratic:
+        """See `System`."""
+        alone = take(state, 0)
+        columns = scene_columns(self.task.views, alone.lenses)
+        reduced = _reduced(self.task, alone, _weight_equations(self.task, alone), columns)
+        prior = prior_information(self.task.views, alone, columns, self.task.stop_sigma, self.task.guesses)
+        information, gradient = reduced.hessian + prior.information, reduced.gradient + prior.gradient
+        return Quadratic(np.array([reduced.cost + prior.cost]), gradient[None], information[None])
+
+    def retract(self, state: SceneState, model: Quadratic, step: Array) -> SceneState:
+        """See `System`; the points are at their best for the cameras after the step."""
+        alone = take(state, 0)
+        after = take_step(alone, scene_columns(self.task.views, alone.lenses), step[0])
+        for _ in range(_POINT_STEPS):
+            equations = _weight_equations(self.task, after)
+            after = after.with_points(after.points + point_steps(self.task.tracks, equations))
+        return stack([after])
+
+    def take(self, rows: IntArray) -> _System:
+        """See `System`."""
+        return self
+
+
+def _reduced(task: Task, state: SceneState, equations: PixelEquations, columns: Columns) -> Quadratic:
+    """What image points say of all columns; a point behind its camera costs as much as one at ten tails."""
+    reduced = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
+    moves = column_jacobian(task.views, state, columns, sum(columns.lens_widths))
+    squares = np.sum(equations.residual**2, 1)
+    if np.isfinite(task.tail):
+        # Weighted squares w e^2 with w = 1 / (1 + e^2 / c^2) hold e^2 = s / (1 - s / c^2).
+        share = np.minimum(squares / task.tail**2, 1 - 1e-12)
+        squares = -(task.tail**2) * np.log1p(-share)
+    worst = np.log1p(100.0) * min(task.tail, 10.0) ** 2
+    cost = np.array(squares.sum() + worst * np.count_nonzero(~equations.seen))
+    return Quadratic(cost, moves.T @ reduced.gradient, moves.T @ reduced.information @ moves)
 
 
 def residuals_px(views: SceneViews, tracks: Tracks, state: SceneState) -> Array:
@@ -135,43 +151,3 @@ def _weight_equations(task: Task, state: SceneState) -> PixelEquations:
         for name in ("residual", "by_camera", "by_lens", "by_point")
     }
     return replace(equations, **scaled)
-
-
-def _cost(task: Task, state: SceneState, equations: PixelEquations) -> float:
-    """Of image points and priors; a point behind its camera costs as much as one at ten tails."""
-    squares = np.sum(equations.residual**2, 1)
-    if np.isfinite(task.tail):
-        # Weighted squares w e^2 with w = 1 / (1 + e^2 / c^2) hold e^2 = s / (1 - s / c^2).
-        share = np.minimum(squares / task.tail**2, 1 - 1e-12)
-        squares = -(task.tail**2) * np.log1p(-share)
-    worst = np.log1p(100.0) * min(task.tail, 10.0) ** 2
-    columns = scene_columns(task.views, state.lenses)
-    prior = prior_information(task.views, state, columns, task.stop_sigma, task.guesses)
-    return float(squares.sum() + worst * np.count_nonzero(~equations.seen) + prior.cost)
-
-
-def _normal(task: Task, state: SceneState, equations: PixelEquations) -> tuple[Array, Array]:
-    """Information (m, m) and gradient (m,) of all columns."""
-    views = task.views
-    columns = scene_columns(views, state.lenses)
-    reduced = reduced_equations(views, task.tracks, equations, columns)
-    moves = column_jacobian(views, state, columns, len(reduced.gradient) - 6 * len(views))
-    prior = prior_information(views, state, columns, task.stop_sigma, task.guesses)
-    information = moves.T @ reduced.information @ moves + prior.information
-    return information, moves.T @ reduced.gradient + prior.gradient
-
-
-def _take_step(task: Task, state: SceneState, columns: Columns, step: Array) -> SceneState | None:
-    """The state after a step, points at their best for it; None if it is so long that these have none."""
-    try:
-        return _with_points(task, take_step(state, columns, step))
-    except np.linalg.LinAlgError:
-        return None
-
-
-def _with_points(task: Task, state: SceneState) -> SceneState:
-    """The state with points at their best for its cameras."""
-    for _ in range(_POINT_STEPS):
-        equations = _weight_equations(task, state)
-        state = replace(state, points=state.points + point_steps(task.tracks, equations))
-    return state

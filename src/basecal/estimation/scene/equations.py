@@ -7,14 +7,15 @@ Source: Triggs et al. 2000, section 6.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
-from basecal.estimation.scene.state import Columns, SceneState
+from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneViews, Tracks
-from basecal.geometry import Array, BoolArray, IntArray
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross_matrix
 
 _RIDGE = 1e-6  # [1/m^2] of a point's information: keeps one at infinity regular
@@ -40,22 +41,31 @@ class PixelEquations:
 
 
 def pixel_equations(views: SceneViews, tracks: Tracks, state: SceneState, weight: Array) -> PixelEquations:
+    """The equations of all image points at a state; see `equations_of_points`."""
+    camera_from_world = state.world_from_camera(views).inverse()
+    return equations_of_points(tracks, views.camera, camera_from_world, state.lenses, state.points, weight)
+
+
+def equations_of_points(
+    tracks: Tracks, camera: IntArray, camera_from_world: SE3, lenses: Sequence[Camera], points: Array, weight: Array
+) -> PixelEquations:
     """The equations of all image points.
 
     Args:
-        views: The views.
         tracks: The image points.
-        state: The state.
+        camera: (v,) index of the camera of each view.
+        camera_from_world: (v,) poses of the views.
+        lenses: By camera.
+        points: (p, 3) in the world [m].
         weight: (n,) 1 / sigma [1/px].
     """
-    camera_from_world = state.world_from_camera(views).inverse()
     rotation = camera_from_world.rotation[tracks.view]
-    at = (rotation @ state.points[tracks.point][..., None])[..., 0] + camera_from_world.translation[tracks.view]
-    longest = max(len(lens.parameters) for lens in state.lenses)
+    at = (rotation @ points[tracks.point][..., None])[..., 0] + camera_from_world.translation[tracks.view]
+    longest = max(len(lens.parameters) for lens in lenses)
     n = len(tracks)
     residual, by_place, by_lens = np.zeros((n, 2)), np.zeros((n, 2, 3)), np.zeros((n, 2, longest))
-    camera = views.camera[tracks.view]
-    for index, lens in enumerate(state.lenses):
+    camera = camera[tracks.view]
+    for index, lens in enumerate(lenses):
         mine = np.flatnonzero(camera == index)
         pixels, by_place[mine], of_lens = lens.project_with_derivatives(at[mine], True)
         assert of_lens is not None
@@ -83,16 +93,23 @@ class ReducedEquations:
 
 
 def reduced_equations(
-    views: SceneViews, tracks: Tracks, equations: PixelEquations, columns: Columns
+    camera: IntArray, tracks: Tracks, equations: PixelEquations, lens_widths: Sequence[int]
 ) -> ReducedEquations:
-    """The equations with the points eliminated."""
-    v, points = len(views), tracks.count
+    """The equations with the points eliminated.
+
+    Args:
+        camera: (v,) index of the camera of each view.
+        tracks: The image points.
+        equations: Theirs.
+        lens_widths: By camera how many parameters of its lens are estimated, 0 or all.
+    """
+    v, points = len(camera), tracks.count
     whole, force = _point_blocks(tracks, equations, points)
     root = np.linalg.inv(np.linalg.cholesky(whole))
     solved = (root @ force[..., None])[..., 0]
     tie = (equations.by_camera.mT @ equations.by_point) @ root[tracks.point].mT
     ties = _sparse_ties(tracks, tie, v, points)
-    across, lens_gradient, lens_information, by_view = _lens_sums(views, tracks, equations, columns, root)
+    across, lens_gradient, lens_information, by_view = _lens_sums(camera, tracks, equations, lens_widths, root)
     k = len(lens_gradient)
     information, gradient = np.zeros((6 * v + k, 6 * v + k)), np.zeros(6 * v + k)
     own = sums(tracks.view, v, equations.by_camera.mT @ equations.by_camera)
@@ -141,17 +158,16 @@ def _sparse_ties(tracks: Tracks, tie: Array, views: int, points: int) -> sparse.
 
 
 def _lens_sums(
-    views: SceneViews, tracks: Tracks, equations: PixelEquations, columns: Columns, root: Array
+    camera: IntArray, tracks: Tracks, equations: PixelEquations, widths: Sequence[int], root: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Of lenses: ties to points (k, 3 p), gradient (k,), information (k, k), and that with cameras (6 v, k)."""
-    v, points = len(views), tracks.count
-    widths = [0 if where is None else where.stop - where.start for where in columns.lenses]
+    v, points = len(camera), tracks.count
     ends = np.cumsum([0, *widths])
     k = int(ends[-1])
     ties, gradient, information, beside = np.zeros((k, 3 * points)), np.zeros(k), np.zeros((k, k)), np.zeros((6 * v, k))
-    camera = views.camera[tracks.view]
+    of_points = camera[tracks.view]
     for index, width in enumerate(widths):
-        mine = np.flatnonzero(camera == index)
+        mine = np.flatnonzero(of_points == index)
         if not width or not len(mine):
             continue
         rows, of = slice(ends[index], ends[index + 1]), equations.by_lens[mine, :, :width]

@@ -12,7 +12,7 @@ from basecal.estimation.scene.adjust import SceneFit, Task, adjust, residuals_px
 from basecal.estimation.scene.equations import pixel_equations, point_information
 from basecal.estimation.scene.points import triangulate
 from basecal.estimation.scene.sigmas import estimate_sigmas
-from basecal.estimation.scene.state import SceneState
+from basecal.estimation.scene.state import SceneState, scene_columns
 from basecal.estimation.scene.views import SceneViews, Tracks
 from basecal.geometry import Array, Camera
 
@@ -52,13 +52,13 @@ def fit_scene(
     state = replace(state, points=points[kept])
     sigma_px = _FIRST_PX
     for number in range(_REFINEMENTS):
-        _check_points(tracks)
+        _check_points(views, tracks, state)
         found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses, _TAIL), state)
         sigma_px = _robust_sigma(found)
         stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stated, reach_m).stop_sigma
         limit_px = max(_GROSS * sigma_px, _FIRST_LIMIT_PX / 2**number if number < _REFINEMENTS - 1 else 0.0)
         tracks, state = _without_gross(found, limit_px)
-    _check_points(tracks)
+    _check_points(views, tracks, state)
     for _ in range(2):
         found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
         sigmas = estimate_sigmas(found, stated, reach_m)
@@ -66,9 +66,10 @@ def fit_scene(
     return adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
 
 
-def _check_points(tracks: Tracks) -> None:
-    if not len(tracks):
-        raise np.linalg.LinAlgError("no point of the scene is left")
+def _check_points(views: SceneViews, tracks: Tracks, state: SceneState) -> None:
+    unknowns = scene_columns(views, state.lenses).errors.start
+    if 2 * len(tracks) - 3 * tracks.count <= unknowns:
+        raise np.linalg.LinAlgError("too few points of the scene are left")
 
 
 def _reach_m(views: SceneViews) -> list[float]:

@@ -37,16 +37,16 @@ class MountStart:
         flange_from_camera: The mount.
         lens: With the focal length that fits best.
         median_px: Median distance of pairs from their epipolar geometry [px].
-        rival_px: Likewise of the best other optimum; infinite if all ended in one.
     """
 
     flange_from_camera: SE3
     lens: Camera
     median_px: float
-    rival_px: float
 
 
-def find_mount(pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: bool) -> MountStart | None:
+def find_mount(
+    pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: bool, near: SE3 | None = None
+) -> MountStart | None:
     """The mount that pairs of image points agree with best; None if there are too few.
 
     Args:
@@ -54,9 +54,12 @@ def find_mount(pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: 
         base_from_flange: (v,) recorded poses of all views.
         lens: The lens, or its guess.
         is_free: Whether the focal length is refined.
+        near: A mount to start from; all rotations are searched if it is None.
     """
     if len(pairs) < _RANKED // 10:
         return None
+    if near is not None:
+        return _refine(pairs, base_from_flange, near, lens, is_free)
     ranked = pairs.take(np.unique(np.linspace(0, len(pairs) - 1, _RANKED).astype(np.int64)))
     rotations = rotation_grid(_ROTATIONS)
     scored = [
@@ -65,10 +68,8 @@ def find_mount(pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: 
     positions, scores = (np.concatenate([each[k] for each in scored]) for k in (0, 1))
     best = np.argsort(scores)[:_REFINED]
     ends = [_refine(ranked, base_from_flange, SE3(rotations[k], positions[k]), lens, is_free) for k in best]
-    ends.sort(key=lambda end: end.median_px)
-    first = _refine(pairs, base_from_flange, ends[0].flange_from_camera, ends[0].lens, is_free)
-    others = [end.median_px for end in ends if _is_apart(end.flange_from_camera, ends[0].flange_from_camera)]
-    return MountStart(first.flange_from_camera, first.lens, first.median_px, min(others, default=np.inf))
+    first = min(ends, key=lambda end: end.median_px)
+    return _refine(pairs, base_from_flange, first.flange_from_camera, first.lens, is_free)
 
 
 def rotation_grid(count: int) -> Array:
@@ -78,12 +79,6 @@ def rotation_grid(count: int) -> Array:
     first, second = (2 * np.pi * s / each for each in _SPIRAL)
     parts = inner * np.sin(first), inner * np.cos(first), outer * np.sin(second), outer * np.cos(second)
     return rotation_from_quaternion(np.stack(parts, -1))
-
-
-def _is_apart(one: SE3, other: SE3) -> bool:
-    """Whether two mounts are different optima: a degree or a centimetre apart."""
-    off = (one.inverse() @ other).log()
-    return bool(np.linalg.norm(off[3:]) > np.radians(1.0) or np.linalg.norm(off[:3]) > 1e-2)
 
 
 def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rotations: Array) -> tuple[Array, Array]:
@@ -132,4 +127,4 @@ def _refine(pairs: PointPairs, base_from_flange: SE3, mount: SE3, lens: Camera, 
                 break
     scaled = lens.parameters.copy()
     scaled[:2] *= np.exp(logarithm)
-    return MountStart(mount, lens.with_parameters(scaled), float(np.median(np.abs(off(np.zeros(7))))), np.inf)
+    return MountStart(mount, lens.with_parameters(scaled), float(np.median(np.abs(off(np.zeros(7))))))

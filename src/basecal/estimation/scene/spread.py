@@ -44,6 +44,13 @@ def scene_covariance(fit: SceneFit) -> Array:
     return np.asarray(widened * scale * scale[:, None])
 
 
+def widening(fit: SceneFit) -> float:
+    """By how much sigmas of image points are to grow for the covariance to be that of `scene_covariance` on average."""
+    own = scene_columns(fit.views, fit.state.lenses).errors.start
+    of_model = np.linalg.inv(fit.information)[:own, :own]
+    return float(np.sqrt(np.trace(np.linalg.solve(of_model, scene_covariance(fit))) / own))
+
+
 def _point_clusters(fit: SceneFit) -> list[BoolArray]:
     """Which image points are of each cluster of points."""
     centred = (fit.state.points - np.median(fit.state.points, axis=0)) / np.maximum(fit.state.points.std(0), 1e-9)
@@ -64,8 +71,8 @@ def _jackknife_step(fit: SceneFit, left_out: BoolArray) -> Array:
     state = fit.state.with_points(fit.state.points[old])
     columns = scene_columns(fit.views, state.lenses)
     equations = pixel_equations(fit.views, rest, state, np.full(len(rest), 1 / fit.sigma_px))
-    reduced = reduced_equations(fit.views, rest, equations, columns)
-    moves = column_jacobian(fit.views, state, columns, len(reduced.gradient) - 6 * len(fit.views))
+    reduced = reduced_equations(fit.views.camera, rest, equations, columns.lens_widths)
+    moves = column_jacobian(fit.views, state, columns, sum(columns.lens_widths))
     prior = prior_information(fit.views, state, columns, fit.stop_sigma, fit.guesses)
     information = moves.T @ reduced.information @ moves + prior.information
     return np.asarray(-np.linalg.solve(information, moves.T @ reduced.gradient + prior.gradient))

@@ -71,6 +71,11 @@ class Columns:
     errors: slice
     width: int
 
+    @property
+    def lens_widths(self) -> list[int]:
+        """How many columns each lens has."""
+        return [0 if where is None else where.stop - where.start for where in self.lenses]
+
 
 def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
     """The columns of all that is not fixed."""

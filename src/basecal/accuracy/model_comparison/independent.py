@@ -1,0 +1,33 @@
+"""Two independent estimates of a place, one of which may be deceived: by a copy of an object, or by one that moved.
+
+A deceived estimate may be anywhere in a room. The ratio of evidences is the density of what is between the two
+estimates over that of any place there. Directions of which they know no more than the room say nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.model_comparison.comparison import Comparison
+from basecal.accuracy.model_comparison.nested import compare_evidence, compare_nested
+from basecal.geometry import Array
+
+_ROOM_M = 1.0  # [m] edge of the cube in which copies may be; assumed
+
+
+def compare_places(apart: Array, covariance: Array) -> Comparison:
+    """Whether two estimates are of one place; taken if no deceived one would be so near by chance.
+
+    Args:
+        apart: (3,) from one to the other [m].
+        covariance: (3, 3) of it [m^2].
+    """
+    values, axes = np.linalg.eigh(covariance)
+    width = _ROOM_M / np.sqrt(2 * np.pi * values)
+    gain = np.sum(2 * np.log(np.maximum(width, 1.0))) - np.sum((apart @ axes) ** 2 / values)
+    return compare_evidence("one place", float(gain))
+
+
+def compare_contradiction(apart: Array, covariance: Array) -> Comparison:
+    """Whether two estimates contradict one another; see `compare_places`."""
+    return compare_nested("two places", float(apart @ np.linalg.solve(covariance, apart)), len(apart))

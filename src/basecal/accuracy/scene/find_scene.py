@@ -1,0 +1,122 @@
+"""Find a scene from its pictures: one camera after another, what joins them, then all together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from basecal.accuracy.scene.checks import SAME_SPOT, camera_findings, join_findings, kept_findings
+from basecal.accuracy.scene.joining import Join, join
+from basecal.accuracy.scene.merging import common_share, merged_tracks, shared_points
+from basecal.accuracy.scene.one_camera import OneCamera, solve_camera
+from basecal.accuracy.scene.pictures import Pictures
+from basecal.accuracy.verdicts import judge_findings
+from basecal.cell import Finding
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.fit import fit_scene
+from basecal.estimation.scene.state import SceneState
+from basecal.estimation.settings import Settings
+from basecal.geometry import SE3, Array
+
+
+@dataclass
+class Report:
+    """Findings made so far."""
+
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def is_refused(self) -> bool:
+        """Whether one is an error."""
+        return judge_findings(self.findings) == "refused"
+
+
+def find_scene(
+    pictures: Pictures, stated: Sequence[Array | None], reference: str, report: Report, settings: Settings
+) -> SceneFit | None:
+    """The scene that all pictures show; None if it is refused, for which findings of the report say why.
+
+    Args:
+        pictures: Of all cameras.
+        stated: (6,) noise of each robot [m, rad]; None if it is to be estimated.
+        reference: The robot whose base is the world.
+        report: To which findings are added.
+        settings: How to go about it.
+    """
+    with settings.stage("tracks"):
+        ones = [_solve_one(pictures, camera, stated, settings) for camera in range(len(pictures.views.cameras))]
+    for camera, one in zip(pictures.views.cameras, ones, strict=True):
+        report.findings += camera_findings(camera.name, one)
+    if report.is_refused:
+        return None
+    with settings.stage("joining"):
+        joins = _joins(pictures, ones, report)
+    if report.is_refused:
+        return None
+    with settings.stage("descent"):
+        return _fit(pictures, ones, joins, stated, reference, report)
+
+
+def _solve_one(pictures: Pictures, camera: int, stated: Sequence[Array | None], settings: Settings) -> OneCamera:
+    settings.part(camera + 1, len(pictures.views.cameras))
+    rows = pictures.camera_views(camera)
+    robot = int(pictures.views.robot[rows[0]]) if rows else 0
+    return solve_camera(pictures, camera, stated[robot])
+
+
+def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> list[tuple[int, int, Join]]:
+    """How the scene of each camera joins that of the first."""
+    joins = []
+    for index in range(1, len(ones)):
+        found = join(pictures, ones[0], ones[index])
+        names = (pictures.views.cameras[0].name, pictures.views.cameras[index].name)
+        shared, of_each, common = 0, (0, 0), 0.0
+        if found is not None:
+            common = common_share(ones[0], ones[index], found)
+            joins.append((0, index, found))
+            tracks = merged_tracks(pictures, ones, [joins[-1]])
+            shared, of_each = shared_points(pictures, tracks, (0, index))
+        report.findings += join_findings(names, found, shared, of_each, common)
+    return joins
+
+
+def _fit(
+    pictures: Pictures,
+    ones: Sequence[OneCamera],
+    joins: Sequence[tuple[int, int, Join]],
+    stated: Sequence[Array | None],
+    reference: str,
+    report: Report,
+) -> SceneFit | None:
+    """All pictures adjusted together."""
+    fits = [one.fit for one in ones if one.fit is not None]
+    lenses = tuple(fit.state.lenses[0] for fit in fits)
+    views = pictures.views
+    if not joins:
+        start = replace(fits[0].state, errors=np.zeros((len(views.stop_robot), 6)))
+    else:
+        bases = [SE3.identity() for _ in views.robots]
+        for _, index, found in joins:
+            robot = int(views.robot[pictures.camera_views(index)[0]])
+            bases[robot] = found.second_from_first.inverse()
+        mounts = SE3.stack([fit.state.mounts[0] for fit in fits])
+        home = bases[views.robots.index(reference)]
+        bases = [
+            known.mean if known.status == "fixed" and known.mean is not None else home.inverse() @ base
+            for known, base in zip(views.bases, bases, strict=True)
+        ]
+        start = SceneState(mounts, SE3.stack(bases), lenses, np.zeros((len(views.stop_robot), 6)), np.zeros((0, 3)))
+    tracks = merged_tracks(pictures, ones, joins)
+    before = [shared_points(pictures, tracks, (i, k))[0] for i, k, _ in joins]
+    try:
+        fit = fit_scene(views, tracks, start, lenses, stated)
+    except np.linalg.LinAlgError:
+        what = "The pictures of all cameras fit no common scene."
+        report.findings.append(Finding("scene-rival", "error", (), what, (SAME_SPOT,)))
+        return None
+    for (i, k, _), count in zip(joins, before, strict=True):
+        names = (views.cameras[i].name, views.cameras[k].name)
+        report.findings += kept_findings(names, count, shared_points(pictures, fit.tracks, (i, k))[0])
+    return None if report.is_refused else fit

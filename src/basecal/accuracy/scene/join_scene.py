@@ -1,0 +1,167 @@
+"""Tracks of the static scene beside what else was seen, in one solution.
+
+The scene is found with what else says of lenses and mounts. It joins if it agrees with what else says of the bases, and
+predicts held-out views better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.cross_validation.folds import splits
+from basecal.accuracy.cross_validation.station_scores import score_stations
+from basecal.accuracy.model_comparison.held_out import compare_held_out
+from basecal.accuracy.scene.checks import base_findings
+from basecal.accuracy.scene.find_scene import Report, find_scene
+from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.cell import Cell, Finding, Recording, Unknown
+from basecal.estimation.problem.build import scene_groups
+from basecal.estimation.problem.problem import State
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.spread import scene_covariance, widening
+from basecal.estimation.scene.state import scene_columns
+from basecal.estimation.scene.tie import with_scene
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import Solution, solve_at_mode
+from basecal.geometry import SE3, Array
+
+_ROUNDS = 2  # of the tracks about the solution: the second is about an optimum
+
+
+def join_scene(
+    cell: Cell, recording: Recording, solution: Solution, settings: Settings
+) -> tuple[Solution, tuple[Finding, ...]]:
+    """The solution with the scene in it, and findings; as it was, and why, if the scene is of no use.
+
+    Args:
+        cell: What exists.
+        recording: With pictures or tracks.
+        solution: Of all else that was seen.
+        settings: How to solve.
+    """
+    report, fit = Report(), None
+    with settings.stage("features"):
+        pictures = _beside(read_pictures(cell, recording), solution, cell)
+    if len(pictures.views):
+        stated = [_noise(solution, robot) for robot in pictures.views.robots]
+        fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)
+    if fit is None:
+        return solution, (_left_out(report.findings),)
+    fit = _in_world(fit, solution.state.transforms.get(cell.base_name(fit.views.robots[0])))
+    findings = tuple(_base_findings(cell, solution, fit))
+    refused = [replace(each, severity="warning") for each in findings if each.severity == "error"]
+    if refused:
+        return solution, tuple(refused)
+    with settings.stage("descent"):
+        joined = _joined(cell, recording, solution, fit, settings)
+    if not findings and not _predicts_better(joined, settings.iterations):
+        return solution, (_left_out(()),)
+    what = f"{fit.tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
+    return joined, (*findings, Finding("scene-joined", "info", (), what))
+
+
+def _beside(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
+    """The pictures with what a solution has of lenses and mounts; the first robot's base is the world of the scene."""
+    views, state, open_names = pictures.views, solution.state, solution.observability.unobservable
+    if not len(views):
+        return pictures
+    anchor = next((k for k, name in enumerate(views.robots) if name == cell.reference), 0)
+    robots = [anchor, *(k for k in range(len(views.robots)) if k != anchor)]
+    renumbered = np.append(np.argsort(robots), -1)
+    lenses = [state.cameras.get(c.name, lens) for c, lens in zip(views.cameras, pictures.lenses, strict=True)]
+    mounts = [cell.mount_name(camera.name) for camera in views.cameras]
+    return replace(
+        pictures,
+        views=replace(
+            views,
+            robots=tuple(views.robots[k] for k in robots),
+            bases=(Unknown("fixed", SE3.identity()), *(Unknown() for _ in robots[1:])),
+            robot=renumbered[views.robot],
+            stop_robot=renumbered[views.stop_robot],
+        ),
+        lenses=tuple(lenses),
+        is_guessed=tuple(
+            is_guessed and c.name not in state.cameras
+            for c, is_guessed in zip(views.cameras, pictures.is_guessed, strict=True)
+        ),
+        mounts=tuple(None if name in open_names else state.transforms.get(name) for name in mounts),
+    )
+
+
+def _noise(solution: Solution, robot: str) -> Array | None:
+    """The noise of a robot's stops in a solution, (6,) [m, rad]; None if it has none."""
+    rows = [k for k, name in enumerate(solution.problem.stops.robot) if name == robot]
+    return solution.problem.stops.sigma[rows[0]] if rows else None
+
+
+def _in_world(fit: SceneFit, world_from_first: SE3 | None) -> SceneFit:
+    """A scene whose world is the base of its first robot, in the world of the cell."""
+    if world_from_first is None:
+        return fit
+    state = replace(fit.state, bases=world_from_first @ fit.state.bases, points=world_from_first @ fit.state.points)
+    return replace(fit, state=state)
+
+
+def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Finding]:
+    """What else says of each base that the scene has."""
+    columns, covariance = scene_columns(fit.views, fit.state.lenses), scene_covariance(fit)
+    for k, where in enumerate(columns.bases):
+        if where is None:
+            continue
+        name = cell.base_name(fit.views.robots[k])
+        if name in solution.observability.unobservable:
+            yield from base_findings(name, None, np.eye(3))
+        else:
+            known = solution.transforms[name]
+            apart = (known.mean.inverse() @ fit.state.bases[k]).translation
+            yield from base_findings(name, apart, known.covariance[:3, :3] + covariance[where, where][:3, :3])
+
+
+def _joined(cell: Cell, recording: Recording, last: Solution, fit: SceneFit, settings: Settings) -> Solution:
+    """Everything in one solution, from the last without the scene."""
+    views = fit.views
+    seen = {camera.name: views.sample[views.camera == k].tolist() for k, camera in enumerate(views.cameras)}
+    groups = scene_groups(cell, recording, last.problem, seen)
+    settings = settings if last.noise.logs is not None else replace(settings, robot_noise="stated")
+    problem, state = last.problem, _first_state(cell, last, fit)
+    sigma_px = fit.sigma_px * widening(fit)
+    for _ in range(_ROUNDS):
+        problem = with_scene(problem, state, groups, fit, sigma_px)
+        last = solve_at_mode(problem, state, settings, last.findings, last.noise)
+        problem, state = last.problem, last.state
+        groups = groups if problem.tied is None else problem.tied.groups
+    return last
+
+
+def _first_state(cell: Cell, solution: Solution, fit: SceneFit) -> State:
+    """The state of a solution, what it does not determine as the scene has it."""
+    state, views, missing = solution.state, fit.views, solution.observability.unobservable
+    found = {cell.base_name(name): fit.state.bases[k] for k, name in enumerate(views.robots) if name != cell.reference}
+    found |= {cell.mount_name(camera.name): fit.state.mounts[k] for k, camera in enumerate(views.cameras)}
+    transforms = {name: found[name] if name in missing & found.keys() else at for name, at in state.transforms.items()}
+    cameras = {camera.name: lens for camera, lens in zip(views.cameras, fit.state.lenses, strict=True)}
+    return replace(state, transforms=transforms, cameras={**cameras, **state.cameras})
+
+
+def _predicts_better(joined: Solution, iterations: int) -> bool:
+    """Whether views that were held out are predicted better with the scene than without it."""
+    split = next(splits(joined.problem), None)
+    if split is None:
+        return True
+    without, within = (
+        score_stations(problem, joined.state, split, iterations).scores
+        for problem in (replace(joined.problem, tied=None), joined.problem)
+    )
+    return compare_held_out("scene", without - within).gain > 0
+
+
+def _left_out(findings: Sequence[Finding]) -> Finding:
+    """That the scene does not take part, and the first reason."""
+    first = next((each for each in findings if each.severity == "error"), None)
+    if first is None:
+        return Finding("scene-left-out", "info", (), "Views that were held out are predicted no better with the scene.")
+    what = f"The scene takes no part in the answer. {first.what}"
+    return Finding("scene-left-out", "info", first.about, what, first.do, first.why)

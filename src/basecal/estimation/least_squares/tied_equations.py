@@ -1,0 +1,92 @@
+"""Views that a scene's points tie together, to second order about a state; see `TiedViews`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
+from basecal.estimation.least_squares.schur_complement import SchurAccumulator
+from basecal.estimation.problem.problem import Problem, State, chain
+from basecal.estimation.problem.tied_views import TiedViews
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.geometry import SE3, Array
+from basecal.geometry.se3_jacobians import right_jacobian_inverse
+
+
+@dataclass(frozen=True, eq=False)
+class TiedEquations:
+    """Tied views about a state, or a batch of them.
+
+    Attributes:
+        cost: (...).
+        gradient: (..., q) to their own columns.
+        information: (q, q).
+        by_unknowns: (..., q, p) derivative of these columns to the unknowns.
+        by_errors: (..., q, 6 k) likewise to the errors, in sigmas, of their k stops.
+    """
+
+    cost: Array
+    gradient: Array
+    information: Array
+    by_unknowns: Array
+    by_errors: Array
+
+    def add(self, hessian: Array, gradient: Array, problem: Problem, sums: SchurAccumulator | None) -> None:
+        """Add them to sums over other views, whose first columns are the unknowns."""
+        assert problem.tied is not None
+        carried, width = self.information @ self.by_unknowns, problem.width
+        hessian[..., :width, :width] += self.by_unknowns.mT @ carried
+        gradient[..., :width] += (self.by_unknowns.mT @ self.gradient[..., None])[..., 0]
+        if sums is not None and len(problem.tied.stops):
+            sums.add_tied(
+                problem.shared_stops[problem.tied.stops],
+                (self.by_errors.mT @ self.gradient[..., None])[..., 0],
+                self.by_errors.mT @ carried,
+                self.by_errors.mT @ self.information @ self.by_errors,
+            )
+
+
+def linearise_tied(problem: Problem, tied: TiedViews, state: State) -> TiedEquations:
+    """The tied views of a problem about a state."""
+    parts, first = [], 0
+    for group in tied.groups:
+        reference = tied.camera_from_world[first : first + len(group)]
+        parts.append(_linearise_group(problem, tied, group, reference, state))
+        first += len(group)
+    offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
+    for camera, about in tied.lenses.items():
+        where, off = problem.columns[camera], state.cameras[camera].parameters - about.parameters
+        rows = np.zeros((*state.batch, off.shape[-1], problem.width))
+        rows[..., np.arange(where.start, where.stop)] = np.eye(off.shape[-1])
+        offset = np.concatenate([offset, np.broadcast_to(off, rows.shape[:-1])], -1)
+        by_unknowns = np.concatenate([by_unknowns, rows], -2)
+        by_errors = np.concatenate([by_errors, np.zeros((*rows.shape[:-1], by_errors.shape[-1]))], -2)
+    carried = offset @ tied.information
+    cost = tied.cost + np.sum(offset * (2 * tied.gradient + carried), -1)
+    return TiedEquations(cost, tied.gradient + carried, tied.information, by_unknowns, by_errors)
+
+
+_AXES = (0, -1), (1, -2), (2, -2)
+
+
+def _linearise_group(
+    problem: Problem, tied: TiedViews, group: ViewGroup, reference: SE3, state: State
+) -> tuple[Array, Array, Array]:
+    """Tangents from the reference (..., 6 n), derivatives to unknowns (..., 6 n, p) and to errors (..., 6 n, 6 k)."""
+    links, n = chain(group, state, problem.stops), len(group)
+    offset = (reference.inverse() @ links.camera_from_target).log()
+    turn = right_jacobian_inverse(offset)
+    by_unknowns = np.zeros((*offset.shape, problem.width))
+    derivatives = [unknown_jacobian(problem, group, links, 6)]
+    if problem.models:
+        derivatives.append(robot_model_jacobian(problem, group, links, state, 6))
+    for derivative, columns in derivatives:
+        by_unknowns[..., columns] = turn @ derivative
+    by_errors = np.zeros((*offset.shape[:-1], len(tied.stops), 6, 6))
+    for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
+        by_errors[..., np.arange(n), np.searchsorted(tied.stops, stop), :, :] = turn @ by_error
+    flat = *offset.shape[:-2], 6 * n
+    errors = np.swapaxes(by_errors, -3, -2).reshape(*flat, 6 * len(tied.stops))
+    return offset.reshape(flat), by_unknowns.reshape(*flat, problem.width), errors

@@ -1,0 +1,65 @@
+"""Tracks of a scene joined with what else was seen: the points eliminated, about the state of a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.tied_views import TiedViews
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.equations import equations_of_points, point_steps, reduced_equations
+from basecal.numerics.batch import concatenate
+
+_POINT_STEPS = 3  # Gauss-Newton steps that bring points to their best
+
+
+def with_scene(problem: Problem, state: State, groups: Sequence[ViewGroup], fit: SceneFit, sigma_px: float) -> Problem:
+    """The problem with the tracks of a scene about a state.
+
+    Args:
+        problem: What else was seen.
+        state: Of all its unknowns and lenses; a scene's own cameras stand among these.
+        groups: Views of the scene, by camera in the order of those of `fit`.
+        fit: Tracks, and points to start from.
+        sigma_px: Of image points [px].
+    """
+    lenses = {camera.name: camera.lens for camera in fit.views.cameras}
+    columns, width = dict(problem.columns), problem.width
+    for name, lens in lenses.items():
+        if name not in columns and lens.status != "fixed":
+            more = len(state.cameras[name].parameters)
+            columns[name], width = slice(width, width + more), width + more
+    joined = replace(problem, lenses={**lenses, **problem.lenses}, columns=columns)
+    return replace(joined, tied=_tied(joined, state, groups, fit, sigma_px))
+
+
+def _tied(problem: Problem, state: State, groups: Sequence[ViewGroup], fit: SceneFit, sigma_px: float) -> TiedViews:
+    order = np.concatenate([np.flatnonzero(fit.views.camera == k) for k in range(len(groups))])
+    tracks = replace(fit.tracks, view=np.argsort(order)[fit.tracks.view])
+    camera = fit.views.camera[order]
+    camera_from_world = concatenate([state.camera_from_target(group, problem.stops) for group in groups])
+    own = tuple(state.cameras[group.camera] for group in groups)
+    points, weight = fit.state.points, np.full(len(tracks), 1 / sigma_px)
+    for _ in range(_POINT_STEPS):
+        equations = equations_of_points(tracks, camera, camera_from_world, own, points, weight)
+        points = points + point_steps(tracks, equations)
+    equations = equations_of_points(tracks, camera, camera_from_world, own, points, weight)
+    free = {group.camera: lens for group, lens in zip(groups, own, strict=True) if group.camera in problem.columns}
+    widths = [len(lens.parameters) if group.camera in free else 0 for group, lens in zip(groups, own, strict=True)]
+    reduced = reduced_equations(camera, tracks, equations, widths)
+    # A right tangent of a camera in the world is one of the world in the camera, carried and turned about.
+    turn = block_diag(*-camera_from_world.adjoint(), np.eye(sum(widths)))
+    return TiedViews(
+        tuple(groups),
+        camera_from_world,
+        free,
+        float(np.sum(equations.residual**2)),
+        turn.T @ reduced.gradient,
+        turn.T @ reduced.information @ turn,
+        2 * len(tracks) - 3 * tracks.count,
+    )

@@ -1,0 +1,112 @@
+"""Tracks of the static scene beside a board, in one solution."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.scene.join_scene import join_scene
+from basecal.cell import Calibration, Cell, Recording, RobotState, Sample
+from basecal.cell.files import read_cell, read_recording
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from scene_points import ARM_M, ARM_RAD, BASE, LENS, Scene, made_scene
+from scene_tracks import write_tracks
+
+BASE_NAME = "left_base_from_right_base"
+BOARD_MOUNT = SE3.from_rpy((0.1, 0.2, 0.3), (0.02, 0.01, 0.1))
+NOISE = np.repeat([ARM_M, ARM_RAD], 3)
+
+
+def board_beside_tracks(folder: Path, scene: Scene, seed: int, boards: int) -> tuple[Cell, Recording]:
+    """A board on the right arm, which the left eye sees in its first views, beside the tracks of a scene.
+
+    Args:
+        folder: Of the cell.
+        scene: Of two arms.
+        seed: Of what is drawn.
+        boards: How many views show it.
+    """
+    write_tracks(folder, scene)
+    cell = json.loads((folder / "cell.yaml").read_text())
+    cell["targets"] = {"board": {"on": "right", "kind": "chessboard", "corners": [7, 5], "square_m": 0.03}}
+    (folder / "cell.yaml").write_text(json.dumps(cell))
+    target = read_cell(folder).targets["board"].target
+    assert target is not None
+    rng = np.random.default_rng(seed)
+    path = folder / "recording" / "samples.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    for view in range(boards):
+        while True:
+            rotvec = np.array([np.pi, 0, 0]) + rng.uniform(-0.5, 0.5, 3)
+            at = SE3.from_rpy(rotvec, (*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.4, 0.7)))
+            if LENS.sees(at @ target.points).all():
+                break
+        pixels = LENS.project(at @ target.points) + 0.2 * rng.standard_normal((len(target.points), 2))
+        right = (
+            BASE.inverse()
+            @ scene.world_from_camera[view]
+            @ at
+            @ BOARD_MOUNT.inverse()
+            @ SE3.exp(rng.standard_normal(6) * NOISE)
+        )
+        pose = {"t_m": right.translation.tolist(), "q_xyzw": right.quaternion.tolist()}
+        lines[view]["robots"]["right"] = {"base_from_flange": pose}
+        seen = {"camera": "left_eye", "target": "board", "ids": target.ids.tolist(), "pixels": pixels.tolist()}
+        lines[view]["observations"].append(seen)
+    path.write_text("\n".join(map(json.dumps, lines)) + "\n")
+    described = read_cell(folder)
+    return described, read_recording(folder, described)
+
+
+def off_base(answer: Calibration) -> tuple[float, float, float]:
+    """Distance of the base from the truth [m], its square by the covariance, and the sigma [m]."""
+    base = answer.transforms[BASE_NAME]
+    off = (BASE.inverse() @ base.mean).log()
+    m2 = float(off @ np.linalg.solve(base.covariance, off))
+    return float(np.linalg.norm(off[:3])), m2, float(np.sqrt(np.trace(base.covariance[:3, :3])))
+
+
+@pytest.mark.slow
+def test_scene_and_board_are_one_answer(tmp_path: Path) -> None:
+    """The base is good, within its 99.99 % ellipsoid, and its sigma is less than three quarters of the board's."""
+    scene = made_scene(1, arms=2, count=12, points=220)
+    cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
+    without = replace(recording, samples=tuple(replace(each, tracks=()) for each in recording.samples))
+    both, board = calibrate(cell, recording), calibrate(cell, without)
+    assert both.verdict == "good"
+    assert [each.code for each in both.findings] == ["scene-joined"]
+    assert off_base(both)[1] < 27.9
+    assert off_base(both)[2] < 0.75 * off_base(board)[2]
+    assert "right_flange_from_right_eye" in both.transforms
+
+
+def shifted(recording: Recording, shift: SE3) -> Recording:
+    """The recording as if all that the right eye sees had been moved in the world before it looked."""
+
+    def moved(sample: Sample) -> Sample:
+        """A sample of the right eye with the pose that shows it the same of what moved."""
+        pose = sample.robots["right"].base_from_flange
+        assert pose is not None
+        return replace(sample, robots={"right": RobotState(BASE.inverse() @ shift @ BASE @ pose)})
+
+    own = (moved(each) if each.tracks[0].camera == "right_eye" else each for each in recording.samples)
+    return replace(recording, samples=tuple(own))
+
+
+@pytest.mark.slow
+def test_a_scene_that_contradicts_the_board_is_left_out(tmp_path: Path) -> None:
+    """If what the right arm sees moved by 5 cm before it looked, the board's answer stays as it is, and a warning."""
+    scene = made_scene(1, arms=2, count=12, points=220)
+    cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
+    away = shifted(recording, SE3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    solution = solve(cell, away, Settings())
+    found, (finding,) = join_scene(cell, away, solution, Settings())
+    assert found is solution
+    assert (finding.code, finding.severity, finding.about) == ("scene-rival", "warning", (BASE_NAME,))
