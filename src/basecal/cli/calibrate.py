@@ -18,7 +18,7 @@ from basecal.fields.typed_length import length_m
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell
-    from basecal.estimation.settings import Method, Settings
+    from basecal.estimation.settings import Settings
 
 
 _EXIT_CODES = {"REFUSED": 4, "FAIL": 5, "DOUBTFUL": 1}
@@ -87,12 +87,10 @@ def calibrate(
     from basecal.cell.files import calibration_to_dict, read_cell
     from basecal.estimation.settings import Settings
 
-    needed_m = None if tolerance is None else length_m(tolerance)
-    method_in_use: Method = "scene" if scene is True else method
-    _refuse_unused_options(method_in_use, start, task_point, task_box, station_choice)
+    _refuse_unused_options("scene" if scene is True else method, start, task_point, task_box, station_choice)
     described = read_cell(cell)
     settings = Settings(
-        method=method_in_use,
+        method="scene" if scene is True else method,
         start=start,
         task_point=task_point if task_box is None else task_points(task_point, task_box)[0],
         task_box=task_box,
@@ -102,7 +100,7 @@ def calibrate(
         robot_noise=robot_noise,
         joins_scene=scene == "also",
     )
-    made = calibrate_folder(cell, described, settings, verbose, needed_m)
+    made = calibrate_folder(cell, described, settings, verbose, None if tolerance is None else length_m(tolerance))
     if json:
         print_json(calibration_to_dict(made.calibration))
     else:

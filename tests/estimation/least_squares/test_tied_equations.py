@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import batch_states
 from basecal.estimation.least_squares.normal_equations import linearise, retract
-from basecal.estimation.least_squares.tied_equations import linearise_tied
+from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.geometry import SE3
 from tied_scene import tracks_alone
 
@@ -20,7 +20,7 @@ def test_derivatives_are_differences() -> None:
     rng = np.random.default_rng(0)
     shifted = {name: at @ SE3.exp(np.full(6, 0.02)) for name, at in state.transforms.items()}
     state = replace(state, transforms=shifted, stop_errors=rng.standard_normal(state.stop_errors.shape))
-    about, normal = linearise_tied(problem, problem.tied, state), linearise(problem, state)
+    about, normal = linearise_scene(problem, problem.tied, state), linearise(problem, state)
     step = 1e-7 * rng.standard_normal(problem.width)
     errors = 1e-7 * rng.standard_normal(state.stop_errors.shape)
 
@@ -28,7 +28,7 @@ def test_derivatives_are_differences() -> None:
         """After a step forwards or backwards."""
         moved = retract(problem, state, normal, sign * step)
         moved = replace(moved, stop_errors=state.stop_errors + sign * errors)
-        return float(linearise_tied(problem, problem.tied, moved).cost)
+        return float(linearise_scene(problem, problem.tied, moved).cost)
 
     slope = about.gradient @ (about.by_unknowns @ step + about.by_errors @ errors.ravel())
     np.testing.assert_allclose((cost(1) - cost(-1)) / 4, slope, rtol=1e-5)

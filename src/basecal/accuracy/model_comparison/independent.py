@@ -11,23 +11,24 @@ import numpy as np
 from basecal.accuracy.model_comparison.comparison import Comparison
 from basecal.accuracy.model_comparison.nested import compare_evidence, compare_nested
 from basecal.geometry import Array
+from basecal.numerics.spectral import scaled_spectrum
 
 _ROOM_M = 1.0  # [m] edge of the cube in which copies may be; assumed
 
 
-def compare_places(apart: Array, covariance: Array) -> Comparison:
+def compare_places(offset: Array, covariance: Array) -> Comparison:
     """Whether two estimates are of one place; taken if no deceived one would be so near by chance.
 
     Args:
-        apart: (3,) from one to the other [m].
+        offset: (3,) from one to the other [m].
         covariance: (3, 3) of it [m^2].
     """
-    values, axes = np.linalg.eigh(covariance)
-    width = _ROOM_M / np.sqrt(2 * np.pi * values)
-    gain = np.sum(2 * np.log(np.maximum(width, 1.0))) - np.sum((apart @ axes) ** 2 / values)
+    of = scaled_spectrum(covariance, 1.0)
+    width = _ROOM_M / np.sqrt(2 * np.pi * of.values)
+    gain = np.sum(2 * np.log(np.maximum(width, 1.0))) - np.sum((offset @ of.vectors) ** 2 / of.values)
     return compare_evidence("one place", float(gain))
 
 
-def compare_contradiction(apart: Array, covariance: Array) -> Comparison:
+def compare_contradiction(offset: Array, covariance: Array) -> Comparison:
     """Whether two estimates contradict one another; see `compare_places`."""
-    return compare_nested("two places", float(apart @ np.linalg.solve(covariance, apart)), len(apart))
+    return compare_nested("two places", float(offset @ np.linalg.solve(covariance, offset)), len(offset))

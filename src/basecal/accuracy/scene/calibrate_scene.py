@@ -95,7 +95,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
         if known.status != "fixed" and not report.is_refused:
             name = cell.base_name(robot)
             base = PoseEstimate(fit.state.bases[fit.views.robots.index(robot)], own[name])
-            report.findings += base_findings(name, *_beside_statement(known, base))
+            report.findings += base_findings(name, *_compare_statement(known, base))
     if report.is_refused:
         return _refuse(report, settings)
     report.findings.append(Finding("scene-scale", "info", (), _UNIT))
@@ -117,14 +117,14 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
     )
 
 
-def _beside_statement(known: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:
+def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:
     """From where a base is stated to where a scene alone has it, (3,) [m], and covariance; None if nothing is known."""
-    if known.mean is None or known.sigma is None:
+    if statement.mean is None or statement.sigma is None:
         return None, np.eye(3)
-    sigma = np.minimum(known.sigma, _NOTHING_M)
+    sigma = np.minimum(statement.sigma, _NOTHING_M)
     information = np.linalg.inv(base.covariance)
     of_scene = np.linalg.inv(information - np.diag(1 / sigma**2))
-    apart = of_scene @ information @ (known.mean.inverse() @ base.mean).log()
+    apart = of_scene @ information @ (statement.mean.inverse() @ base.mean).log()
     return apart[:3], (of_scene + np.diag(sigma**2))[:3, :3]
 
 

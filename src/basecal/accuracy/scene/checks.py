@@ -109,18 +109,18 @@ def join_findings(
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,), why)
 
 
-def base_findings(name: str, apart: Array | None, covariance: Array) -> Iterator[Finding]:
+def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterator[Finding]:
     """Whether something beside the scene speaks for a base.
 
     Args:
         name: Of the base.
-        apart: (3,) from where other evidence has it to where the scene has it [m]; None without other evidence.
+        offset: (3,) from where other evidence has it to where the scene has it [m]; None without other evidence.
         covariance: (3, 3) of that [m^2].
     """
-    if apart is not None and compare_contradiction(apart, covariance).is_taken:
-        what = f"The scene has {name} {1e3 * np.linalg.norm(apart):.3g} mm from where all else has it."
+    if offset is not None and compare_contradiction(offset, covariance).is_taken:
+        what = f"The scene has {name} {1e3 * np.linalg.norm(offset):.3g} mm from where all else has it."
         yield Finding("scene-rival", "error", (name,), what, (_TWO_PLACES,), _MISTAKEN)
-    elif apart is None or not compare_places(apart, covariance).is_taken:
+    elif offset is None or not compare_places(offset, covariance).is_taken:
         what = f"{name} rests on objects that two cameras see."
         yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two copies of one object would deceive it.")
 

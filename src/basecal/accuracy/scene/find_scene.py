@@ -34,19 +34,19 @@ class Report:
 
 
 def find_scene(
-    pictures: Pictures, stated: Sequence[Array | None], reference: str, report: Report, settings: Settings
+    pictures: Pictures, robot_noise: Sequence[Array | None], reference: str, report: Report, settings: Settings
 ) -> SceneFit | None:
     """The scene that all pictures show; None if it is refused, for which findings of the report say why.
 
     Args:
         pictures: Of all cameras.
-        stated: (6,) noise of each robot [m, rad]; None if it is to be estimated.
+        robot_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
         reference: The robot whose base is the world.
         report: To which findings are added.
         settings: How to go about it.
     """
     with settings.stage("tracks"):
-        ones = [_solve_one(pictures, camera, stated, settings) for camera in range(len(pictures.views.cameras))]
+        ones = [_solve_one(pictures, camera, robot_noise, settings) for camera in range(len(pictures.views.cameras))]
     for camera, one in zip(pictures.views.cameras, ones, strict=True):
         report.findings += camera_findings(camera.name, one)
     if report.is_refused:
@@ -56,14 +56,14 @@ def find_scene(
     if report.is_refused:
         return None
     with settings.stage("descent"):
-        return _fit(pictures, ones, joins, stated, reference, report)
+        return _fit(pictures, ones, joins, robot_noise, reference, report)
 
 
-def _solve_one(pictures: Pictures, camera: int, stated: Sequence[Array | None], settings: Settings) -> OneCamera:
+def _solve_one(pictures: Pictures, camera: int, robot_noise: Sequence[Array | None], settings: Settings) -> OneCamera:
     settings.part(camera + 1, len(pictures.views.cameras))
     rows = pictures.camera_views(camera)
     robot = int(pictures.views.robot[rows[0]]) if rows else 0
-    return solve_camera(pictures, camera, stated[robot])
+    return solve_camera(pictures, camera, robot_noise[robot])
 
 
 def _joins(pictures: Pictures, ones: Sequence[OneCamera], report: Report) -> list[tuple[int, int, Join]]:
@@ -86,7 +86,7 @@ def _fit(
     pictures: Pictures,
     ones: Sequence[OneCamera],
     joins: Sequence[tuple[int, int, Join]],
-    stated: Sequence[Array | None],
+    robot_noise: Sequence[Array | None],
     reference: str,
     report: Report,
 ) -> SceneFit | None:
@@ -111,7 +111,7 @@ def _fit(
     tracks = merged_tracks(pictures, ones, joins)
     before = [shared_points(pictures, tracks, (i, k))[0] for i, k, _ in joins]
     try:
-        fit = fit_scene(views, tracks, start, lenses, stated)
+        fit = fit_scene(views, tracks, start, lenses, robot_noise)
     except np.linalg.LinAlgError:
         what = "The pictures of all cameras fit no common scene."
         report.findings.append(Finding("scene-rival", "error", (), what, (SAME_SPOT,)))

@@ -28,7 +28,7 @@ from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode
 from basecal.geometry import SE3, Array
 
-_ROUNDS = 2  # of the tracks about the solution: the second is about an optimum
+_LINEARISATIONS = 2  # of the tracks about the solution: the second is about an optimum
 
 
 def join_scene(
@@ -44,26 +44,26 @@ def join_scene(
     """
     report, fit = Report(), None
     with settings.stage("features"):
-        pictures = _beside(read_pictures(cell, recording), solution, cell)
+        pictures = _update_pictures(read_pictures(cell, recording), solution, cell)
     if len(pictures.views):
         stated = [_noise(solution, robot) for robot in pictures.views.robots]
         fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)
     if fit is None:
-        return solution, (_left_out(report.findings),)
-    fit = _in_world(fit, solution.state.transforms.get(cell.base_name(fit.views.robots[0])))
+        return solution, (_explain_omission(report.findings),)
+    fit = _place_in_world(fit, solution.state.transforms.get(cell.base_name(fit.views.robots[0])))
     findings = tuple(_base_findings(cell, solution, fit))
     refused = [replace(each, severity="warning") for each in findings if each.severity == "error"]
     if refused:
         return solution, tuple(refused)
     with settings.stage("descent"):
-        joined = _joined(cell, recording, solution, fit, settings)
+        joined = _solve_jointly(cell, recording, solution, fit, settings)
     if not findings and not _predicts_better(joined, settings.iterations):
-        return solution, (_left_out(()),)
+        return solution, (_explain_omission(()),)
     what = f"{fit.tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
     return joined, (*findings, Finding("scene-joined", "info", (), what))
 
 
-def _beside(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
+def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
     """The pictures with what a solution has of lenses and mounts; the first robot's base is the world of the scene."""
     views, state, open_names = pictures.views, solution.state, solution.observability.unobservable
     if not len(views):
@@ -97,7 +97,7 @@ def _noise(solution: Solution, robot: str) -> Array | None:
     return solution.problem.stops.sigma[rows[0]] if rows else None
 
 
-def _in_world(fit: SceneFit, world_from_first: SE3 | None) -> SceneFit:
+def _place_in_world(fit: SceneFit, world_from_first: SE3 | None) -> SceneFit:
     """A scene whose world is the base of its first robot, in the world of the cell."""
     if world_from_first is None:
         return fit
@@ -120,7 +120,7 @@ def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Fi
             yield from base_findings(name, apart, known.covariance[:3, :3] + covariance[where, where][:3, :3])
 
 
-def _joined(cell: Cell, recording: Recording, last: Solution, fit: SceneFit, settings: Settings) -> Solution:
+def _solve_jointly(cell: Cell, recording: Recording, last: Solution, fit: SceneFit, settings: Settings) -> Solution:
     """Everything in one solution, from the last without the scene."""
     views = fit.views
     seen = {camera.name: views.sample[views.camera == k].tolist() for k, camera in enumerate(views.cameras)}
@@ -128,7 +128,7 @@ def _joined(cell: Cell, recording: Recording, last: Solution, fit: SceneFit, set
     settings = settings if last.noise.logs is not None else replace(settings, robot_noise="stated")
     problem, state = last.problem, _first_state(cell, last, fit)
     sigma_px = fit.sigma_px * widening(fit)
-    for _ in range(_ROUNDS):
+    for _ in range(_LINEARISATIONS):
         problem = with_scene(problem, state, groups, fit, sigma_px)
         last = solve_at_mode(problem, state, settings, last.findings, last.noise)
         problem, state = last.problem, last.state
@@ -146,19 +146,19 @@ def _first_state(cell: Cell, solution: Solution, fit: SceneFit) -> State:
     return replace(state, transforms=transforms, cameras={**cameras, **state.cameras})
 
 
-def _predicts_better(joined: Solution, iterations: int) -> bool:
+def _predicts_better(solution: Solution, iterations: int) -> bool:
     """Whether views that were held out are predicted better with the scene than without it."""
-    split = next(splits(joined.problem), None)
+    split = next(splits(solution.problem), None)
     if split is None:
         return True
     without, within = (
-        score_stations(problem, joined.state, split, iterations).scores
-        for problem in (replace(joined.problem, tied=None), joined.problem)
+        score_stations(problem, solution.state, split, iterations).scores
+        for problem in (replace(solution.problem, tied=None), solution.problem)
     )
     return compare_held_out("scene", without - within).gain > 0
 
 
-def _left_out(findings: Sequence[Finding]) -> Finding:
+def _explain_omission(findings: Sequence[Finding]) -> Finding:
     """That the scene does not take part, and the first reason."""
     first = next((each for each in findings if each.severity == "error"), None)
     if first is None:

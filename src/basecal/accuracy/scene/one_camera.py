@@ -77,8 +77,8 @@ def solve_camera(pictures: Pictures, camera: int, stated: Array | None) -> OneCa
     pixels = [pictures.features[rows[v]].pixels[f] for v, f in zip(chains.view, chains.feature, strict=True)]
     tracks = Tracks(chains.view, chains.track, np.array(pixels).reshape(-1, 2))
     pairs = point_pairs(views, tracks, 0, _PAIRS)
-    near = pictures.mounts[camera] if pictures.mounts else None
-    start = _start(pairs, views, lens, pictures.is_guessed[camera], near)
+    guess = pictures.mounts[camera] if pictures.mounts else None
+    start = _start(pairs, views, lens, pictures.is_guessed[camera], guess)
     nothing = OneCamera(camera, views, rows, start, None, np.zeros(0, dtype=np.int64), len(matches))
     if start is None:
         return nothing
@@ -157,14 +157,16 @@ def _plane(lens: Camera, pixels: Array) -> Array:
     return np.where(valid[:, None], plane, 1e3)
 
 
-def _start(pairs: PointPairs, views: SceneViews, lens: Camera, is_guessed: bool, near: SE3 | None) -> MountStart | None:
-    """The best mount, near one if that is known; of a guessed lens with the focal length that fits best."""
+def _start(
+    pairs: PointPairs, views: SceneViews, lens: Camera, is_guessed: bool, guess: SE3 | None
+) -> MountStart | None:
+    """The best mount, near a guess if there is one; of a guessed lens with the focal length that fits best."""
     is_free = views.cameras[0].lens.status == "free"
     found = []
     for scale in _FOCAL_SCALES if is_guessed else (1.0,):
         parameters = lens.parameters.copy()
         parameters[:2] *= scale
-        start = find_mount(pairs, views.base_from_flange, lens.with_parameters(parameters), is_free, near)
+        start = find_mount(pairs, views.base_from_flange, lens.with_parameters(parameters), is_free, guess)
         found += [] if start is None else [start]
     return min(found, key=lambda each: each.median_px, default=None)
 

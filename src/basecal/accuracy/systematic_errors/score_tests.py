@@ -26,7 +26,7 @@ from basecal.estimation.least_squares.normal_equations import (
     prior_residuals,
 )
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement
-from basecal.estimation.least_squares.tied_equations import linearise_tied
+from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
@@ -183,7 +183,7 @@ def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...
         hessian[each.columns[:, None], each.columns] += flat.T @ carried
         gradient[each.columns] += flat.T @ each.gradient.ravel()
     if problem.tied is not None:
-        linearise_tied(problem, problem.tied, state).add(hessian, gradient, problem, stops if shared.any() else None)
+        linearise_scene(problem, problem.tied, state).add(hessian, gradient, problem, stops if shared.any() else None)
     system = stops.solve() if shared.any() else None
     if system is not None:
         hessian, gradient = system.reduce(hessian, gradient)

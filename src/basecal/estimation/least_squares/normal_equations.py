@@ -16,7 +16,7 @@ import numpy as np
 
 from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.schur_complement import SchurAccumulator, SchurComplement, SharedView
-from basecal.estimation.least_squares.tied_equations import linearise_tied
+from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.robot_parameters import apply_step, column_values
 from basecal.estimation.problem.view_group import ViewGroup
@@ -121,7 +121,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
         hessian[..., of.columns[:, None], of.columns] += transposed @ weighted
         gradient[..., of.columns] += (transposed @ of.gradient.reshape(*flat.shape[:-1], 1))[..., 0]
     if problem.tied is not None:
-        tied = linearise_tied(problem, problem.tied, state)
+        tied = linearise_scene(problem, problem.tied, state)
         cost += tied.cost
         tied.add(hessian, gradient, problem, sums)
     system = None if sums is None else sums.solve()

@@ -121,7 +121,7 @@ class SchurAccumulator:
         if len(shared_views) == 2:
             self._add_pairs(shared_views[0], shared_views[1], information)
 
-    def add_tied(self, stop: IntArray, gradient: Array, by_unknowns: Array, information: Array) -> None:
+    def add_scene(self, stop: IntArray, gradient: Array, by_unknowns: Array, information: Array) -> None:
         """Add what ties k stops to one another: gradient (..., 6 k), (..., 6 k, p) and information (..., 6 k, 6 k)."""
         k = len(stop)
         self.gradient[..., stop, :] += gradient.reshape(*gradient.shape[:-1], k, 6)

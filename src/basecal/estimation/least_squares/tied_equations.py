@@ -40,7 +40,7 @@ class TiedEquations:
         hessian[..., :width, :width] += self.by_unknowns.mT @ carried
         gradient[..., :width] += (self.by_unknowns.mT @ self.gradient[..., None])[..., 0]
         if sums is not None and len(problem.tied.stops):
-            sums.add_tied(
+            sums.add_scene(
                 problem.shared_stops[problem.tied.stops],
                 (self.by_errors.mT @ self.gradient[..., None])[..., 0],
                 self.by_errors.mT @ carried,
@@ -48,31 +48,31 @@ class TiedEquations:
             )
 
 
-def linearise_tied(problem: Problem, tied: TiedViews, state: State) -> TiedEquations:
+def linearise_scene(problem: Problem, scene: TiedViews, state: State) -> TiedEquations:
     """The tied views of a problem about a state."""
     parts, first = [], 0
-    for group in tied.groups:
-        reference = tied.camera_from_world[first : first + len(group)]
-        parts.append(_linearise_group(problem, tied, group, reference, state))
+    for group in scene.groups:
+        reference = scene.camera_from_world[first : first + len(group)]
+        parts.append(_linearise_group(problem, scene, group, reference, state))
         first += len(group)
     offset, by_unknowns, by_errors = (np.concatenate([part[k] for part in parts], axis) for k, axis in _AXES)
-    for camera, about in tied.lenses.items():
+    for camera, about in scene.lenses.items():
         where, off = problem.columns[camera], state.cameras[camera].parameters - about.parameters
         rows = np.zeros((*state.batch, off.shape[-1], problem.width))
         rows[..., np.arange(where.start, where.stop)] = np.eye(off.shape[-1])
         offset = np.concatenate([offset, np.broadcast_to(off, rows.shape[:-1])], -1)
         by_unknowns = np.concatenate([by_unknowns, rows], -2)
         by_errors = np.concatenate([by_errors, np.zeros((*rows.shape[:-1], by_errors.shape[-1]))], -2)
-    carried = offset @ tied.information
-    cost = tied.cost + np.sum(offset * (2 * tied.gradient + carried), -1)
-    return TiedEquations(cost, tied.gradient + carried, tied.information, by_unknowns, by_errors)
+    carried = offset @ scene.information
+    cost = scene.cost + np.sum(offset * (2 * scene.gradient + carried), -1)
+    return TiedEquations(cost, scene.gradient + carried, scene.information, by_unknowns, by_errors)
 
 
 _AXES = (0, -1), (1, -2), (2, -2)
 
 
 def _linearise_group(
-    problem: Problem, tied: TiedViews, group: ViewGroup, reference: SE3, state: State
+    problem: Problem, scene: TiedViews, group: ViewGroup, reference: SE3, state: State
 ) -> tuple[Array, Array, Array]:
     """Tangents from the reference (..., 6 n), derivatives to unknowns (..., 6 n, p) and to errors (..., 6 n, 6 k)."""
     links, n = chain(group, state, problem.stops), len(group)
@@ -84,9 +84,9 @@ def _linearise_group(
         derivatives.append(robot_model_jacobian(problem, group, links, state, 6))
     for derivative, columns in derivatives:
         by_unknowns[..., columns] = turn @ derivative
-    by_errors = np.zeros((*offset.shape[:-1], len(tied.stops), 6, 6))
+    by_errors = np.zeros((*offset.shape[:-1], len(scene.stops), 6, 6))
     for stop, by_error in stop_error_jacobians(group, links, state, problem.stops, 6):
-        by_errors[..., np.arange(n), np.searchsorted(tied.stops, stop), :, :] = turn @ by_error
+        by_errors[..., np.arange(n), np.searchsorted(scene.stops, stop), :, :] = turn @ by_error
     flat = *offset.shape[:-2], 6 * n
-    errors = np.swapaxes(by_errors, -3, -2).reshape(*flat, 6 * len(tied.stops))
+    errors = np.swapaxes(by_errors, -3, -2).reshape(*flat, 6 * len(scene.stops))
     return offset.reshape(flat), by_unknowns.reshape(*flat, problem.width), errors

@@ -17,7 +17,7 @@ from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_residuals
-from basecal.estimation.least_squares.tied_equations import linearise_tied
+from basecal.estimation.least_squares.tied_equations import linearise_scene
 from basecal.estimation.noise.shaped_targets import points_of, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED, ViewEstimates, view_estimates
@@ -266,27 +266,27 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     return _summed(about, fixed, errors, block, layout, by_shape)
 
 
-def _scene_moments(problem: Problem, tied: TiedViews, state: State, layout: Layout) -> Moments:
+def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Layout) -> Moments:
     """Of the scene, whose stops all stand among the columns."""
-    about = linearise_tied(problem, tied, state)
+    about = linearise_scene(problem, scene, state)
     fixed = np.zeros((len(about.gradient), layout.width))
     fixed[:, : problem.width] = about.by_unknowns
-    fixed[:, (layout.column[tied.stops, None] + np.arange(6)).ravel()] = about.by_errors
-    for group in tied.groups:
+    fixed[:, (layout.column[scene.stops, None] + np.arange(6)).ravel()] = about.by_errors
+    for group in scene.groups:
         robot = group.eye.robot
         if robot is not None and robot in layout.common and group.eye.has_noise:
             at, shared = layout.common[robot]
             stop, first = np.unique(group.eye.stop, return_index=True)
-            by_error = about.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(tied.stops, stop)]
+            by_error = about.by_errors.reshape(len(fixed), -1, 6)[:, np.searchsorted(scene.stops, stop)]
             moved = np.einsum("qkc,kcs->qs", by_error, shared.by_stop[group.eye.stand[first]])
             fixed[:, at : at + len(shared.is_turn)] += moved
-    present = about.by_errors @ state.stop_errors[tied.stops].ravel()
+    present = about.by_errors @ state.stop_errors[scene.stops].ravel()
     carried = about.information @ present
     cost = float(about.cost + present @ (carried - 2 * about.gradient))
     b, q, m = layout.blocks, layout.rows, layout.width
     errors = np.zeros((b, q)), np.zeros((b, q, m)), np.zeros((b, q, q))
     both = fixed.T @ about.information @ fixed
-    return Moments(tied.count, cost, fixed.T @ (about.gradient - carried), errors[0], both, *errors[1:])
+    return Moments(scene.count, cost, fixed.T @ (about.gradient - carried), errors[0], both, *errors[1:])
 
 
 def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:

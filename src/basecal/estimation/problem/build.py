@@ -78,7 +78,7 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
 
 
 def scene_groups(
-    cell: Cell, recording: Recording, problem: Problem, seen: Mapping[str, Sequence[int]]
+    cell: Cell, recording: Recording, problem: Problem, sample_numbers: Mapping[str, Sequence[int]]
 ) -> tuple[ViewGroup, ...]:
     """Views of the static scene, at the stops of a problem of the same recording.
 
@@ -86,13 +86,13 @@ def scene_groups(
         cell: What exists.
         recording: With poses of the robots that carry cameras.
         problem: Whose stops are numbered.
-        seen: Sample numbers by camera.
+        sample_numbers: Of views by camera.
     """
     samples = canonical_order(recording.samples)
     index, poses = {sample.sample: i for i, sample in enumerate(samples)}, _poses(cell, samples)
     first = {robot: k for k, robot in reversed(list(enumerate(problem.stops.robot)))}
     groups = []
-    for camera, numbers in seen.items():
+    for camera, numbers in sample_numbers.items():
         eye = _end(cell, poses, camera, cell.cameras[camera].on, [index[number] for number in numbers])
         stop = eye.stand + first[eye.robot] if eye.robot in first else np.full(len(numbers), -1, dtype=np.int64)
         nothing = PoseMeasurement(SE3.identity((len(stop),)), *np.zeros((2, len(stop), 6)))

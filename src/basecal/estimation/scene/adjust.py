@@ -74,7 +74,7 @@ def adjust(task: Task, state: SceneState) -> SceneFit:
     optima = levenberg_marquardt(_System(task), stack([state]), Stop(_MOST_STEPS, sigmas=_SHARE_LEFT))
     state = take(optima.state, 0)
     columns = scene_columns(task.views, state.lenses)
-    reduced = _reduced(task, state, _weight_equations(task, state), columns)
+    reduced = _reduce_equations(task, state, _weight_equations(task, state), columns)
     of_pixels = Quadratic(reduced.cost, reduced.gradient * task.sigma_px**2, reduced.hessian * task.sigma_px**2)
     prior = prior_information(task.views, state, columns, task.stop_sigma, task.guesses)
     return SceneFit(
@@ -101,7 +101,7 @@ class _System:
         """See `System`."""
         alone = take(state, 0)
         columns = scene_columns(self.task.views, alone.lenses)
-        reduced = _reduced(self.task, alone, _weight_equations(self.task, alone), columns)
+        reduced = _reduce_equations(self.task, alone, _weight_equations(self.task, alone), columns)
         prior = prior_information(self.task.views, alone, columns, self.task.stop_sigma, self.task.guesses)
         information, gradient = reduced.hessian + prior.information, reduced.gradient + prior.gradient
         return Quadratic(np.array([reduced.cost + prior.cost]), gradient[None], information[None])
@@ -120,7 +120,7 @@ class _System:
         return self
 
 
-def _reduced(task: Task, state: SceneState, equations: PixelEquations, columns: Columns) -> Quadratic:
+def _reduce_equations(task: Task, state: SceneState, equations: PixelEquations, columns: Columns) -> Quadratic:
     """What image points say of all columns; a point behind its camera costs as much as one at ten tails."""
     reduced = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
     moves = column_jacobian(task.views, state, columns, sum(columns.lens_widths))

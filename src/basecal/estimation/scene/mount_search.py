@@ -45,7 +45,7 @@ class MountStart:
 
 
 def find_mount(
-    pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: bool, near: SE3 | None = None
+    pairs: PointPairs, base_from_flange: SE3, lens: Camera, is_free: bool, guess: SE3 | None = None
 ) -> MountStart | None:
     """The mount that pairs of image points agree with best; None if there are too few.
 
@@ -54,12 +54,12 @@ def find_mount(
         base_from_flange: (v,) recorded poses of all views.
         lens: The lens, or its guess.
         is_free: Whether the focal length is refined.
-        near: A mount to start from; all rotations are searched if it is None.
+        guess: A mount to start from; all rotations are searched if it is None.
     """
     if len(pairs) < _RANKED // 10:
         return None
-    if near is not None:
-        return _refine(pairs, base_from_flange, near, lens, is_free)
+    if guess is not None:
+        return _refine(pairs, base_from_flange, guess, lens, is_free)
     ranked = pairs.take(np.unique(np.linspace(0, len(pairs) - 1, _RANKED).astype(np.int64)))
     rotations = rotation_grid(_ROTATIONS)
     scored = [

@@ -35,10 +35,12 @@ def with_scene(problem: Problem, state: State, groups: Sequence[ViewGroup], fit:
             more = len(state.cameras[name].parameters)
             columns[name], width = slice(width, width + more), width + more
     joined = replace(problem, lenses={**lenses, **problem.lenses}, columns=columns)
-    return replace(joined, tied=_tied(joined, state, groups, fit, sigma_px))
+    return replace(joined, tied=_eliminate_points(joined, state, groups, fit, sigma_px))
 
 
-def _tied(problem: Problem, state: State, groups: Sequence[ViewGroup], fit: SceneFit, sigma_px: float) -> TiedViews:
+def _eliminate_points(
+    problem: Problem, state: State, groups: Sequence[ViewGroup], fit: SceneFit, sigma_px: float
+) -> TiedViews:
     order = np.concatenate([np.flatnonzero(fit.views.camera == k) for k in range(len(groups))])
     tracks = replace(fit.tracks, view=np.argsort(order)[fit.tracks.view])
     camera = fit.views.camera[order]
