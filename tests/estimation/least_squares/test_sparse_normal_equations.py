@@ -90,5 +90,5 @@ def test_descents_end_alike(monkeypatch: pytest.MonkeyPatch) -> None:
 ])  # fmt: skip
 def test_few_unknowns_and_what_ties_views_by_more_than_unknowns_go_the_dense_way(changed, sparse) -> None:
     """Kinematics of robots, jitter of stamps, and a stop that several views share, be it the first."""
-    many = {"width": MANY_COLUMNS, "models": {}, "jitter_s": {}, "shared_stops": np.array([-1, -1])}
+    many = {"width": MANY_COLUMNS, "models": {}, "jitter_s": {}, "tied": None, "shared_stops": np.array([-1, -1])}
     assert is_sparse(SimpleNamespace(**(many | changed))) == sparse
