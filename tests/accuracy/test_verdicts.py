@@ -18,9 +18,9 @@ def views(camera, target, eye, hand, base):
 
 
 APART = SimpleNamespace(
-    groups=[views("wrist", "board", "eye", "hand", "base"), views("top", "tag", "one", "two", "far")]
+    all_groups=[views("wrist", "board", "eye", "hand", "base"), views("top", "tag", "one", "two", "far")]
 )
-TIED = SimpleNamespace(all_groups=[*APART.groups, views("wrist", "tag", "eye", "two", "far")])
+TIED = SimpleNamespace(all_groups=[*APART.all_groups, views("wrist", "tag", "eye", "two", "far")])
 
 
 @pytest.mark.parametrize(("problem", "code", "severity", "about", "base", "far"), [
