@@ -13,8 +13,9 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.circles import circles_target
 from basecal.cell.targets.led import led_target
-from basecal.geometry import SE3
+from basecal.geometry import SE3, Camera
 from basecal.vision.detectors import describe_other_targets, find
+from basecal.vision.draw.render import render
 from basecal.vision.survey import describe_blur
 from quick import quick
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
@@ -132,3 +133,44 @@ def test_lights_and_no_images() -> None:
     """Of lights nothing else is known, nor of no image at all."""
     assert describe_other_targets([np.full((50, 50), 100, np.uint8)], led_target()) is None
     assert describe_other_targets([], TARGETS["tags"]) is None
+
+
+def print_of(target: Target, x_m: float) -> SE3:
+    """Where a board is that stands straight before the camera, to one side."""
+    turn = SE3.from_rpy((np.pi, 0.1, 0.1), (0, 0, 0)).rotation @ np.diag([1, -1, -1.0])
+    return SE3(turn, np.array([x_m, 0, 0.9]) - turn @ target.points.mean(0))
+
+
+BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
+CAMERA = Camera("pinhole", np.array([600.0, 600.0, 319.5, 239.5, 0, 0, 0, 0, 0]), (640, 480))
+
+
+def test_mirrored_images_are_named() -> None:
+    """Markers are read in no mirrored image; which it is, the image turned round says."""
+    image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
+    mirrored = np.fliplr(image).copy()
+    assert find(mirrored, BOARD) is None
+    assert "the images are mirrored" in (describe_other_targets([mirrored], BOARD) or "")
+
+
+def test_a_second_print_is_named() -> None:
+    """Two boards of the same markers in one image are no board, and said so."""
+    both, other = (render(CAMERA, BOARD, print_of(BOARD, x), None, 1) for x in (0.17, -0.17))
+    middle = both.shape[1] // 2
+    both[:, :middle] = other[:, :middle]
+    assert find(both, BOARD) is None
+    assert "its markers are seen twice in one image" in (describe_other_targets([both], BOARD) or "")
+
+
+def test_a_charuco_board_is_no_chessboard() -> None:
+    """Its few corners that look like a chessboard's are no views, and its markers are named."""
+    image = render(CAMERA, BOARD, print_of(BOARD, 0.0), None, 1)
+    described = chessboard_target((4, 6), 0.04)
+    assert find(image, described) is None
+    assert "DICT_4X4_50 has 17 markers here: write kind: charuco" in (describe_other_targets([image], described) or "")
+
+
+def test_a_dictionary_is_not_named_by_one_marker() -> None:
+    """One marker of another dictionary may be clutter."""
+    image = render(CAMERA, tag("DICT_6X6_250", 3), SE3.from_rpy((np.pi, 0, 0), (0, 0, 0.6)), None, 1)
+    assert "dictionary" not in (describe_other_targets([image, image], BOARD) or "")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+import numpy as np
+
 from basecal.cell.target import Finder, Target
 from basecal.errors import InputError
 from basecal.vision import survey
@@ -27,6 +29,8 @@ DETECTORS: dict[Finder, Detector] = {
     LIGHT: led.detect,
 }
 """One line a way of finding; a target without one is not found in images."""
+
+_HANDED: tuple[Finder, ...] = ("charuco", "tags")  # found in no mirrored image
 
 Survey = Callable[[list[Grey], Target], str | None]
 """What is in images instead of a target, as the end of a sentence; None if nothing is known."""
@@ -65,4 +69,7 @@ def describe_other_targets(images: Iterable[Image], target: Target) -> str | Non
     """
     grey = [eight_bit(image) for image in images]
     look = None if target.found_by is None else SURVEYS.get(target.found_by)
-    return (look(grey, target) if look else None) or survey.describe_darkness(grey) or survey.describe_blur(grey)
+    if sum(find(np.fliplr(image), target) is not None for image in grey if target.found_by in _HANDED) > len(grey) / 2:
+        return "the images are mirrored: switch mirroring off in the camera's program, and take them again"
+    other = survey.seen_twice(grey, target) or (look(grey, target) if look else None)
+    return other or survey.describe_darkness(grey) or survey.describe_blur(grey)

@@ -8,8 +8,12 @@ from pathlib import Path
 
 from basecal.cell.calibration import Finding
 from basecal.cell.target import Target
+from basecal.errors import sentence
+from basecal.vision.detection import eight_bit
 from basecal.vision.detectors import describe_other_targets
 from basecal.vision.image_file import grey_image, read_bytes
+from basecal.vision.kinds.ways import Grey
+from basecal.vision.survey import seen_twice
 
 _MANY_SHARE = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
 _MOST_SHARE = 1 / 2  # of them: then another target than the one stated may be in all of them
@@ -67,9 +71,11 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
             do = ("State the lens of images as the sensor gives them.",)
             yield Finding("turned-images", "info", (camera,), what, do, why)
         for name in dict.fromkeys(name for image in images for name in image.missed):
-            where = [image.sample for image in images if name in image.missed]
-            what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {_list_samples(where)}."
-            yield Finding("dropped-sample", "info", (camera, name), what)
+            where = [image for image in images if name in image.missed]
+            samples = _list_samples([image.sample for image in where])
+            what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {samples}."
+            twice = seen_twice(_read_images(where[:_SURVEYED_IMAGES], folder), targets[name])
+            yield Finding("dropped-sample", "info", (camera, name), what, why="" if twice is None else sentence(twice))
 
 
 def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
@@ -127,11 +133,16 @@ def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Pat
     for name, target in targets.items():
         missed = [image for image in empty if name in image.missed]
         some = missed[:: max(1, len(missed) // _SURVEYED_IMAGES)][:_SURVEYED_IMAGES]
-        read = [read_bytes(folder / image.path) for image in some]
-        images = [grey_image(data, None) for data in read if not isinstance(data, str)]
-        hint = describe_other_targets([image for image in images if not isinstance(image, str)], target)
+        hint = describe_other_targets(_read_images(some, folder), target)
         hints += [f"{name!r}: {hint}"] if hint else []
     return hints
+
+
+def _read_images(images: Sequence[Searched], folder: Path) -> list[Grey]:
+    """Those that can be read."""
+    read = [read_bytes(folder / image.path) for image in images]
+    grey = [grey_image(data, None) for data in read if not isinstance(data, str)]
+    return [eight_bit(image) for image in grey if not isinstance(image, str)]
 
 
 def _list_samples(samples: Sequence[int]) -> str:

@@ -20,6 +20,7 @@ from basecal.vision.kinds.ways import Grey, Way, best_result
 
 _LISTED_IDS = 5  # ids in a sentence
 _LEAST_MARKERS = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one
+_FEWEST_OF_BOARD = 3  # markers by which a dictionary is named: one or two may be clutter
 _WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
 _SMALLEST_BOARD = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
 _DARK_LEVEL = 40  # level that 99 of 100 pixels are below
@@ -60,6 +61,20 @@ def _edge_px(image: Grey) -> float | None:
     slope = float(np.percentile(np.hypot(down, right), _STEEPEST_PERCENT))
     blur = float(high - low) / (np.sqrt(2 * np.pi) * max(slope, 1e-9))
     return float(np.sqrt(max(blur**2 - _DENOISED_PX**2, 0.0)))
+
+
+def seen_twice(images: list[Grey], target: Target) -> str | None:
+    """That most markers of a target are in an image twice."""
+    name = target.options.get("dictionary") if target.tags is None else target.tags.family
+    if name is None:
+        return None
+    detector = cv2.aruco.ArucoDetector(dictionary(name))
+    for image in images:
+        _, numbers, _ = detector.detectMarkers(image)
+        count = Counter([] if numbers is None else numbers.ravel().tolist())
+        if 2 * sum(times > 1 for times in count.values()) > len(count):
+            return "its markers are seen twice in one image: cover or remove the second print, or change its dictionary"
+    return None
 
 
 def other_tags(images: list[Grey], target: Target) -> str | None:
@@ -120,12 +135,14 @@ def markers_instead(images: list[Grey]) -> str | None:
 
 def other_chessboard(images: list[Grey], target: Target) -> str | None:
     """A board of another size."""
+    if markers := markers_instead(images):
+        return markers
     stated = tuple(target.options["corners"])
     sizes = Counter(size for image in images for size in _sizes_of_board(image, stated))
     size, times = max(sizes.items(), key=lambda each: each[1], default=((0, 0), 0))
     # What OpenCV grows from a few corners may be a part of a board; it is not the same part in two images.
     if times < min(len(images), 2) or sorted(size) == sorted(stated):
-        return markers_instead(images)
+        return None
     return f"{max(size)}x{min(size)} inner corners are seen, not {stated[0]}x{stated[1]}"
 
 
@@ -183,7 +200,7 @@ def _other_set(images: list[Grey], stated_ids: str, kind: str) -> str | None:
         if len(seen[names]) > _LEAST_MARKERS:
             break
     most = max(seen, key=lambda names: len(seen[names]))
-    if not seen[most]:
+    if len(seen[most]) < (1 if kind == "tag" else _FEWEST_OF_BOARD):
         return None
     name = next(each for each in most if max(seen[most]) < len(dictionary(each).bytesList))
     count = len(seen[most])

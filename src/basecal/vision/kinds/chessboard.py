@@ -32,6 +32,7 @@ _WAYS = (
     (Way(1.0), cv2.CALIB_CB_NORMALIZE_IMAGE),
     (Way(2.0, stretched=True), 0),
 )
+_LEAST_SHARE = 0.5  # of the corners
 _ARM_SQUARES = 0.7  # squares: the next corner and its blur stay outside
 _CORNER_WINDOW = Window(
     arm_px=BOARD_ARM_PX, arm=_ARM_SQUARES, inside=_ARM_SQUARES, outside=_ARM_SQUARES, before=_ARM_SQUARES
@@ -61,7 +62,8 @@ def detect(image: Image, target: Target) -> Detection | None:
             fitted = once
         if way.scale >= 1 or fitted.trusted.all():
             break
-    if fitted is None:
+    # Marks within the squares, as of a ChArUco board, leave few corners that look as they must.
+    if fitted is None or fitted.trusted.sum() < _LEAST_SHARE * len(target.ids):
         return None
     row, column = np.indices((rows, columns))
     # Gains as the first corner has them: positive where its outer square is bright.
