@@ -14,6 +14,7 @@ import numpy as np
 from basecal.bounded_file import read_bounded
 from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import written_number
+from basecal.exchange.workbook import workbook_text
 from basecal.fields.problems import shorten
 from basecal.geometry import Array
 
@@ -34,19 +35,21 @@ LARGEST_BYTES = 2**26
 """Of a text: 64 MB, two million points."""
 
 _LARGEST = 1e12  # of any number: times in seconds since 1970 reach 2e9
-_SHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # how .xlsx, .ods and .xls begin
+_ARCHIVE, _OLD_SHEET = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how .xlsx and .ods begin, and .xls
 MOST_POSES = 200_000
 """Of a stream: as many as a recording may have samples."""
 
 
 def read_table_text(path: str, expected: str) -> str:
-    """The text of a file, without a byte order mark.
+    """The text of a file, without a byte order mark; of an Excel workbook, its first sheet.
 
     Raises:
         DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `expected`.
     """
     data = read_bounded(path, LARGEST_BYTES)
-    if data.startswith(_SHEETS):
+    if data.startswith(_ARCHIVE):
+        return workbook_text(data, path)
+    if data.startswith(_OLD_SHEET):
         raise DatasetError(path, "is a file of a spreadsheet program: save it as CSV, and import that")
     try:
         return data.decode("utf-8-sig")

@@ -182,7 +182,7 @@ def guessed_format(path: str) -> str:
     Raises:
         DatasetError: if it does not.
     """
-    if not path.lower().endswith(".csv"):
+    if not path.lower().endswith((".csv", ".xlsx")):
         return "matrix"
     first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
     names = {plain_column(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}

@@ -1,0 +1,94 @@
+"""The first sheet of an Excel workbook (.xlsx) as comma-separated text.
+
+Source: ECMA-376, part 1, SpreadsheetML: `sheetData`, `row`, `c`, `v`, `is` and `sst`.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import zlib
+from collections.abc import Iterator
+from io import BytesIO, StringIO
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+from basecal.errors import DatasetError
+
+_SHEET = re.compile(r"xl/worksheets/sheet(\d+)\.xml")
+_STRINGS = "xl/sharedStrings.xml"
+_PLACE = re.compile(r"([A-Z]{1,3})\d+")
+_LARGEST_BYTES = 2**25  # of a part, unpacked: a hundred thousand poses
+_MOST_COLUMNS = 256
+
+
+def workbook_text(data: bytes, path: str) -> str:
+    """Rows of the first sheet, a line each.
+
+    Args:
+        data: The file.
+        path: What to call it in an error.
+
+    Raises:
+        DatasetError: if it is no workbook, or holds more than tables of poses do.
+    """
+    from defusedxml.common import DefusedXmlException
+
+    try:
+        with ZipFile(BytesIO(data)) as archive:
+            numbers = {int(found[1]): found[0] for name in archive.namelist() if (found := _SHEET.fullmatch(name))}
+            if not numbers:
+                raise DatasetError(path, "holds no sheet of an Excel workbook: save it as CSV, and import that")
+            strings = [_text(each) for each in _part(archive, _STRINGS, path)] if _STRINGS in archive.namelist() else []
+            sheet = _part(archive, numbers[min(numbers)], path)
+            rows = [_cells(row, strings) for row in sheet.iter() if _tag(row) == "row"]
+    except (BadZipFile, SyntaxError, DefusedXmlException, LookupError, ValueError, zlib.error, RuntimeError) as error:
+        if isinstance(error, DatasetError):
+            raise
+        raise DatasetError(path, "is a damaged Excel workbook: save it as CSV, and import that") from None
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
+def _part(archive: ZipFile, name: str, path: str) -> Any:
+    """The XML of a part."""
+    from defusedxml.ElementTree import fromstring
+
+    with archive.open(name) as part:
+        data = part.read(_LARGEST_BYTES + 1)
+    if len(data) > _LARGEST_BYTES:
+        raise DatasetError(path, f"{name} unpacks to more than {_LARGEST_BYTES >> 20} MB: save the sheet as CSV")
+    return fromstring(data)
+
+
+def _cells(row: Any, strings: list[str]) -> list[str]:
+    """The cells of a row from its first column on; those that are left out are empty."""
+    found = dict(_placed(row, strings))
+    return [found.get(column, "") for column in range(max(found, default=-1) + 1)]
+
+
+def _placed(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
+    """Column and text of each cell that holds something."""
+    for count, cell in enumerate(each for each in row if _tag(each) == "c"):
+        place = _PLACE.fullmatch(cell.get("r", ""))
+        column = count if place is None else _column(place[1])
+        value = next((each.text or "" for each in cell if _tag(each) == "v"), "")
+        text = strings[int(value)] if cell.get("t") == "s" else _text(cell) if cell.get("t") == "inlineStr" else value
+        if text and column < _MOST_COLUMNS:
+            yield column, text
+
+
+def _column(letters: str) -> int:
+    number = 0
+    for letter in letters:
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return number - 1
+
+
+def _text(element: Any) -> str:
+    return "".join(each.text or "" for each in element.iter() if _tag(each) == "t")
+
+
+def _tag(element: Any) -> str:
+    return str(element.tag).rpartition("}")[2]

@@ -1,0 +1,78 @@
+"""Workbooks of Excel: parts as ECMA-376 has them, packed by the standard library."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
+
+import pytest
+
+from basecal.cell.files import read_recording
+from basecal.cli import main
+from basecal.errors import DatasetError
+from basecal.exchange.workbook import workbook_text
+
+MAIN = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
+HEADER = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def workbook(rows: list[tuple[object, ...]], **parts: str) -> bytes:
+    """Texts are shared strings, as Excel writes them; a None is a cell that is left out."""
+    strings = [cell for row in rows for cell in row if isinstance(cell, str)]
+    lines = []
+    for number, row in enumerate(rows, start=1):
+        cells = []
+        for letter, cell in zip("ABCDEFGH", row, strict=False):
+            if isinstance(cell, str):
+                cells.append(f'<c r="{letter}{number}" t="s"><v>{strings.index(cell)}</v></c>')
+            elif cell is not None:
+                cells.append(f'<c r="{letter}{number}"><v>{cell!r}</v></c>')
+        lines.append(f'<row r="{number}">{"".join(cells)}</row>')
+    named = {
+        "xl/worksheets/sheet1.xml": f"<worksheet {MAIN}><sheetData>{''.join(lines)}</sheetData></worksheet>",
+        "xl/sharedStrings.xml": f"<sst {MAIN}>{''.join(f'<si><t>{text}</t></si>' for text in strings)}</sst>",
+        **{name.replace("__", "/") + ".xml": text for name, text in parts.items()},
+    }
+    data = BytesIO()
+    with ZipFile(data, "w", ZIP_DEFLATED) as archive:
+        for name, text in named.items():
+            archive.writestr(name, text)
+    return data.getvalue()
+
+
+def test_the_first_sheet_is_rows_of_text() -> None:
+    """Shared and inline strings, numbers, and cells that are left out."""
+    inline = (
+        f'<worksheet {MAIN}><sheetData><row><c t="inlineStr"><is><t>second</t></is></c></row></sheetData></worksheet>'
+    )
+    data = workbook([("a, b", "c"), (1.5, None, -2e-05)], xl__worksheets__sheet2=inline)
+    assert workbook_text(data, "w.xlsx").splitlines() == ['"a, b",c', "1.5,,-2e-05"]
+    assert workbook_text(workbook([], xl__worksheets__sheet1=inline), "w.xlsx") == "second\n"
+
+
+def test_poses_of_a_workbook_are_imported(tmp_path: Path) -> None:
+    """A table with a header is read like its CSV, by every importer of tables."""
+    rows = [HEADER, *((0.4, 0.1 * k, 0.3, 0.1, 0.2 * k, 0.0) for k in range(3))]
+    (tmp_path / "ur.xlsx").write_bytes(workbook(list(rows)))
+    words = ["import", "poses", str(tmp_path / "c"), "--robot", "arm", str(tmp_path / "ur.xlsx"), "--format", "ur"]
+    assert main(words) == 0
+    pose = read_recording(tmp_path / "c").samples[2].robots["arm"].base_from_flange
+    assert pose is not None
+    assert pose.translation.tolist() == pytest.approx([0.4, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"PK\x03\x04", "is a damaged Excel workbook: save it as CSV"),
+        (workbook([(1.0,)])[:200], "is a damaged Excel workbook"),
+        (workbook([], xl__worksheets__sheet1='<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'), "is a damaged Excel"),
+        (workbook([], xl__worksheets__sheet1=" " * 2**26), "unpacks to more than 32 MB"),
+        (workbook([])[:0] + workbook([], other="<a/>").replace(b"sheet1", b"sheetX"), "holds no sheet"),
+    ],
+)
+def test_what_is_no_workbook_is_said(data: bytes, said: str) -> None:
+    """Damaged files, entities, bombs and archives of something else are one line each."""
+    with pytest.raises(DatasetError, match=said):
+        workbook_text(data, "w.xlsx")
