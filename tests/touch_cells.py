@@ -75,6 +75,60 @@ def touch_lines(
     return lines
 
 
+SURFACES = {
+    "floor": SE3.from_rotvec([0.05, -0.1, 0.0], [0.5, 0.0, 0.0]),
+    "wall": SE3.from_rotvec([0.0, np.pi / 2, 0.0], [0.8, 0.0, 0.3]),
+    "side": SE3.from_rotvec([np.pi / 2, 0.0, 0.3], [0.5, 0.4, 0.3]),
+}
+
+
+def surface_lines(
+    rng: np.random.Generator, count: int, sigma_m: float, shapes: Mapping[str, str]
+) -> list[dict[str, Any]]:
+    """Lines in which the arms in turn touch planes and edges of `SURFACES`, and marks of the shape `point`, in turn."""
+    lines, free = [], {"plane": [1, 1, 0], "edge": [0, 0, 1]}
+    for number in range(count):
+        robot, name = list(TIPS)[number % 2], list(shapes)[number // 2 % len(shapes)]
+        place = MARKS[name] if name in MARKS else SURFACES[name] @ (free[shapes[name]] * rng.uniform(-0.25, 0.25, 3))
+        pose = flange_pose(rng, robot, place + sigma_m * rng.standard_normal(3))
+        seen = {"touch": name, "tip": f"{robot}_tip"}
+        lines.append({"sample": number, "robots": {robot: state(pose)}, "observations": [seen]})
+    return lines
+
+
+def surface_cell(shapes: Mapping[str, str]) -> Cell:
+    """The cell of these marks, of whose places nothing is known."""
+    return touch_cell((), marks={name: {"shape": shape} for name, shape in shapes.items()})
+
+
+def held_poses(
+    rng: np.random.Generator, count: int, sigma_m: float = 1e-4, sigma_rad: float = 1e-3, is_hinge: bool = False
+) -> list[dict[str, SE3]]:
+    """`base_from_flange` of both arms while they hold a part, whose grip errs in place and direction."""
+    ends = {robot: SE3.from_rotvec(rng.normal(0, 1.5, 3), tip) for robot, tip in TIPS.items()}
+    out = []
+    for _ in range(count):
+        part = SE3.from_rotvec(rng.normal(0, 0.5, 3), np.array([0.5, 0, 0.4]) + rng.uniform(-0.2, 0.2, 3))
+        turn = SE3.from_rotvec([0, 0, rng.uniform(-1, 1) if is_hinge else 0.0], np.zeros(3))
+        error = SE3.from_rotvec(rng.normal(0, sigma_rad, 3), rng.normal(0, sigma_m, 3))
+        met = {"eye": part, "hand": TRUTH.inverse() @ part @ error @ turn}
+        out.append({robot: at @ ends[robot].inverse() for robot, at in met.items()})
+    return out
+
+
+def clamp_lines(poses: Sequence[Mapping[str, SE3]], **sigmas: float) -> list[dict[str, Any]]:
+    """Lines of what `held_poses` gives."""
+    seen = {"clamp": "part", **sigmas}
+    states = ({robot: state(pose) for robot, pose in each.items()} for each in poses)
+    return [{"sample": k, "robots": robots, "observations": [seen]} for k, robots in enumerate(states)]
+
+
+def clamp_cell(axis: str) -> Cell:
+    """A cell of two exact arms that hold a part."""
+    data = touch_data((), clamp={"robots": ["eye", "hand"], "axis": axis})
+    return cell_from_dict({key: data[key] for key in ("schema", "reference", "robots", "clamp")})
+
+
 def recorded(cell: Cell, lines: Sequence[dict[str, Any]]) -> Recording:
     """The recording of lines."""
     return recording_from_text(lines_text(lines).encode(), ".", cell)

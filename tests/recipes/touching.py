@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.geometry import SE3
-from tests.touch_cells import MARKS, flange_pose
+from tests.touch_cells import MARKS, flange_pose, held_poses
 
 SIGMA_M = 1e-4
 SOCKETS = {"socket_1": np.array([0.4, 0.1, 0.2]), "socket_2": np.array([0.7, 0.1, 0.2])}
@@ -51,6 +51,8 @@ def touches(folder: Path) -> None:
     sockets = [list(SOCKETS)[k % 2] for k in range(16)]
     places = [SOCKETS[mark] + SIGMA_M * rng.standard_normal(3) for mark in sockets]
     table(folder / "sockets.csv", "ros", [flange_pose(rng, "eye", at) for at in places], sockets)
+    for robot, name in (("eye", "left"), ("hand", "right")):
+        table(folder / f"held_{name}.csv", "ros", [poses[robot] for poses in held_poses(np.random.default_rng(2), 20)])
     for name, text in (("socketcell", SOCKET_CELL), ("meetings", MEETING_CELL)):
         (folder / name).mkdir()
         (folder / name / "cell.yaml").write_text(text)

@@ -209,7 +209,7 @@ class Calibration:
         robot_parameters: By kind, then by robot; of those given by joints whose parameters are not fixed.
         clocks: Of the cameras and robots whose clocks were not all taken for one, by name.
         line_times: Of the cameras whose rows are seen one after another, by name.
-        noise: Sigmas used or estimated: `pixel_px`, `pose_m`, `pose_rad`, `point_m`, `touch_m` and by robot.
+        noise: Sigmas used or estimated, such as `pixel_px`, `pose_m` and `touch_m`, and by robot.
         order: Names of the transforms of `joint_covariance`, 6 rows each.
         joint_covariance: (6 n, 6 n) [m, rad].
         gauges: What of it comes of parameters that are held at zero, robot by robot.

@@ -16,8 +16,14 @@ from basecal.geometry.lenses.registry import model_lenses
 from basecal.kinematics import SerialChain
 
 Status = Literal["fixed", "prior", "free"]
-SensorKind = Literal["camera", "tracker", "tip"]
+SensorKind = Literal["camera", "tracker", "tip", "clamp"]
+Contact = Literal["plane", "edge", "clamp", "hinge"]
 WORLD = "world"
+
+
+def grip_name(clamp: str) -> str:
+    """Name of the end of a part at the robot that holds it second."""
+    return f"{clamp}_grip"
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +155,7 @@ class CellCamera:
         clock: Of the stamps of its images; None if nothing is stated.
         driver: What gives its pictures while a recording is made; None if nothing does.
         rolling_shutter: Of its rows; None if all are seen at once.
-        kind: A `tracker` measures points in space all around it; a `tip` touches points at its own origin.
+        kind: A `tracker` measures points in space all around it; a `tip` touches at its origin; a `clamp` holds a part.
         frame: Name of its optical frame in other programs; None if it is not stated.
     """
 
@@ -164,6 +170,11 @@ class CellCamera:
     rolling_shutter: RollingShutter | None = None
     kind: SensorKind = "camera"
     frame: str | None = None
+
+    @property
+    def touches(self) -> bool:
+        """Whether it is the tip of a tool, or holds a part."""
+        return self.kind in ("tip", "clamp")
 
     @property
     def distortion_terms(self) -> int:
@@ -186,6 +197,7 @@ class CellTarget:
         mount: `<robot>_flange_from_<target>`, or `<reference>_base_from_<target>`.
         target: Its shape; None if it is seen only as poses.
         size_sigma: Sigma of its size as a share, 0 if shape and size are exact; None if unstated.
+        contact: What a tip or a clamp meets in it, if that is no point: a plane z = 0, an edge or a hinge along z.
     """
 
     name: str
@@ -193,11 +205,13 @@ class CellTarget:
     mount: Unknown = Unknown()
     target: Target | None = None
     size_sigma: float | None = None
+    contact: Contact | None = None
 
     @property
     def is_touched(self) -> bool:
-        """Whether it is a mark or a tip."""
-        return self.target is not None and self.target.kind in ("mark", "tip")
+        """Whether it is a mark, a tip, or what a clamp holds."""
+        is_point = self.target is not None and self.target.kind in ("mark", "tip")
+        return is_point or self.contact is not None
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from basecal.cell.calibration import Finding
 from basecal.geometry import SE3, Array, IntArray
@@ -72,16 +73,25 @@ class PointObservation:
 
 @dataclass(frozen=True, eq=False)
 class TouchObservation:
-    """A tip at a mark, or at the tip of another robot (`is_tip_to_tip`); `sigma_m` per axis, or None."""
+    """A tip at a mark, or at the tip of another robot; or a part in the grip of two robots.
+
+    Attributes:
+        tip: Name of the tip, or of the part.
+        mark: Name of what it meets.
+        sigma_m: Per axis [m]; None if not stated.
+        kind: The field of `samples.jsonl` that says so.
+        sigma_rad: Of the directions of a part [rad]; None if not stated.
+    """
 
     tip: str
     mark: str
     sigma_m: float | None = None
-    is_tip_to_tip: bool = False
+    kind: Literal["touch", "tip2", "clamp"] = "touch"
+    sigma_rad: float | None = None
 
     @property
     def camera(self) -> str:
-        """What sees: the tip."""
+        """What sees: the tip or the part."""
         return self.tip
 
     @property

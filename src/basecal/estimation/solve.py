@@ -30,6 +30,7 @@ _SAME_COST = 1e-6  # relative difference of costs that descents to one optimum m
 _PLAUSIBLE_PX = 3.0  # residual that a detector may have before another start is tried [px]
 _PLAUSIBLE_SIGMAS = 4.0  # likewise of stated sigmas
 _PLAUSIBLE_M = 0.02  # likewise of measured poses and points, which state none [m]
+_PLAUSIBLE_TOUCH_M = 3e-3  # likewise of touches [m]
 _PLAUSIBLE_RAD = 0.05  # likewise of measured poses [rad]
 
 
@@ -233,7 +234,7 @@ def _is_plausible(problem: Problem, cost: float) -> bool:
     unstated = {f: n for f, n in residual_counts(problem).items() if f != "stated" and n}
     if not unstated:
         return cost < _PLAUSIBLE_SIGMAS**2 * max(dof, 1)
-    limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M, _PLAUSIBLE_M)
+    limits = Noise(_PLAUSIBLE_PX, _PLAUSIBLE_M, _PLAUSIBLE_RAD, _PLAUSIBLE_M, _PLAUSIBLE_TOUCH_M, _PLAUSIBLE_RAD)
     unit = Noise()
     worst = max(getattr(limits, f) / getattr(unit, f) for f in unstated)
     return cost < float(worst) ** 2 * max(dof, 1)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.touch_cells import MARKS, TIPS, TRUTH, flange_pose
+from tests.touch_cells import MARKS, TIPS, TRUTH, flange_pose, held_poses
 
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording
 from basecal.cli import main
@@ -93,7 +93,7 @@ def test_tips_that_meet(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "words"), [([], "no column `mark`"), (["--mark", "m", "--meets", "t"], "cannot both")]
+    ("more", "words"), [([], "no column `mark`"), (["--mark", "m", "--meets", "t"], "exclude one another")]
 )
 def test_what_was_touched_has_to_be_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], more, words) -> None:
     """Once, by the table or by an option."""
@@ -102,3 +102,21 @@ def test_what_was_touched_has_to_be_said(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["import", "touches", str(tmp_path / "c"), "--robot", "eye", path, "--format", "ros", *more]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
+
+
+def test_a_part_that_both_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A second table joins the samples of the first; the part is added to the cell, with its axis."""
+    cell, how, poses = str(tmp_path / "c"), CONTROLLERS["ros"], held_poses(np.random.default_rng(0), 3)
+    for robot in TIPS:
+        rows = how.written(SE3.stack([each[robot] for each in poses]))
+        lines = [",".join(how.names), *(",".join(f"{value:.10g}" for value in row) for row in rows)]
+        (tmp_path / f"{robot}.csv").write_text("\n".join(lines) + "\n")
+    left, right = (str(tmp_path / f"{robot}.csv") for robot in TIPS)
+    held = ["import", "touches", cell, right, "--robot", "hand", "--format", "ros", "--clamp", "rod", "--hinge"]
+    assert main(held) == 2
+    assert "import its poses first" in capsys.readouterr().err
+    assert main(["import", "poses", cell, left, "--robot", "eye", "--format", "ros"]) == 0
+    assert main(held) == 0
+    assert "3 places of hand holding rod" in capsys.readouterr().out
+    assert read_cell(cell).targets["rod_grip"].contact == "hinge"
+    assert [sample.observations[0].kind for sample in read_recording(cell).samples] == ["clamp"] * 3

@@ -22,9 +22,11 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
     """Infos: directions of a prior that the data hardly add to, and requested transforms that priors alone hold."""
     problem, unknowns = evidence.solution.problem, evidence.solution.problem.unknowns
     priors = [n for n in problem.columns if n in unknowns and is_informed(unknowns[n])]
-    on_plates = {each.name for each in evidence.cell.targets.values() if each.on in evidence.cell.plates}
-    measured = {evidence.cell.mount_name(name) for name in on_plates}  # with the plate: nobody expects touches to add
-    priors = [name for name in priors if name not in measured]
+    cell = evidence.cell
+    # Marks were measured with their plate, and a rigid part is anywhere: nobody expects touches to add to these.
+    usual = [each.name for each in cell.targets.values() if each.on in cell.plates]
+    usual += [each.name for each in cell.cameras.values() if each.kind == "clamp"]
+    priors = [name for name in priors if name not in map(cell.mount_name, usual)]
     if not priors or not evidence.solution.converged:
         return []
     alone = without_priors(problem)

@@ -288,7 +288,7 @@ def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
     known = known_transforms(problem)
     try:
         pairs = []
-        for group in (g for g in problem.groups if not has_metric_start(problem, g, known)):
+        for group in (g for g in problem.groups if not has_metric_start(g, known)):
             some = views.of(group, _SCREENED)
             if some.candidates is None:  # a light, whose search is longer
                 some = views.of(group, _LIGHTS_SCREENED)

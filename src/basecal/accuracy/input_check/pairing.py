@@ -41,7 +41,7 @@ def pairing_errors(
     sample tells which of the two pairings it has.
     """
     count, known = len(declared.order), known_transforms(declared.problem)
-    without_poses = any(has_metric_start(declared.problem, group, known) for group in declared.problem.groups)
+    without_poses = any(has_metric_start(group, known) for group in declared.problem.groups)
     if count < 2 * _FEWEST or without_poses:  # points without a pose, such as touches, close no loop alone
         return []
     slips = [(stream, by) for stream in streams for by in _SLIPS]

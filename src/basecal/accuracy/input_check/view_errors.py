@@ -27,9 +27,7 @@ def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
     if isinstance(measurement, PoseMeasurement):
         return _off_poses(measurement.measured_camera_from_target, predicted)
     if isinstance(measurement, PointMeasurement):
-        points = predicted.rotation[:, None] @ measurement.points_in_target[:, :, None]
-        off = (points[..., 0] + predicted.translation[:, None]) - measurement.points_in_camera
-        return _rms(off, measurement.seen) / group.reach_m
+        return _rms(measurement.residuals(predicted, None), measurement.seen) / group.reach_m
     if not isinstance(measurement, PixelMeasurement):
         raise InputError(f"views of {group.target} are {type(measurement).__name__}s, expected pixels, poses or points")
     off = np.nan_to_num(measurement.residual_px(predicted, state.cameras[group.camera]), nan=np.inf)

@@ -51,7 +51,7 @@ def _marks(cell: Cell, problem: Problem, state: State, names: Sequence[str]) -> 
     found = {}
     for group in problem.groups:
         target = cell.targets[group.target]
-        if group.target in names and group.hand.robot is None:
+        if group.target in names and group.hand.robot is None and target.contact is None:
             at = state.transforms[group.hand.mount].translation
             found[target.name] = at if group.hand.base is None else state.transforms[group.hand.base] @ at
     return found

@@ -16,6 +16,7 @@ from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Chain, Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.points import is_touch
 from basecal.geometry import SE3, Array, IntArray
 from basecal.kinematics import SerialChain
 
@@ -104,7 +105,8 @@ class Situation:
     @cached_property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets that have a size."""
-        return tuple(sorted({g.target for g in self.groups if g.hand.mount not in self.problem.point_mounts}))
+        shaped = {g for g in self.groups if not is_touch(g.measurement)}
+        return tuple(sorted({g.target for g in shaped if g.hand.mount not in self.problem.point_mounts}))
 
     @cached_property
     def chains(self) -> dict[str, SerialChain]:

@@ -77,7 +77,7 @@ def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where | None)
 
 def _view(observation: dict[str, Any]) -> tuple[str, ...]:
     """What sees what in the data of an observation."""
-    keys = ("camera", "target", "tip", "touch", "tip2")
+    keys = ("camera", "target", "tip", "touch", "tip2", "clamp")
     return tuple(str(observation[key]) for key in keys if key in observation)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell.cell import Cell
+from basecal.cell.cell import Cell, grip_name
 from basecal.cell.journal.sample_values import Where, numbers, pose, sigmas, whole_numbers
 from basecal.cell.recording import (
     CandidateObservation,
@@ -29,6 +29,7 @@ _FIELDS = {
     "points_in_camera_m": (*_BOTH_MESSAGE, "ids", "points_in_camera_m", "sigma_m"),
 }
 _TOUCH_FIELDS = ("tip", "touch", "tip2", "sigma_m")
+_CLAMP_FIELDS = ("clamp", "sigma_m", "sigma_rad")
 _TRACK_FIELDS = ("camera", "tracks", "pixels")
 _ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fields))
 
@@ -75,13 +76,13 @@ def observation(
         DatasetError: if it cannot be read as written.
         UnknownPoint: if an id is not on the target, or given twice.
     """
-    data = place.mapping(value, field, (*_ANY, *_TOUCH_FIELDS))
-    if "tip" in data:
-        touch = _touch(data, field, place, cell)
+    data = place.mapping(value, field, (*_ANY, *_TOUCH_FIELDS, *_CLAMP_FIELDS))
+    if "tip" in data or "clamp" in data:
+        touch = (_touch if "tip" in data else _grip)(data, field, place, cell)
         return (touch.tip, touch.mark), touch
     kinds = [kind for kind in _FIELDS if kind in data]
     if len(kinds) != 1:
-        expected = f"expected exactly one of {', '.join(_FIELDS)}, or tip with touch or tip2"
+        expected = f"expected exactly one of {', '.join(_FIELDS)}, tip with touch or tip2, or clamp"
         raise place.error(field, f"{expected}, got {' and '.join(kinds) or 'none'}")
     kind = kinds[0]
     place.mapping(data, field, _FIELDS[kind])
@@ -109,18 +110,31 @@ def observation(
 def _touch(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TouchObservation:
     """A tip at a mark, or at another tip."""
     place.mapping(data, field, _TOUCH_FIELDS)
-    touched = [key for key in ("touch", "tip2") if key in data]
-    if len(touched) != 1:
-        raise place.error(field, f"expected tip with touch or tip2, got {' and '.join(touched) or 'neither'}")
+    given = [key for key in ("touch", "tip2") if key in data]
+    if len(given) != 1:
+        raise place.error(field, f"expected tip with touch or tip2, got {' and '.join(given) or 'neither'}")
     tips = [name for name, camera in cell.cameras.items() if camera.kind == "tip"]
-    marks = [name for name, target in cell.targets.items() if target.is_touched and name not in tips]
+    marks = [name for name, target in cell.targets.items() if target.is_touched and target.on not in cell.robots]
     tip = place.name(data["tip"], f"{field}.tip", "tip", tips)
     kind, known = ("mark", marks) if "touch" in data else ("tip", tips)
-    other = place.name(data[touched[0]], f"{field}.{touched[0]}", kind, known)
+    other = place.name(data[given[0]], f"{field}.{given[0]}", kind, known)
     if cell.targets[other].on == cell.cameras[tip].on:
         raise place.error(f"{field}.tip2", f"{tip!r} and {other!r} are on one robot: no pose brings them together")
-    sigma = sigmas(place, f"{field}.sigma_m", data.get("sigma_m"), 1)
-    return TouchObservation(tip, other, None if sigma is None else float(sigma[0]), "tip2" in data)
+    return TouchObservation(tip, other, _sigma(data, field, place, "sigma_m"), "tip2" if "tip2" in data else "touch")
+
+
+def _grip(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TouchObservation:
+    """A part in the grip of two robots."""
+    place.mapping(data, field, _CLAMP_FIELDS)
+    clamps = [name for name, camera in cell.cameras.items() if camera.kind == "clamp"]
+    name = place.name(data["clamp"], f"{field}.clamp", "clamp", clamps)
+    sigma_m, sigma_rad = (_sigma(data, field, place, key) for key in ("sigma_m", "sigma_rad"))
+    return TouchObservation(name, grip_name(name), sigma_m, "clamp", sigma_rad)
+
+
+def _sigma(data: dict[str, Any], field: str, place: Where, key: str) -> float | None:
+    found = sigmas(place, f"{field}.{key}", data.get(key), 1)
+    return None if found is None else float(found[0])
 
 
 def _points(

@@ -46,8 +46,9 @@ def _paths(paths: Mapping[str, str], folder: str) -> dict[str, str]:
 
 def _observation(seen: Observation) -> dict[str, Any]:
     if isinstance(seen, TouchObservation):
-        sigma = {} if seen.sigma_m is None else {"sigma_m": seen.sigma_m}
-        return {"tip2" if seen.is_tip_to_tip else "touch": seen.mark, "tip": seen.tip, **sigma}
+        sigmas = {"sigma_m": seen.sigma_m, "sigma_rad": seen.sigma_rad}
+        what = {"clamp": seen.tip} if seen.kind == "clamp" else {seen.kind: seen.mark, "tip": seen.tip}
+        return {**what, **{key: sigma for key, sigma in sigmas.items() if sigma is not None}}
     data: dict[str, Any] = {"camera": seen.camera, "target": seen.target}
     match seen:
         case PixelObservation():

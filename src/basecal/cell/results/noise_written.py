@@ -23,6 +23,7 @@ class _Measured(BaseModel):
     pose_rad: Sigma | None = None
     point_m: Sigma | None = None
     touch_m: Sigma | None = None
+    grip_rad: Sigma | None = None
 
 
 class _Camera(_Measured):

@@ -7,6 +7,7 @@ from typing import Any
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.format.plain import numbers, one_or_all, pose_dict, sigma_dict
 from basecal.cell.schema.cell_schema import SCHEMA
+from basecal.cell.schema.clamping import clamps_dict
 from basecal.cell.schema.clock import clock_dict
 from basecal.cell.schema.keep_out import keep_out_dict
 from basecal.cell.schema.rolling_shutter import rolling_shutter_dict
@@ -18,13 +19,13 @@ def cell_to_dict(cell: Cell) -> dict[str, Any]:
     data: dict[str, Any] = {"schema": SCHEMA, "reference": cell.reference}
     data["robots"] = {name: _robot(robot) for name, robot in cell.robots.items()}
     data["bases"] = {name: _unknown(unknown) for name, unknown in cell.bases.items()}
-    data["cameras"] = {name: _camera(camera) for name, camera in cell.cameras.items() if camera.kind != "tip"}
+    data["cameras"] = {name: _camera(camera) for name, camera in cell.cameras.items() if not camera.touches}
     data["targets"] = {name: _target(target) for name, target in cell.targets.items() if not target.is_touched}
     noise = {"pixel_px": cell.pixel_px, "correlated_px": cell.correlated_px}
     data["noise"] = {key: float(value) for key, value in noise.items() if value is not None}
     data["keep_out"] = {name: keep_out_dict(box) for name, box in cell.keep_out.items()}
     data["target"] = "scene" if cell.sees_scene else None
-    data |= touching_dict(cell, _unknown)
+    data |= touching_dict(cell, _unknown) | clamps_dict(cell)
     return {key: value for key, value in data.items() if value or key == "robots"}
 
 

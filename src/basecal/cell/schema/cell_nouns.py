@@ -9,6 +9,7 @@ import numpy as np
 
 from basecal.cell.cell import Cell, CellCamera, CellTarget, Driver, Intrinsics, Robot, Unknown
 from basecal.cell.schema.cell_schema import CameraEntry, CellEntry, RobotEntry
+from basecal.cell.schema.clamping import with_clamps
 from basecal.cell.schema.lens import IntrinsicsEntry, distortion_terms
 from basecal.cell.schema.touching import with_touching
 from basecal.cell.targets.kind import TargetEntry
@@ -27,6 +28,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
         "plates": {},
     }
     with_touching(carried, entry.tips, entry.marks, _unknown)
+    with_clamps(carried, entry.clamp)
     return Cell(
         reference=entry.reference,
         robots={name: _robot(name, robot, chains.get(name)) for name, robot in entry.robots.items()},

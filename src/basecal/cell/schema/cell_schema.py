@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, create_model
 from pydantic import field_validator as checks
 from pydantic import model_validator as checks_whole
 
+from basecal.cell.schema.clamping import ClampEntry, named_clamps
 from basecal.cell.schema.clock import ClockEntry
 from basecal.cell.schema.driver import DriverEntry
 from basecal.cell.schema.keep_out import KeepOutEntry
@@ -181,3 +182,4 @@ class CellEntry(Entry):
     marks: Annotated[dict[str, Annotated[MarkEntry, BeforeValidator(empty)]], BeforeValidator(empty)] = Field(
         default_factory=dict
     )
+    clamp: Annotated[dict[str, ClampEntry], BeforeValidator(named_clamps)] = Field(default_factory=dict)

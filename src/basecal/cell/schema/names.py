@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from basecal.cell.cell import WORLD
+from basecal.cell.cell import WORLD, grip_name
+from basecal.cell.schema.clamping import clamp_names
 from basecal.cell.schema.touching import mark_names
 from basecal.errors import nearest
 from basecal.fields.problems import SHORT_LENGTH, Problem, shorten
@@ -29,7 +30,9 @@ def _unfit_names(data: dict[str, Any]) -> Iterator[Problem]:
     robots = _section(data, "robots")
     owners = {f"{robot}_{end}": f"a frame of {robot!r}" for robot in robots for end in ("base", "flange")}
     named = [(section, name) for section in _SECTIONS for name in _section(data, section)]
-    for section, name in [*named, *(("marks", name) for _, name in mark_names(data))]:
+    named += [("marks", name) for _, name in mark_names(data)]
+    named += [("clamp", each) for name, _ in clamp_names(data) for each in (name, grip_name(name))]
+    for section, name in named:
         if not (isinstance(name, str) and _NAME.fullmatch(name)) or "_from_" in name or "_in_" in name:
             what = "expected a name of a-z, 0-9 and _, a letter first, without _from_ or _in_"
             yield Problem((section, name), f"{what}; rename {shorten(name)}")
@@ -51,6 +54,10 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
             there = robots if section == "tips" else carriers
             if isinstance(on, str) and on not in there:
                 yield Problem((section, name, "on"), _no_robot(on, there))
+    for name, entry in clamp_names(data):
+        for robot in entry.get("robots") or () if isinstance(entry, dict) else ():
+            if isinstance(robot, str) and robot not in robots:
+                yield Problem(("clamp", name, "robots"), _no_robot(robot, robots))
     for name in _section(data, "bases"):
         if name not in robots:
             yield Problem(("bases", name), _no_robot(name, robots))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -29,8 +29,12 @@ class TipEntry(Entry):
 
 
 class MarkEntry(Entry):
-    """A mark of unknown place; one whose place is stated; or a rigid plate of several, `mount` in the world."""
+    """A mark of unknown place; one whose place is stated; or a rigid plate of several, `mount` in the world.
 
+    A plane (z = 0) or an edge (along z) is one by its `mount`.
+    """
+
+    shape: Literal["point", "plane", "edge"] = "point"
     points_m: _Points | None = None
     sigma_m: Sigma | None = None
     exact: bool = False
@@ -42,7 +46,9 @@ class MarkEntry(Entry):
             raise ValueError("sigma_m and exact are of points_m, which is missing")
         if self.exact and self.sigma_m is not None:
             raise ValueError("exact takes no sigma_m: leave one of them away")
-        if not self.is_plate and self.mount != UnknownEntry():
+        if self.shape != "point" and self.points_m is not None:
+            raise ValueError("a plane or an edge is stated by its mount: remove points_m")
+        if self.shape == "point" and not self.is_plate and self.mount != UnknownEntry():
             raise ValueError("mount is of a plate of several points_m; one mark is stated by points_m: [[x, y, z]]")
         if self.is_plate and _is_line(self.points_m):
             raise ValueError("marks of a plate that are on one line go along an axis of the plate: x, y or z")
@@ -107,6 +113,9 @@ def with_touching(
         cell["targets"][name] = CellTarget(name, tip.on, noun(tip.offset), tip_shape("tip"))
     for name, mark in marks.items():
         on = name if mark.is_plate else WORLD
+        if mark.shape != "point":
+            cell["targets"][name] = CellTarget(name, WORLD, noun(mark.mount), size_sigma=0.0, contact=mark.shape)
+            continue
         if mark.is_plate:
             cell["plates"][name] = noun(mark.mount)
         for each, position in mark.positions(name).items():
@@ -125,6 +134,8 @@ def touching_dict(cell: Cell, unknown: Any) -> dict[str, Any]:
     for name, target in cell.targets.items():
         if target.target is not None and target.target.kind == "mark":
             marks.setdefault(name if target.on == WORLD else target.on, {}).update(_mark(marks, name, target))
+        elif target.contact is not None and target.on == WORLD:
+            marks[name] = {"shape": target.contact, "mount": unknown(target.mount, False)}
     return {"tips": tips, "marks": marks}
 
 

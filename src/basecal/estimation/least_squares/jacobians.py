@@ -28,12 +28,13 @@ def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int
         (..., n, rows, m), and the m columns of the problem they belong to.
     """
     parts = links.frames(group)
-    present = [(sign, link, problem.columns[name]) for name, sign, link in parts if name in problem.columns]
+    present = [(name, sign, link) for name, sign, link in parts if name in problem.columns]
     lens = problem.columns.get(group.camera) if rows > 6 else None
-    columns = [np.arange(c.start, c.stop) for _, _, c in present] + ([np.arange(lens.start, lens.stop)] if lens else [])
+    places = [problem.columns[name] for name, _, _ in present] + ([lens] if lens else [])
+    columns = [np.arange(c.start, c.stop) for c in places]
     out = np.zeros((*links.target_from_camera.shape, rows, sum(map(len, columns))))
     at = 0
-    for (sign, link, _), where in zip(present, columns, strict=False):
+    for (name, sign, link), where in zip(present, columns, strict=False):
         block = out[..., :6, at : at + len(where)]
         if link is None:
             block[...] = sign * np.eye(6, len(where))
@@ -41,6 +42,8 @@ def unknown_jacobian(problem: Problem, group: ViewGroup, links: Chain, rows: int
             block[..., :3, :] = sign * link.rotation
         else:
             link.put_adjoint(block, sign)
+        if name in problem.gauges:
+            block[..., problem.gauges[name] > 0] = 0.0
         at += len(where)
     if lens:
         out[..., 6:, at:] = np.eye(rows - 6)

@@ -29,6 +29,7 @@ from basecal.numerics.inverse_factors import inverse_factors
 
 _ROUNDING_SCALE = 1e14  # an entry of this size rounds the identity beside it away
 _ROUNDING = 1e-15  # of such entries, which restores it
+_GAUGE_SIGMA = 1e-5  # [m, rad] of directions that nothing depends on: any other would do
 _MANY_SYSTEMS = 64  # systems whose factors together are faster than each by itself
 
 
@@ -315,6 +316,9 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
                 out.append((error / lens.sigma, np.diag(1 / lens.sigma), where))
             elif lens.status == "free":
                 out += _lens_priors(state.cameras[name], where)
+    for name, of in problem.gauges.items():
+        if name in problem.columns:
+            out.append((np.zeros(6), np.diag(of / _GAUGE_SIGMA), problem.columns[name]))
     return out + _robot_residuals(problem, state)
 
 

@@ -95,7 +95,10 @@ def degrees_of_freedom(problem: Problem) -> int:
     """Scalar residuals, priors among them, less unknowns."""
     status = _statuses(problem)
     priors = sum(where.stop - where.start for name, where in problem.columns.items() if status[name] == "prior")
-    return int(sum(residual_counts(problem).values()) + priors - problem.width)
+    held = sum(
+        int(of.sum()) for name, of in problem.gauges.items() if name in problem.columns and status[name] == "free"
+    )
+    return int(sum(residual_counts(problem).values()) + priors + held - problem.width)
 
 
 def _statuses(problem: Problem) -> dict[str, str]:

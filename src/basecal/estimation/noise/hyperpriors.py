@@ -23,7 +23,7 @@ from basecal.geometry import Array
 
 # Mean and factor of one standard deviation, by field of `Noise`, where the points of views do not show their scatter.
 _BY_ITSELF = {"pixel_px": (0.2, 5.0), "pose_m": (1e-3, 5.0), "pose_rad": (2e-3, 5.0), "point_m": (1e-3, 5.0)}
-_BY_ITSELF["touch_m"] = (2e-4, 4.0)
+_BY_ITSELF |= {"touch_m": (2e-4, 4.0), "grip_rad": (1e-3, 4.0)}
 # What a view gets wrong over what its points scatter: the middle of 1.1 to 5, and the factor that spans them.
 _OVER_SCATTER = (2.0, 3.0)
 _ENOUGH_SCATTER = 20  # freedoms that tell a sigma to a sixth, which is little beside that factor

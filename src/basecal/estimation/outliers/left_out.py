@@ -12,9 +12,8 @@ from basecal.estimation.outliers.inlier_mask import InlierMask
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.point_jacobians import point_jacobians
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 

@@ -18,8 +18,7 @@ from basecal.estimation.least_squares.studentized import MahalanobisSquared, jud
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.point_jacobians import point_jacobians
-from basecal.estimation.view.seen_points import SeenPoints
+from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
 from basecal.geometry import Array
 
 _GROWTH = 1.6  # of the control parameter in each round

@@ -20,13 +20,14 @@ from basecal.cell import (
     Recording,
     RobotState,
     Sample,
+    TouchObservation,
 )
 from basecal.effects.deflection import NAME as DEFLECTION
 from basecal.effects.deflection import apply_gravity
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import half_turn
-from basecal.estimation.problem.measurements import alternative_readings, make_measurement
-from basecal.estimation.problem.plate_gauges import with_plate_gauges
+from basecal.estimation.problem.held_gauges import held_gauges
+from basecal.estimation.problem.measurements import GRIP, alternative_readings, make_measurement
 from basecal.estimation.problem.point_mounts import point_mounts
 from basecal.estimation.problem.problem import Problem, Stops, check_carriers
 from basecal.estimation.problem.repeated_views import repeated_views, view_content
@@ -248,7 +249,8 @@ def _views(
                     repeated.append(sample.sample)
                 else:
                     known.add(content)
-                    views[camera, target, _kind(observation)].append((i, observation))
+                    for kind in _kinds(observation):
+                        views[camera, target, kind].append((i, observation))
     findings += repeated_views(repeated)
     for why, numbers in lacking.items():
         shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
@@ -259,10 +261,12 @@ def _views(
     return views
 
 
-def _kind(observation: Observation) -> str:
-    """What is solved together: pixels, candidates among them; poses; 3-D points."""
-    pixels = isinstance(observation, PixelObservation | CandidateObservation)
-    return "PixelObservation" if pixels else type(observation).__name__
+def _kinds(observation: Observation) -> tuple[str, ...]:
+    """What is solved together: pixels, candidates among them; poses; 3-D points; places and directions of parts."""
+    if isinstance(observation, PixelObservation | CandidateObservation):
+        return ("PixelObservation",)
+    kind = type(observation).__name__
+    return (kind, GRIP) if isinstance(observation, TouchObservation) and observation.kind == "clamp" else (kind,)
 
 
 def _group(
@@ -303,7 +307,7 @@ def _end(cell: Cell, poses: Mapping[str, _Poses], carried: str, on: str, index: 
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:
-    unknowns = with_plate_gauges(cell)
+    unknowns = cell.transforms
     points = point_mounts(cell, groups)
     with_pixels = sorted({g.camera for g in groups if isinstance(g.measurement, PixelMeasurement)})
     lenses: dict[str, Intrinsics] = {}
@@ -322,4 +326,15 @@ def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem
         if robot.chain is not None
     }
     exact = frozenset(name for name, target in cell.targets.items() if target.size_sigma == 0)
-    return Problem(cell.reference, groups, unknowns, points, lenses, stops, columns, chains=chains, exact_targets=exact)
+    return Problem(
+        cell.reference,
+        groups,
+        unknowns,
+        points,
+        lenses,
+        stops,
+        columns,
+        chains=chains,
+        exact_targets=exact,
+        gauges=held_gauges(cell, groups),
+    )

@@ -18,15 +18,19 @@ from basecal.cell import (
 )
 from basecal.errors import InputError
 from basecal.estimation.problem.correspondence import MOST_CANDIDATES, half_turn, half_turn_views
+from basecal.estimation.view.contacts import GRIPS, TOUCHES
 from basecal.estimation.view.measurement import Measurement, Noise
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.points import PointMeasurement, TouchMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
+GRIP = "grip"
+"""A kind of measurement: directions of a part that two robots hold, beside where it is."""
+
 
 def make_measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
-    """What one camera's observations of one target say, all of one `kind`, a name of an observation's type.
+    """What one camera's observations of one target say, all of one `kind`: a name of an observation's type, or `GRIP`.
 
     Raises:
         InputError: if points are seen of a target without any, a camera with pixels has no lens, or `correlated_px`
@@ -38,11 +42,14 @@ def make_measurement(cell: Cell, camera: str, target: str, kind: str, observatio
         poses = SE3.stack([o.camera_from_target for o in with_pose])
         stated = np.stack([np.zeros(6) if o.sigma is None else 1 / o.sigma for o in with_pose])
         return PoseMeasurement(poses, stated, stated).with_noise(Noise())
-    if kind == "TouchObservation":
+    if kind in ("TouchObservation", GRIP):
+        contact, is_grip = cell.targets[target].contact, kind == GRIP
         touches = [o for o in observations if isinstance(o, TouchObservation)]
-        stated = np.array([[0.0 if o.sigma_m is None else 1 / o.sigma_m] for o in touches])
+        sigmas = [o.sigma_rad if is_grip else o.sigma_m for o in touches]
+        stated = np.array([[0.0 if sigma is None else 1 / sigma] for sigma in sigmas])
         seen, at = np.ones((len(touches), 1), dtype=bool), np.zeros((len(touches), 1, 3))
-        return TouchMeasurement(np.zeros((1, 3)), at, seen, stated, stated).with_noise(Noise())
+        noun = (GRIPS if is_grip else TOUCHES)[contact]
+        return noun(np.zeros((1, 3)), at, seen, stated, stated).with_noise(Noise())
     if shape is None:
         raise InputError(f"target {target!r} is seen as points and has no `kind`")
     if kind == "PointObservation":

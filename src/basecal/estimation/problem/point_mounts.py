@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from basecal.cell import Cell
 from basecal.errors import InputError
 from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.contacts import GRIPS
 from basecal.estimation.view.points import is_touch
 from basecal.estimation.view.poses import PoseMeasurement
 
@@ -32,4 +33,6 @@ def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
 
 def _tips(groups: Sequence[ViewGroup]) -> set[str]:
     """What sees points at its own origin only, as a tip does that touches them: no rotation of it matters."""
-    return {g.camera for g in groups} - {g.camera for g in groups if not is_touch(g.measurement)}
+    return {g.camera for g in groups} - {
+        g.camera for g in groups if not is_touch(g.measurement) or isinstance(g.measurement, tuple(GRIPS.values()))
+    }

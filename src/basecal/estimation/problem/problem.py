@@ -59,6 +59,7 @@ class Problem:
         open_jitter: Cameras whose jitter is to be estimated.
         open_clocks: Devices whose offsets in time are estimated about the solution.
         tied: Views of the static scene beside those of targets; None if there are none.
+        gauges: Directions of free transforms that no view depends on, (6,) of 1 or 0 by name, which stay.
     """
 
     reference: str
@@ -79,6 +80,7 @@ class Problem:
     open_jitter: frozenset[str] = frozenset()
     open_clocks: frozenset[str] = frozenset()
     tied: TiedViews | None = None
+    gauges: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def width(self) -> int:

@@ -17,10 +17,12 @@ import numpy as np
 
 from basecal.cell import Cell, Unknown
 from basecal.errors import BasecalError
+from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.all_pairs import placed_by_pairs
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
+from basecal.estimation.start.contacts import place_contacts, rigid_ends, turned_starts, without_contacts
 from basecal.estimation.start.lens import lens_from_views
 from basecal.estimation.start.light_search import light_search
 from basecal.estimation.start.metric_points import has_metric_start, place_by_points
@@ -29,6 +31,7 @@ from basecal.estimation.start.refinement import Refinement, Triple, pair_problem
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Camera, IntArray
+from basecal.numerics.batch import take
 
 T = TypeVar("T")
 _Search = Generator[Refinement, Triple, T]
@@ -40,6 +43,7 @@ _LIGHT_STARTS = {0: 1, 1: 12, 2: 40}  # by unknown rotations; judged by benchmar
 _BATCH_STARTS = 5  # starts of a light side by side: more may be in vain where one of the first convinces
 _RIDGE = 1e-9  # of views of a point: where rays are parallel, depth stays that of the mount known so far
 _TIGHT_RAD = 0.3  # a prior this narrow is a start by itself [rad]
+_TURNED_STEPS = 30  # of descents from bases turned about what they touched: the best is refined again
 _FEW_CHANGES_SHARE = 0.1  # share of views whose pose changes that no longer moves the closed form
 
 
@@ -116,9 +120,9 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     most = _MANY_VIEWS_POINTS if thorough else _FEW_VIEWS_POINTS
     # Refined, views' poses lead to a start from which a descent is no shorter.
     poses_of = view_poses if thorough else partial(view_poses, iterations=0)
-    known = _Known(known_transforms(problem))
-    seen = [g for g in problem.groups if len(g)]
-    metric = [g for g in seen if has_metric_start(problem, g, known.transforms)]
+    known, simple = _Known(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
+    seen = [g for g in simple.groups if len(g)]
+    metric = [g for g in seen if has_metric_start(g, known.transforms)]
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
     sights = tuple(waiting)
     in_vain: dict[int, str] = {}  # of a pair, what was unknown as it could not be started
@@ -142,10 +146,20 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
         waiting.remove(sight)
         told = {*(known.transforms.keys() - before), *sight.group.frames}  # those of the pair have a relation, too
         unknown |= {id(s): _unknown(s, known) for name in told for s in by_name[name]}
-    found = {**known.transforms, **place_by_points(problem, metric, known.transforms)}
+    found = {**known.transforms, **place_by_points(simple, metric, known.transforms)}
     transforms = {name: found.get(name) or _fallback(u) for name, u in problem.unknowns.items()}
     transforms |= placed_by_pairs(problem, sights, transforms, known_transforms(problem))
-    return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+    stated = known_transforms(problem)
+    transforms |= {name: at for name, at in place_contacts(problem, transforms).items() if name not in stated}
+    state = State(transforms, cameras, np.zeros((len(problem.stops), 6)))
+    turned = list(turned_starts(problem, state, stated)) if thorough else []
+    return _lowest_end(problem, turned) if turned else state
+
+
+def _lowest_end(problem: Problem, states: Sequence[State]) -> State:
+    """Where the descents from several states end lowest, after few steps."""
+    ends = bundle_adjust_batch(problem, batch_states(problem, states), dof=1, iterations=_TURNED_STEPS)
+    return take(ends.state, int(np.nanargmin(ends.cost)))
 
 
 def guessed_state(problem: Problem, cell: Cell) -> State | None:
@@ -248,7 +262,7 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
     cameras, known = lenses(problem, cell), _Known(known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
         return
-    if has_metric_start(problem, problem.groups[0], known.transforms):
+    if has_metric_start(problem.groups[0], known.transforms):
         return
     sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
     as_point, light, starts = light_search(sight, _loop(sight, known), most)

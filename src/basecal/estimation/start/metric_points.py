@@ -15,7 +15,7 @@ import numpy as np
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.start.pair_views import holds_poses, umeyama
-from basecal.estimation.view.points import PointMeasurement
+from basecal.estimation.view.points import PointMeasurement, is_touch
 from basecal.geometry import SE3, Array, IntArray
 
 _RIDGE = 1e-6  # share of an equation: what views leave open stays at the origin of its carrier
@@ -53,12 +53,12 @@ class _Side:
 _Meeting = tuple[_Side, _Side]
 
 
-def has_metric_start(problem: Problem, group: ViewGroup, transforms: Mapping[str, SE3]) -> bool:
-    """Whether views are points in space without a pose, from a known place on a flange, a tip, or from the world."""
+def has_metric_start(group: ViewGroup, transforms: Mapping[str, SE3]) -> bool:
+    """Whether views are touches, or points in space without a pose from a known place on a flange or from the world."""
+    eye = group.eye
     if not isinstance(group.measurement, PointMeasurement) or holds_poses(group.measurement):
         return False
-    eye = group.eye
-    return eye.robot is None or eye.mount in transforms or eye.mount in problem.point_mounts
+    return eye.robot is None or eye.mount in transforms or is_touch(group.measurement)
 
 
 def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: Mapping[str, SE3]) -> dict[str, SE3]:

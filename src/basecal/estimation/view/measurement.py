@@ -34,13 +34,14 @@ class ViewInformation(NamedTuple):
 
 
 class Noise(NamedTuple):
-    """Sigmas of unstated noise: a pixel coordinate [px], a measured pose [m, rad], a 3-D point, a touch [m]."""
+    """Sigmas of unstated noise: a pixel coordinate [px], a pose [m, rad], a 3-D point, a touch [m], a grip [rad]."""
 
     pixel_px: float = 1.0
     pose_m: float = 1e-3
     pose_rad: float = 1e-3
     point_m: float = 1e-3
     touch_m: float = 1e-3
+    grip_rad: float = 1e-3
 
 
 class Measurement(Protocol):

@@ -1,8 +1,9 @@
-"""Points of a target that a camera saw one by one, in pixels or in 3-D: what both kinds have the same."""
+"""Points of a target that a camera saw one by one, in pixels or in 3-D: what both kinds share, and their rows."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -43,6 +44,15 @@ class SeenPoints(MeasuredPoints):
     ) -> tuple[Array, Array, Array | None]:
         """As `residuals`, of points (n, p, 3), with derivatives by these, (n, p, d, 3), and if `lens` by its terms."""
 
+    def tangent_rows(
+        self, camera_from_target: SE3, camera: Camera | None, lens: bool
+    ) -> tuple[Array, Array, Array | None]:
+        """As `with_derivatives`, about poses (n,) and by their tangent, (n, p, d, 6)."""
+        off, by_point, by_lens = self.with_derivatives(self.in_camera(camera_from_target), camera, lens)
+        # Of f(camera_from_target @ p), from df/dp, (n, p, d, 3).
+        shift = by_point @ camera_from_target.rotation[:, None]
+        return off, np.concatenate([shift, np.cross(self.points_in_target[:, None], shift)], -1), by_lens
+
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
         unstated = self.weight * (self.stated == 0)
@@ -68,3 +78,29 @@ class SeenPoints(MeasuredPoints):
         """See `Measurement`."""
         stated, seen = int(np.count_nonzero(self.stated)), int(np.count_nonzero(self.seen))
         return {"stated": self.coordinates * stated, self.noise_field: self.coordinates * (seen - stated)}
+
+
+@dataclass(frozen=True, eq=False)
+class PointJacobians:
+    """Points of views.
+
+    Attributes:
+        residual: (n, p, d) predicted minus seen, over sigma; zero where not seen.
+        jacobian: (n, p, d, 6 + k) its derivative to the view's tangent and, where it is free, the lens.
+        seen: (n, p) whether the point was seen and lies before the camera.
+    """
+
+    residual: Array
+    jacobian: Array
+    seen: BoolArray
+
+
+def point_jacobians(
+    measurement: SeenPoints, camera_from_target: SE3, camera: Camera | None, lens: bool
+) -> PointJacobians:
+    """Each point of views about `camera_from_target`, (n,)."""
+    off, by_pose, by_lens = measurement.tangent_rows(camera_from_target, camera, lens)
+    seen = measurement.seen & (measurement.weight > 0) & np.isfinite(off).all(-1)
+    weight = np.where(seen, measurement.weight, 0.0)[..., None]
+    jacobian = by_pose if by_lens is None else np.concatenate([by_pose, by_lens], -1)
+    return PointJacobians(np.nan_to_num(off) * weight, np.nan_to_num(jacobian) * weight[..., None], seen)

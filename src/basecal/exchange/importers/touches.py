@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from basecal.cell import TouchObservation
+from basecal.cell import Cell, TouchObservation
+from basecal.cell.cell import grip_name
 from basecal.errors import UsageError
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
@@ -29,6 +30,8 @@ def read_touches(
     mark: str | None = None,
     tip: str | None = None,
     meets: str | None = None,
+    clamp: str | None = None,
+    hinge: bool = False,
     format: Annotated[str | None, OneOf("Whose numbers they are", tuple(CONTROLLERS))] = None,
     length_unit: LengthUnit | None = None,
     deg: bool = False,
@@ -42,14 +45,16 @@ def read_touches(
     --joints of joints, of a robot whose URDF the cell has. A column `mark` names
     what was touched; where there is a column `robot`, rows of others are left out.
     Each row makes a sample. Tips and marks that are new are added to the cell:
-    nothing need be known of them. With --meets the tip met that of another robot,
-    at the samples that are there, in order.
+    nothing need be known of them. With --meets the tip met that of another robot.
+    With --clamp this robot and the other one held a part, with --hinge one that
+    turns about an axis. Both are at the samples that are there, in order.
 
     For example:
 
         basecal import touches mycell left.txt --robot left --format kuka
         basecal import touches mycell right.txt --robot right --format ur
         basecal import touches mycell all.csv --robot left --format ros --mark corner
+        basecal import touches mycell held.csv --robot right --format ur --clamp part
 
     Args:
         cell: Folder of the cell.
@@ -58,6 +63,8 @@ def read_touches(
         mark: What all rows touched, where the table has no column `mark`.
         tip: Name of the robot's tip; the robot's name and `_tip` where left out.
         meets: Tip of another robot that this one met.
+        clamp: Name of a part that this robot and the other one of the cell held.
+        hinge: The part turns about an axis, as a hinge does.
         format: Whose numbers they are.
         length_unit: What lengths are in; the controller's own unit where not stated.
         deg: Angles, or joints, are in degrees.
@@ -69,37 +76,57 @@ def read_touches(
         UsageError: if options do not go together.
         InputError: if the file cannot be read, or names no marks.
     """
-    if meets is not None and mark is not None:
-        raise UsageError("--mark and --meets cannot both be: a tip was at a mark, or at another tip")
+    if sum(each is not None for each in (mark, meets, clamp)) > 1:
+        raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
     own_tip, known = tip or f"{robot}_tip", known_cell(cell)
     entry: dict[str, Any] = {"robots": {robot: {}}}
-    if known is None or own_tip not in known.cameras:
+    if clamp is not None:
+        entry["clamp"] = _clamp(known, clamp, robot, hinge)
+    elif known is None or own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
-    if joints:
-        chain = joint_model(cell, robot, None, None, None, None).chain
-        rows, names = read_joints(str(file), robot, chain, deg), chain.joint_names
-        how, advice = f"{chain.n} joints in {'deg' if deg else 'rad'}", "check --deg and the order of the joints"
-    else:
-        reading = PoseTable(str(file), format, length_unit, deg, rad, False).reading
-        rows, names = read_controller_poses(str(file), robot, reading), reading.convention.names
-        how, advice = f"poses as of {reading.name} ({reading.words})", POSE_ADVICE
+    rows, names, how, advice = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     if meets is not None:
-        what = f"{len(rows)} meetings of {own_tip} and {meets}, {how}"
-        seen = _with_touches(rows, own_tip, [meets] * len(rows), sigma_m, True)
-        return Imported(str(file), what, seen, entry, advice=advice)
+        met, what = TouchObservation(own_tip, meets, sigma_m, "tip2"), f"meetings of {own_tip} and {meets}"
+        return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
+    if clamp is not None:
+        met, what = TouchObservation(clamp, grip_name(clamp), sigma_m, "clamp"), f"places of {robot} holding {clamp}"
+        return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
     table = TouchTable(str(file), names)
     kept, marks = touch_names(table, rows, robot, mark)
     entry["marks"] = {name: {} for name in dict.fromkeys(marks) if known is None or name not in known.targets}
-    seen = _with_touches(new_rows(cell, known, kept), own_tip, marks, sigma_m, False)
+    touched = zip(new_rows(cell, known, kept), marks, strict=True)
+    seen = tuple(replace(row, observations=(TouchObservation(own_tip, at, sigma_m),)) for row, at in touched)
     what = f"{len(seen)} touches of {', '.join(dict.fromkeys(marks))} by {own_tip}, {how}"
     return Imported(str(file), what, seen, entry, by="sample", advice=advice)
 
 
-def _with_touches(
-    rows: Sequence[Row], tip: str, names: Sequence[str], sigma_m: float | None, is_tip_to_tip: bool
-) -> tuple[Row, ...]:
-    """Rows of which each is a touch of what is named."""
-    return tuple(
-        replace(row, observations=(TouchObservation(tip, name, sigma_m, is_tip_to_tip),))
-        for row, name in zip(rows, names, strict=True)
-    )
+def _join_rows(
+    source: str, rows: Sequence[Row], contact: TouchObservation, summary: str, entry: dict[str, Any], advice: str
+) -> Imported:
+    """Rows that join the samples that are there, in order, each with the same observation."""
+    joined = tuple(replace(row, observations=(contact,)) for row in rows)
+    return Imported(source, summary, joined, entry, advice=advice)
+
+
+def _read_rows(
+    cell: str | Path, path: str, robot: str, is_joints: bool, numbers: tuple[str | None, LengthUnit | None, bool, bool]
+) -> tuple[tuple[Row, ...], Sequence[str], str, str]:
+    """Rows of poses or joints, the names of their numbers, how they were read, and what to check."""
+    notation, length_unit, deg, rad = numbers
+    if is_joints:
+        chain = joint_model(cell, robot, None, None, None, None).chain
+        how = f"{chain.n} joints in {'deg' if deg else 'rad'}"
+        return read_joints(path, robot, chain, deg), chain.joint_names, how, "check --deg and the order of the joints"
+    reading = PoseTable(path, notation, length_unit, deg, rad, False).reading
+    rows = read_controller_poses(path, robot, reading)
+    return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE
+
+
+def _clamp(context: Cell | None, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
+    """The section `clamp` with a part that a robot and the only other one hold."""
+    if context is not None and name in context.cameras:
+        return {}
+    others = [other for other in (() if context is None else context.robots) if other != robot]
+    if len(others) != 1:
+        raise UsageError(f"--clamp needs one other robot in the cell, there are {len(others)}: import its poses first")
+    return {name: {"robots": [others[0], robot], "axis": "free" if is_hinge else "fixed"}}

@@ -1,0 +1,114 @@
+"""A start of contacts that are no points: planes and edges through the tips that touched them, and axes of hinges."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.start.rotation_grid import icosahedral_rotations
+from basecal.estimation.view.contacts import ContactMeasurement, GripMeasurement, HingeMeasurement, PlaneMeasurement
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import SE3, Array
+from basecal.numerics.spectral import principal_axes
+
+
+def without_contacts(problem: Problem) -> Problem:
+    """The problem whose views are points and poses: a rigid part's two ends are one pose, a hinge's origins meet."""
+    if not any(isinstance(g.measurement, ContactMeasurement) for g in problem.groups):
+        return problem
+    hinges = {end.mount for g in problem.groups if isinstance(g.measurement, HingeMeasurement) for end in g.ends}
+    groups = [_as_poses(g) for g in problem.groups if isinstance(g.measurement, GripMeasurement)]
+    rigid = {g.camera for g in groups}
+    groups += [g for g in problem.groups if not isinstance(g.measurement, ContactMeasurement) and g.camera not in rigid]
+    return replace(problem.with_groups(groups), point_mounts=problem.point_mounts | hinges)
+
+
+def rigid_ends(problem: Problem) -> dict[str, SE3]:
+    """Frames of rigid parts, where the flanges are that hold them first; by the names of their mounts."""
+    return {g.eye.mount: SE3.identity() for g in problem.groups if isinstance(g.measurement, GripMeasurement)}
+
+
+def _as_poses(group: ViewGroup) -> ViewGroup:
+    ones = np.ones((len(group), 6))
+    return replace(group, measurement=PoseMeasurement(SE3.identity((len(group),)), ones, ones))
+
+
+def place_contacts(problem: Problem, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+    """Mounts of planes, edges, hinges and parts that all else determines, by name.
+
+    Args:
+        problem: What they are of.
+        transforms: Where bases, tips and the origins of hinges are.
+    """
+    placed: dict[str, SE3] = {}
+    for group in problem.groups:
+        if isinstance(group.measurement, HingeMeasurement):
+            placed |= _hinge(group, transforms)
+        elif isinstance(group.measurement, GripMeasurement):
+            placed |= _part_ends(group, transforms)
+    groups = [g for g in problem.groups if _is_surface(g)]
+    for name in {g.hand.mount: None for g in groups}:
+        touching = [g for g in groups if g.hand.mount == name]
+        # By the reference if it touched, whose base is known: the others are where a start has them.
+        by_reference = [g for g in touching if g.eye.base is None] or touching
+        points = np.concatenate([_touched_points(g.eye, transforms) for g in by_reference])
+        is_plane = isinstance(touching[0].measurement, PlaneMeasurement)
+        across = principal_axes(points - points.mean(0)).axes
+        placed[name] = SE3(_z_rotation(across[:, 2 if is_plane else 0]), points.mean(0))
+    return placed
+
+
+def turned_starts(problem: Problem, state: State, known_names: Collection[str]) -> Iterator[State]:
+    """States whose bases that touched planes or edges are turned about what they touched; the given one among them."""
+    touching = [g for g in problem.groups if _is_surface(g)]
+    for base in sorted({g.eye.base for g in touching if g.eye.base is not None} - set(known_names)):
+        flanges = [_flanges(g.eye, state.transforms).translation for g in touching if g.eye.base == base]
+        middle = np.concatenate(flanges).mean(0)
+        for rotation in icosahedral_rotations():
+            turned = SE3(rotation, middle - rotation @ middle) @ state.transforms[base]
+            transforms = {**state.transforms, base: turned}
+            placed = {name: at for name, at in place_contacts(problem, transforms).items() if name not in known_names}
+            yield replace(state, transforms={**transforms, **placed})
+
+
+def _is_surface(group: ViewGroup) -> bool:
+    return isinstance(group.measurement, ContactMeasurement) and group.hand.robot is None
+
+
+def _hinge(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+    """Both ends of a hinge, along the directions in the flanges that stay parallel."""
+    eye, hand = group.ends
+    rows = np.concatenate([_flanges(eye, transforms).rotation, -_flanges(hand, transforms).rotation], -1)
+    axes = principal_axes(rows.reshape(-1, 6)).axes[:, -1].reshape(2, 3)
+    ends = zip(group.ends, axes, strict=True)
+    return {
+        end.mount: SE3(_z_rotation(axis / np.linalg.norm(axis)), transforms[end.mount].translation)
+        for end, axis in ends
+    }
+
+
+def _part_ends(group: ViewGroup, transforms: Mapping[str, SE3]) -> dict[str, SE3]:
+    """Both ends of a rigid part half-way between the flanges: there errors of place and direction are least tied."""
+    hand_flange_from_eye_flange = transforms[group.hand.mount]
+    half = SE3(np.eye(3), hand_flange_from_eye_flange.inverse().translation / 2)
+    return {group.eye.mount: half, group.hand.mount: hand_flange_from_eye_flange @ half}
+
+
+def _touched_points(end: End, transforms: Mapping[str, SE3]) -> Array:
+    """Where a tip was in the world, (n, 3)."""
+    return _flanges(end, transforms) @ transforms[end.mount].translation
+
+
+def _flanges(end: End, transforms: Mapping[str, SE3]) -> SE3:
+    """`world_from_flange` at the views of an end, (n,)."""
+    return end.base_from_flange if end.base is None else transforms[end.base] @ end.base_from_flange
+
+
+def _z_rotation(axis: Array) -> Array:
+    """A rotation, (3, 3), whose z is a unit vector."""
+    _, x, y = principal_axes(axis[None]).axes.T
+    return np.stack([x if np.cross(x, y) @ axis > 0 else -x, y, axis], -1)

@@ -1,0 +1,44 @@
+"""Contacts that are no point at a point."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.view.contacts import EdgeMeasurement, GripMeasurement, HingeMeasurement, PlaneMeasurement
+from basecal.estimation.view.measurement import Noise
+from basecal.geometry import SE3
+
+KINDS = (PlaneMeasurement, EdgeMeasurement, HingeMeasurement, GripMeasurement)
+
+
+def some(kind, count=4):
+    """So many contacts of a kind, with unstated noise."""
+    zero = np.zeros((count, 1))
+    return kind(np.zeros((1, 3)), np.zeros((count, 1, 3)), np.ones((count, 1), dtype=bool), zero, zero)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_gradient_is_that_of_the_cost(kind):
+    """By central differences along each direction of the tangent, far from contact."""
+    rng = np.random.default_rng(0)
+    contacts = some(kind).with_noise(Noise(touch_m=0.3, grip_rad=0.2))
+    pose = SE3.exp(rng.normal(0, 0.6, (4, 6)))
+    found, step = contacts.linearise(pose, None, False), 1e-6
+    for k, along in enumerate(np.eye(6)):
+        ahead, behind = (contacts.linearise(pose @ SE3.exp(s * step * along), None, False).cost for s in (1, -1))
+        np.testing.assert_allclose(2 * found.gradient[:, k], (ahead - behind) / (2 * step), rtol=1e-6, atol=1e-6)
+    assert np.all(np.linalg.matrix_rank(found.information) == kind.coordinates)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gauges_of_targets_change_no_residual(kind):
+    """At contact, moves of a target along the directions that are held leave residuals zero."""
+    for along in np.diag(kind.target_gauge)[np.array(kind.target_gauge) > 0]:
+        np.testing.assert_allclose(some(kind, 1).residuals(SE3.exp(0.3 * along[None]), None), 0, atol=1e-12)
+
+
+def test_unstated_noise_is_counted_by_its_field():
+    """Places by `touch_m`, directions by `grip_rad`, as many equations as a contact has."""
+    assert some(PlaneMeasurement).counts() == {"stated": 0, "touch_m": 4}
+    assert some(HingeMeasurement).counts() == {"stated": 0, "grip_rad": 8}
