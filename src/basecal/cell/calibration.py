@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, GetPydanticSchema
 
 from basecal.cell.cell import Cell
+from basecal.cell.fingerprint import Fingerprint
 from basecal.cell.frames import base_between, frame_between
 from basecal.cell.rival import Rival
 from basecal.cell.work_error import BudgetEntry, ErrorMap, LocalFit, MeetingError, Tolerance
@@ -229,6 +230,7 @@ class Calibration:
         settings: What was asked of the solver, and `tolerance_m` where it is stated how well the answer must be known.
         inputs: `sha256:...` of each file read.
         versions: Of the programs that were used, by name.
+        scene: Points of the static scene, if it took part; they are kept in a file of their own.
     """
 
     verdict: Verdict
@@ -259,6 +261,7 @@ class Calibration:
     settings: Mapping[str, Any] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+    scene: Fingerprint | None = None
 
     def known_transforms(self, cell: Cell) -> dict[str, SE3]:
         """What is known of the transforms of the cell that was calibrated, by name: fixed there, or found here."""

@@ -59,8 +59,21 @@ def stored_run(folder: Path, run: Path, cell: Cell, calibration: Calibration) ->
     return StoredRun(run, recording, FitDetails(), changed)
 
 
+def with_kept_scene(cell: Cell, recording: Recording, calibration: Calibration, run: Path) -> tuple[Cell, Recording]:
+    """Cell and recording with the points of the scene that a run kept as a target; unchanged if it kept none."""
+    from basecal.cell.results.fingerprint_file import read_fingerprint
+
+    fingerprint = read_fingerprint(run)
+    if fingerprint is None:
+        return cell, recording
+    from basecal.accuracy.scene.fingerprint import with_scene_as_target
+
+    return with_scene_as_target(cell, calibration, recording, fingerprint)
+
+
 def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
     """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
+    from basecal.accuracy.fit_details import fit_details
     from basecal.cell.files import read_verifications
     from basecal.cell.format.writing import write_atomically
     from basecal.reporting.page import page
@@ -68,11 +81,15 @@ def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
     names = ", ".join(stored.changed)
     notes = [f"{names} changed since this run: names and picture are as of now. Calibrate again."] if names else []
     path, cell_name = stored.run / FILE, stored.run.resolve().parents[1].name
+    described, recording = (
+        (cell, stored.recording) if names else with_kept_scene(cell, stored.recording, calibration, stored.run)
+    )
+    details = stored.details if described is cell else fit_details(described, recording, calibration)
     html = page(
-        cell,
-        stored.recording,
+        described,
+        recording,
         calibration,
-        stored.details,
+        details,
         title=os.fsencode(cell_name).decode(errors="replace"),
         time=_run_time(stored.run),
         run=stored.run.name,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from basecal.cli.detected import counting
+from basecal.cli.page import with_kept_scene
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
 from basecal.errors import UsageError
@@ -31,7 +32,8 @@ def verify(
     a joint) and by how much with its sigma, and which shift would have been
     seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images
     in the recording's folder; or a folder that poses and pictures of the same
-    robots and cameras were imported into. What was found is appended to the
+    robots and cameras were imported into. Pictures are compared with the
+    points of the scene that a calibration by --scene kept. What was found is appended to the
     cell's verifications.jsonl, which --history reports.
 
     Ends with 0 if nothing moved, with 1 if something did or if that cannot be
@@ -95,7 +97,7 @@ def _new_samples(cell: Path, described: Cell, samples: Path) -> Recording:
     is_cell = samples.is_dir()
     journal = samples / "recording" / "samples.jsonl" if is_cell else samples
     recording = read_samples(journal, samples if is_cell else cell, described)
-    if any(sample.images for sample in recording.samples):
+    if described.targets and any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 
         with counting("detecting") as step:
@@ -111,7 +113,9 @@ def _verify(cell: Path, described: Cell, run: Path, new: Recording) -> Verificat
     from basecal.accuracy.drift.verify import verify as verified
     from basecal.cell.files import append_verification, read_calibration
 
-    found = verified(described, read_calibration(run), new)
+    calibration = read_calibration(run)
+    described, new = with_kept_scene(described, new, calibration, run)
+    found = verified(described, calibration, new)
     name = (run if run.is_dir() else run.parent).resolve().name
     append_verification(cell, record_verification(found, datetime.now(UTC), name))
     return found

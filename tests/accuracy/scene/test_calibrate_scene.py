@@ -181,6 +181,9 @@ def test_documented_example_is_calibrated(tmp_path: Path, capsys: pytest.Capture
     answer = json.loads(capsys.readouterr().out)
     assert answer["verdict"] == "doubtful"
     assert {each["code"] for each in answer["findings"]} == {"few-images", "not-validated", "scene-scale"}
+    (run,) = (tmp_path / "runs").iterdir()
+    assert (run / "scene.points").stat().st_size > 152 * 1000
+    assert "scene seen by right_eye" in (run / "report.html").read_text()
     found = answer["transforms"][BASE_NAME]
     true = read_truth(tmp_path)[BASE_NAME]
     off = true.inverse() @ SE3.from_quaternion(found["q_xyzw"], found["t_m"])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from basecal.accuracy.scene.checks import aim_covariance, base_findings, direction_findings
 from basecal.accuracy.scene.find_scene import Report, find_scene
+from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.pictures import read_pictures
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
@@ -44,7 +46,10 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     report = Report([*recording.findings, *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     fit = find_scene(pictures, stated, cell.reference, report, settings)
-    return _refuse(report, settings) if fit is None else _conclude(cell, fit, report, settings)
+    if fit is None:
+        return _refuse(report, settings)
+    found = _conclude(cell, fit, report, settings)
+    return replace(found, scene=scene_fingerprint(pictures, fit, fit.state.points)) if found.transforms else found
 
 
 def _refuse(report: Report, settings: Settings) -> Calibration:
@@ -78,7 +83,7 @@ def _covariance(fit: SceneFit, columns: Columns) -> Array:
     """Of all columns but errors of stops, with what views that aim at one point leave uncertain."""
     covariance = scene_covariance(fit)
     for k, where in enumerate(columns.mounts):
-        if where is not None:
+        if where is not None and fit.views.cameras[k].robot is not None:
             covariance[where, where] += aim_covariance(fit, k)
     return covariance
 

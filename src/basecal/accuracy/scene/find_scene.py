@@ -17,8 +17,10 @@ from basecal.cell import Finding
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.state import SceneState
+from basecal.estimation.scene.views import Tracks
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array
+from basecal.vision.tracks.locating import locate_camera
 
 
 @dataclass
@@ -45,6 +47,7 @@ def find_scene(
         report: To which findings are added.
         settings: How to go about it.
     """
+    every, pictures = pictures, pictures.on_robots()
     with settings.stage("tracks"):
         ones = [_solve_one(pictures, camera, robot_noise, settings) for camera in range(len(pictures.views.cameras))]
     for camera, one in zip(pictures.views.cameras, ones, strict=True):
@@ -56,7 +59,8 @@ def find_scene(
     if report.is_refused:
         return None
     with settings.stage("descent"):
-        return _fit(pictures, ones, joins, robot_noise, reference, report)
+        fit = _fit(pictures, ones, joins, robot_noise, reference, report)
+        return fit if fit is None else _add_fixed_cameras(every, fit, robot_noise, report)
 
 
 def _solve_one(pictures: Pictures, camera: int, robot_noise: Sequence[Array | None], settings: Settings) -> OneCamera:
@@ -120,3 +124,38 @@ def _fit(
         names = (views.cameras[i].name, views.cameras[k].name)
         report.findings += kept_findings(names, count, shared_points(pictures, fit.tracks, (i, k))[0])
     return None if report.is_refused else fit
+
+
+def _add_fixed_cameras(
+    pictures: Pictures, fit: SceneFit, robot_noise: Sequence[Array | None], report: Report
+) -> SceneFit:
+    """The scene with the cameras on `world` that its points locate."""
+    views, count = pictures.views, len(fit.views)
+    if count == len(views):
+        return fit
+    descriptors = pictures.descriptors(fit.tracks, np.arange(count))
+    state, tracks, kept, cameras = fit.state, fit.tracks, list(range(count)), list(fit.views.cameras)
+    for row in range(count, len(views)):
+        number = int(views.camera[row])
+        camera, lens = views.cameras[number], pictures.lenses[number]
+        guessed = pictures.is_guessed[number]
+        found = None if guessed else locate_camera(pictures.features[row], descriptors, state.points, lens)
+        if found is None:
+            report.findings.append(_missing_camera(camera.name, guessed))
+            continue
+        seen = pictures.features[row].pixels[found.feature]
+        tracks = tracks.join(Tracks(np.full(len(seen), len(kept)), found.point, seen))
+        state = state.with_camera(found.camera_from_world.inverse(), lens)
+        kept, cameras = [*kept, row], [*cameras, camera]
+    own = replace(views.take(np.array(kept)), cameras=tuple(cameras))
+    own = replace(own, camera=np.r_[own.camera[:count], np.arange(len(fit.views.cameras), len(cameras))])
+    lenses = (*fit.guesses, *state.lenses[len(fit.guesses) :])
+    return fit_scene(own, tracks, state, lenses, robot_noise) if len(kept) > count else fit
+
+
+def _missing_camera(name: str, is_guessed: bool) -> Finding:
+    """That a camera on `world` takes no part, and why."""
+    what = f"{name} takes no part in the scene, and its pose stays unknown."
+    why = "Its lens is not stated." if is_guessed else "Its picture shows too few points that the arms' cameras see."
+    do = "State its intrinsics in cell.yaml." if is_guessed else SAME_SPOT
+    return Finding("scene-overlap", "warning", (name,), what, (do,), why)

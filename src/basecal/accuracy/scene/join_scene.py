@@ -16,8 +16,10 @@ from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.accuracy.model_comparison.held_out import compare_held_out
 from basecal.accuracy.scene.checks import base_findings
 from basecal.accuracy.scene.find_scene import Report, find_scene
+from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.pictures import Pictures, read_pictures
 from basecal.cell import Cell, Finding, Recording, Unknown
+from basecal.cell.fingerprint import Fingerprint
 from basecal.estimation.problem.build import scene_groups
 from basecal.estimation.problem.problem import State
 from basecal.estimation.scene.adjust import SceneFit
@@ -33,8 +35,8 @@ _LINEARISATIONS = 2  # of the tracks about the solution: the second is about an 
 
 def join_scene(
     cell: Cell, recording: Recording, solution: Solution, settings: Settings
-) -> tuple[Solution, tuple[Finding, ...]]:
-    """The solution with the scene in it, and findings; as it was, and why, if the scene is of no use.
+) -> tuple[Solution, tuple[Finding, ...], Fingerprint | None]:
+    """The solution with the scene in it, findings and its points; as it was, and why, if the scene is of no use.
 
     Args:
         cell: What exists.
@@ -49,18 +51,20 @@ def join_scene(
         stated = [_noise(solution, robot) for robot in pictures.views.robots]
         fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)
     if fit is None:
-        return solution, (_explain_omission(report.findings),)
+        return solution, (_explain_omission(report.findings),), None
     fit = _place_in_world(fit, solution.state.transforms.get(cell.base_name(fit.views.robots[0])))
     findings = tuple(_base_findings(cell, solution, fit))
     refused = [replace(each, severity="warning") for each in findings if each.severity == "error"]
     if refused:
-        return solution, tuple(refused)
+        return solution, tuple(refused), None
     with settings.stage("descent"):
         joined = _solve_jointly(cell, recording, solution, fit, settings)
     if not findings and not _predicts_better(joined, settings.iterations):
-        return solution, (_explain_omission(()),)
+        return solution, (_explain_omission(()),), None
     what = f"{fit.tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
-    return joined, (*findings, Finding("scene-joined", "info", (), what))
+    assert joined.problem.tied is not None
+    kept = scene_fingerprint(pictures, fit, joined.problem.tied.points)
+    return joined, (*findings, Finding("scene-joined", "info", (), what)), kept
 
 
 def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
@@ -101,8 +105,12 @@ def _place_in_world(fit: SceneFit, world_from_first: SE3 | None) -> SceneFit:
     """A scene whose world is the base of its first robot, in the world of the cell."""
     if world_from_first is None:
         return fit
-    state = replace(fit.state, bases=world_from_first @ fit.state.bases, points=world_from_first @ fit.state.points)
-    return replace(fit, state=state)
+    cameras = enumerate(fit.views.cameras)
+    mounts = SE3.stack(
+        [world_from_first @ fit.state.mounts[k] if each.robot is None else fit.state.mounts[k] for k, each in cameras]
+    )
+    bases, points = world_from_first @ fit.state.bases, world_from_first @ fit.state.points
+    return replace(fit, state=replace(fit.state, mounts=mounts, bases=bases, points=points))
 
 
 def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Finding]:

@@ -52,13 +52,7 @@ class OneCamera:
     def descriptors(self, pictures: Pictures) -> Descriptors:
         """Of each point of the fit, the mean of those of its image points, (p, 128) of unit length."""
         assert self.fit is not None
-        tracks = self.fit.tracks
-        total = np.zeros((tracks.count, pictures.features[0].descriptors.shape[1]), dtype=np.float32)
-        for view in np.unique(tracks.view):
-            mine = np.flatnonzero(tracks.view == view)
-            found = pictures.features[self.rows[view]].descriptors[self.feature[mine]]
-            np.add.at(total, tracks.point[mine], found)
-        return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9), dtype=np.float32)
+        return pictures.descriptors(self.fit.tracks, self.rows)
 
 
 def solve_camera(pictures: Pictures, camera: int, stated: Array | None) -> OneCamera:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from basecal.cell import Cell, Finding, Intrinsics, PixelObservation, Recording, RobotState, Sample, Unknown
+from basecal.cell import WORLD, Cell, Finding, Intrinsics, PixelObservation, Recording, RobotState, Sample, Unknown
 from basecal.errors import InputError
 from basecal.estimation.problem.same_stop import stop_numbers
 from basecal.estimation.problem.stated_lens import with_usual_error
-from basecal.estimation.scene.views import SceneCamera, SceneViews
+from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
-from basecal.vision.tracks.features import Features, named_features
+from basecal.vision.tracks.features import DESCRIPTOR, Descriptors, Features, named_features
 
 _USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated: 58 degrees wide
 
@@ -42,13 +43,34 @@ class Pictures:
     lost: tuple[Finding, ...] = ()
     mounts: tuple[SE3 | None, ...] = ()
 
+    def on_robots(self) -> Pictures:
+        """Those of cameras that robots carry."""
+        count = sum(camera.robot is not None for camera in self.views.cameras)
+        rows = np.flatnonzero(self.views.robot >= 0)
+        views = replace(self.views.take(rows), cameras=self.views.cameras[:count])
+        return replace(self, views=views, features=self.features[: len(rows)])
+
+    def descriptors(self, tracks: Tracks, rows: IntArray) -> Descriptors:
+        """Of each point the mean over its image points, (p, 128) of unit length.
+
+        Args:
+            tracks: The image points.
+            rows: Of their views, the indices among all.
+        """
+        total = np.zeros((tracks.count, DESCRIPTOR), dtype=np.float32)
+        for view in np.unique(tracks.view):
+            mine, features = np.flatnonzero(tracks.view == view), self.features[rows[view]]
+            nearest = cKDTree(features.pixels).query(tracks.pixels[mine])[1]
+            np.add.at(total, tracks.point[mine], features.descriptors[nearest])
+        return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-9), dtype=np.float32)
+
     def camera_views(self, camera: int) -> list[int]:
         """The views of a camera."""
         return np.flatnonzero(self.views.camera == camera).tolist()
 
 
 def read_pictures(cell: Cell, recording: Recording) -> Pictures:
-    """The pictures of all cameras that a robot carries.
+    """The pictures of all cameras, those on robots first, then one picture of each camera on `world`.
 
     Args:
         cell: Its cameras and robots.
@@ -59,14 +81,21 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
     """
     names = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
     taken = [(name, sample) for sample in recording.samples for name in names if _has_pose(cell, name, sample)]
+    fixed = [name for name in cell.cameras if cell.cameras[name].on == WORLD]
+    names += fixed
+    taken += [(name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_pose(cell, name, s)])]
     read = [(name, sample, _read(cell, name, sample, recording.folder)) for name, sample in taken]
     seen = [(name, sample, found) for name, sample, found in read if not isinstance(found, str)]
     lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]
     cameras = tuple(_scene_camera(cell, name) for name in names if any(name == each for each, _, _ in seen))
     by_name = {camera.name: k for k, camera in enumerate(cameras)}
-    robots = list(dict.fromkeys(cell.cameras[camera.name].on for camera in cameras))
-    robot = np.array([robots.index(cell.cameras[name].on) for name, _, _ in seen], dtype=np.int64)
-    poses = [_pose(cell, cell.cameras[name].on, sample.robots[cell.cameras[name].on]) for name, sample, _ in seen]
+    robots = list(dict.fromkeys(camera.robot for camera in cameras if camera.robot is not None))
+    carriers = [cell.cameras[name].on for name, _, _ in seen]
+    robot = np.array([-1 if on == WORLD else robots.index(on) for on in carriers], dtype=np.int64)
+    poses = [
+        SE3.identity() if on == WORLD else _pose(cell, on, sample.robots[on])
+        for on, (_, sample, _) in zip(carriers, seen, strict=True)
+    ]
     stop, stop_robot = _stops(robot, poses)
     views = SceneViews(
         cameras,
@@ -86,9 +115,9 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
-    """Whether a sample has a picture or tracks of a camera, and the pose of the robot that carries it."""
+    """Whether a sample has a picture or tracks of a camera, and the pose of the robot that carries it, if one does."""
     has_view = camera in sample.images or any(seen.camera == camera for seen in sample.tracks)
-    return has_view and cell.cameras[camera].on in sample.robots
+    return has_view and cell.cameras[camera].on in (WORLD, *sample.robots)
 
 
 def _read(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Features, tuple[int, int]] | str:
@@ -139,7 +168,7 @@ def guessed_lens(lens: Intrinsics, size_px: tuple[int, int]) -> Camera:
 def _scene_camera(cell: Cell, name: str) -> SceneCamera:
     camera = cell.cameras[name]
     lens = with_usual_error(camera.intrinsics or Intrinsics("free"))
-    return SceneCamera(name, camera.on, cell.transforms[cell.mount_name(name)], lens)
+    return SceneCamera(name, None if camera.on == WORLD else camera.on, cell.transforms[cell.mount_name(name)], lens)
 
 
 def _base(cell: Cell, robot: str) -> Unknown:
@@ -157,8 +186,8 @@ def _pose(cell: Cell, robot: str, state: RobotState) -> SE3:
 
 def _stops(robot: IntArray, poses: Sequence[SE3]) -> tuple[IntArray, IntArray]:
     """The stop of each view, and the robot of each stop."""
-    stop, owner = np.zeros(len(robot), dtype=np.int64), list[int]()
-    for index in np.unique(robot):
+    stop, owner = np.full(len(robot), -1, dtype=np.int64), list[int]()
+    for index in np.unique(robot[robot >= 0]):
         mine = np.flatnonzero(robot == index)
         numbers = stop_numbers(SE3.stack([poses[k] for k in mine.tolist()]), None, None)
         stop[mine] = numbers + len(owner)

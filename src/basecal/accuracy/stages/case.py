@@ -11,6 +11,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.residuals.fit import residuals
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Certificate, Finding, Recording
+from basecal.cell.fingerprint import Fingerprint
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
@@ -34,6 +35,7 @@ class Case:
         weighed: The answer, and what was computed to judge it.
         certificate: Of the answer; None if none was requested.
         answers: The answer as fitted, with the covariance of effects that noise is not, and of clocks.
+        scene: Points of the static scene, if it takes part.
         calibration: The result.
         is_ended: Whether no stage is left to do.
     """
@@ -50,6 +52,7 @@ class Case:
     weighed: Evidence | None = None
     certificate: Certificate | None = None
     answers: tuple[Solution, ...] = ()
+    scene: Fingerprint | None = None
     calibration: Calibration | None = None
     is_ended: bool = False
 

@@ -61,6 +61,7 @@ def _calibration(case: Case) -> Calibration:
         certificate=case.certificate,
         findings=case.findings,
         settings=case.settings.as_dict(),
+        scene=case.scene,
         **_estimates(case),
     )
 

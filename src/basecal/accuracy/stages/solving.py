@@ -65,8 +65,8 @@ def join_static_scene(case: Case) -> Case:
     from basecal.accuracy.scene.join_scene import join_scene  # it reads images, which most calibrations do not
 
     assert case.robust is not None
-    joined, findings = join_scene(case.cell, case.recording, case.solution, case.settings)
-    return replace(case, robust=replace(case.robust, solution=joined)).with_findings(findings)
+    joined, findings, scene = join_scene(case.cell, case.recording, case.solution, case.settings)
+    return replace(case, robust=replace(case.robust, solution=joined), scene=scene).with_findings(findings)
 
 
 def integrate_noise(case: Case) -> Case:

@@ -17,6 +17,7 @@ from basecal.cell.format.writing import make_folder, sync_folder, write_atomical
 from basecal.cell.format.yaml_text import read_text
 from basecal.cell.journal import recording_file
 from basecal.cell.results.calibration_dict import calibration_from_dict, calibration_to_dict
+from basecal.cell.results.fingerprint_file import write_fingerprint
 from basecal.cell.schema import cell_file
 from basecal.errors import DatasetError, FrameNotFound, InputError
 
@@ -35,6 +36,8 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
     text = indent_json(calibration_to_dict(calibration))
     path = _new_run(Path(cell_folder)) / FILE
     write_atomically(path, text + "\n", within=Path(cell_folder))
+    if calibration.scene is not None:
+        write_fingerprint(calibration.scene, path.parent, Path(cell_folder))
     return path
 
 

@@ -29,6 +29,7 @@ class TiedViews:
         gradient: (q,).
         information: (q, q).
         count: Scalar residuals less three for each point.
+        points: (p, 3) of the scene at their best for these poses [m].
     """
 
     groups: tuple[ViewGroup, ...]
@@ -38,6 +39,7 @@ class TiedViews:
     gradient: Array
     information: Array
     count: int
+    points: Array
 
     @cached_property
     def stops(self) -> IntArray:

@@ -9,6 +9,7 @@ import numpy as np
 from basecal.estimation.least_squares.normal_equations import retract_lens
 from basecal.estimation.scene.views import SceneViews
 from basecal.geometry import SE3, Array, Camera
+from basecal.numerics.batch import concatenate
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,11 @@ class SceneState:
     def with_points(self, points: Array) -> SceneState:
         """The same with other points."""
         return replace(self, points=points)
+
+    def with_camera(self, world_from_camera: SE3, lens: Camera) -> SceneState:
+        """The same with one camera more, on `world`."""
+        mounts = concatenate([self.mounts, SE3.stack([world_from_camera])])
+        return replace(self, mounts=mounts, lenses=(*self.lenses, lens))
 
     def world_from_camera(self, views: SceneViews) -> SE3:
         """Where the cameras of all views were, (v,)."""

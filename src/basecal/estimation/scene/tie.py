@@ -64,4 +64,5 @@ def _eliminate_points(
         turn.T @ reduced.gradient,
         turn.T @ reduced.information @ turn,
         2 * len(tracks) - 3 * tracks.count,
+        points,
     )

@@ -34,6 +34,11 @@ class Tracks:
         """How many points of the scene there are."""
         return int(self.point.max(initial=-1)) + 1
 
+    def join(self, other: Tracks) -> Tracks:
+        """These image points and others of the same scene."""
+        parts = zip((self.view, self.point, self.pixels), (other.view, other.point, other.pixels), strict=True)
+        return Tracks(*(np.concatenate(part) for part in parts))
+
     def take(self, keep: BoolArray, fewest: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
         """The image points to keep of the points that so many views still show, and the old indices of these."""
         left = np.bincount(self.point[keep], minlength=self.count)

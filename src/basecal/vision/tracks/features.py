@@ -68,7 +68,7 @@ def named_features(names: IntArray, pixels: Array) -> Features:
         pixels: (n, 2) [px].
     """
     looks = np.array([np.random.default_rng(int(name) % 2**64).standard_normal(DESCRIPTOR) for name in names])
-    looks = looks.reshape(-1, DESCRIPTOR)
+    looks = np.abs(looks.reshape(-1, DESCRIPTOR))
     return Features(pixels, (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32))
 
 

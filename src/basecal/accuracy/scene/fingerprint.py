@@ -1,0 +1,86 @@
+"""Points of a scene kept beside a calibration, and new pictures as views of them, which `verify` compares.
+
+Points share the errors of the calibration that found them. Both count in full, so that checks raise no false alarm by
+this, and see a little less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.accuracy.scene.pictures import Pictures, read_pictures
+from basecal.cell import WORLD, Calibration, Cell, CellTarget, PixelObservation, Recording, Unknown
+from basecal.cell.fingerprint import Fingerprint
+from basecal.cell.targets.points import points_target
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.views import Tracks
+from basecal.geometry import SE3, Array, Camera
+from basecal.vision.tracks.features import Descriptors
+from basecal.vision.tracks.locating import locate_camera
+
+_LEVELS = 255.0  # of a descriptor's entries in bytes
+_NORMAL_MAD = 1.4826  # sigma over median absolute value, of a normal
+_WIDENING = 1.5  # of sigmas of image points about their picture's own pose: points are off, too; assumed
+
+
+def scene_fingerprint(pictures: Pictures, fit: SceneFit, points: Array) -> Fingerprint:
+    """The points of a scene, (p, 3) in the world [m], with what they look like."""
+    moving = fit.views.robot[fit.tracks.view] >= 0
+    own = Tracks(fit.tracks.view[moving], fit.tracks.point[moving], fit.tracks.pixels[moving])
+    found = pictures.descriptors(own, np.arange(len(fit.views)))
+    return Fingerprint(points, np.round(_LEVELS * found).astype(np.uint8))
+
+
+def with_scene_as_target(
+    cell: Cell, calibration: Calibration, recording: Recording, fingerprint: Fingerprint
+) -> tuple[Cell, Recording]:
+    """The cell with its scene as a target on `world`, and the recording with what its pictures show of it.
+
+    Args:
+        cell: What was calibrated.
+        calibration: What came out.
+        recording: New samples, with pictures or tracks.
+        fingerprint: Points of the scene as it was.
+    """
+    target = CellTarget(
+        _free_name(cell), WORLD, Unknown("fixed", SE3.identity()), points_target(fingerprint.points), 0.0
+    )
+    described = replace(cell, targets={**cell.targets, target.name: target})
+    pictures = read_pictures(cell, recording)
+    looks = fingerprint.descriptors.astype(np.float32)
+    looks /= np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
+    seen: dict[int, list[PixelObservation]] = {}
+    for row, (number, index) in enumerate(zip(pictures.views.sample, pictures.views.camera, strict=True)):
+        name = pictures.views.cameras[index].name
+        lens = calibration.cameras[name][0] if name in calibration.cameras else pictures.lenses[index]
+        found = _observe_scene(pictures, row, lens, looks, target)
+        if found is not None:
+            seen.setdefault(int(number), []).append(found)
+    samples = (
+        replace(each, observations=(*each.observations, *seen.get(each.sample, []))) for each in recording.samples
+    )
+    return described, replace(recording, samples=tuple(samples))
+
+
+def _free_name(cell: Cell) -> str:
+    """A name that no target of the cell has."""
+    return next(name for name in ("scene", "static_scene", "old_scene") if name not in cell.targets)
+
+
+def _observe_scene(
+    pictures: Pictures, row: int, lens: Camera, looks: Descriptors, target: CellTarget
+) -> PixelObservation | None:
+    """What a picture shows of the scene; None if that is too little."""
+    assert target.target is not None
+    features, points = pictures.features[row], target.target.points
+    found = locate_camera(features, looks, points, lens)
+    if found is None:
+        return None
+    pixels = features.pixels[found.feature]
+    off = lens.project(found.camera_from_world @ points[found.point]) - pixels
+    sigma_px = _WIDENING * _NORMAL_MAD * float(np.median(np.abs(off)))
+    name = pictures.views.cameras[pictures.views.camera[row]].name
+    order = np.argsort(found.point)
+    return PixelObservation(name, target.name, found.point[order], pixels[order], np.full(len(order), sigma_px))

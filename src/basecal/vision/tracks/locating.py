@@ -1,0 +1,52 @@
+"""Where a camera is that sees points of a known scene."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.vision.tracks.features import Descriptors, Features
+from basecal.vision.tracks.matching import match
+
+FEWEST_POINTS = 30  # that agree on one pose
+_TAIL_PX = 3.0  # [px] from where the pose has a point
+_MOST_ITERATIONS = 2000
+_CONFIDENCE = 0.999
+
+
+class Located(NamedTuple):
+    """A pose, and which points are seen as which features, (n,) each."""
+
+    camera_from_world: SE3
+    point: IntArray
+    feature: IntArray
+
+
+def locate_camera(features: Features, descriptors: Descriptors, points: Array, lens: Camera) -> Located | None:
+    """The pose that most matches agree on; None if these are too few. Source: Ke & Roumeliotis 2017 (three points).
+
+    Args:
+        features: Of the picture.
+        descriptors: (p, 128) of the points.
+        points: (p, 3) in the world [m].
+        lens: Of the camera.
+    """
+    found = match(descriptors, features.descriptors)
+    unit, valid = lens.undistort(features.pixels[found.second])
+    kept = np.flatnonzero(valid & (unit[:, 2] > 0)) if len(found.first) else np.zeros(0, dtype=np.int64)
+    if len(kept) < FEWEST_POINTS:
+        return None
+    point, feature = found.first[kept], found.second[kept]
+    plane, nearest = unit[kept, :2] / unit[kept, 2:], _TAIL_PX / float(lens.focal.mean())
+    is_found, rotvec, translation, inlier = cv2.solvePnPRansac(
+        points[point], plane, np.eye(3), None, None, None, False, _MOST_ITERATIONS, nearest, _CONFIDENCE, None,
+        cv2.SOLVEPNP_AP3P,
+    )  # fmt: skip
+    if not is_found or inlier is None or len(inlier) < FEWEST_POINTS:
+        return None
+    rows = inlier.ravel()
+    rotvec, translation = cv2.solvePnPRefineLM(points[point[rows]], plane[rows], np.eye(3), None, rotvec, translation)
+    return Located(SE3.from_rotvec(rotvec.ravel(), translation.ravel()), point[rows], feature[rows])

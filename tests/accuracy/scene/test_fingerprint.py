@@ -1,0 +1,75 @@
+"""Whether anything moved, from new pictures of a scene that a calibration kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.scene import find_scene
+from basecal.accuracy.scene.calibrate_scene import calibrate_scene
+from basecal.cell.files import read_cell, read_recording, write_calibration
+from basecal.cli import main
+from basecal.estimation.settings import Settings
+from basecal.geometry import SE3
+from scene_pictures import solved_camera
+from scene_points import ARM_M, ARM_RAD, BASE, LENS, MOUNT, PIXEL, Scene, looks, made_scene
+from scene_tracks import write_tracks
+
+NOISE = np.repeat([ARM_M, ARM_RAD], 3)
+
+
+def calibrated_cell(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
+    """A cell calibrated by tracks, spared the search for mounts."""
+    scene = made_scene(1, arms=2, count=12, points=220)
+    write_tracks(folder, scene)
+    monkeypatch.setattr(find_scene, "solve_camera", lambda pictures, camera, _: solved_camera(scene, pictures, camera))
+    cell = read_cell(folder)
+    write_calibration(calibrate_scene(cell, read_recording(folder, cell), Settings()), folder)
+    return scene
+
+
+def new_samples(folder: Path, scene: Scene, count: int = 4, base: SE3 = BASE, mount: SE3 = MOUNT) -> Path:
+    """New tracks of the same points with each arm, the right one's base and mount perhaps elsewhere by now."""
+    rng, lines = np.random.default_rng(99), []
+    for arm, (name, at, hand) in enumerate((("left", SE3.identity(), MOUNT), ("right", base, mount))):
+        for world_from_camera in looks(rng, count, 2.0 * arm - 1):
+            points = world_from_camera.inverse() @ scene.truth.points
+            shown = np.flatnonzero(LENS.sees(points) & (rng.random(len(points)) < 0.7))
+            pixels = LENS.project(points[shown]) + PIXEL * rng.standard_normal((len(shown), 2))
+            error = SE3.exp(rng.standard_normal(6) * NOISE)
+            pose = at.inverse() @ world_from_camera @ hand.inverse() @ error
+            state = {"base_from_flange": {"t_m": pose.translation.tolist(), "q_xyzw": pose.quaternion.tolist()}}
+            seen = {"camera": f"{name}_eye", "tracks": shown.tolist(), "pixels": pixels.tolist()}
+            lines.append({"sample": len(lines), "robots": {name: state}, "observations": [seen]})
+    path = folder / "new.jsonl"
+    path.write_text("\n".join(map(json.dumps, lines)) + "\n")
+    return path
+
+
+def verified(folder: Path, samples: Path, capsys: pytest.CaptureFixture[str]) -> dict:
+    """What the verb prints."""
+    capsys.readouterr()
+    assert main(["verify", str(folder), str(samples), "--json"]) in (0, 1)
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.slow
+def test_what_moved_is_seen_by_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is reported if nothing moved; a base and a mount that moved by 5 mm are named, with their shift."""
+    scene = calibrated_cell(tmp_path, monkeypatch)
+    aside = SE3.exp(np.array([0.005, 0, 0, 0, 0, 0]))
+    still, base, mount = (
+        verified(tmp_path, new_samples(tmp_path, scene, **moved), capsys)
+        for moved in ({}, {"base": BASE @ aside}, {"mount": MOUNT @ aside})
+    )
+    assert still["moved"] is False
+    assert len(still["samples"]) == 8
+    assert still["detectable_mm"] < 5
+    for found, name in ((base, "left_base_from_right_base"), (mount, "right_flange_from_right_eye")):
+        assert (found["moved"], found["transform"]) == (True, name)
+        assert found["shift_mm"] == pytest.approx(5.0, abs=1.5)
