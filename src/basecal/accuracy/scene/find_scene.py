@@ -47,7 +47,7 @@ def find_scene(
         report: To which findings are added.
         settings: How to go about it.
     """
-    every, pictures = pictures, pictures.on_robots()
+    every, pictures = pictures, pictures.select_moving()
     with settings.stage("tracks"):
         ones = [_solve_one(pictures, camera, robot_noise, settings) for camera in range(len(pictures.views.cameras))]
     for camera, one in zip(pictures.views.cameras, ones, strict=True):

@@ -43,7 +43,7 @@ class Pictures:
     lost: tuple[Finding, ...] = ()
     mounts: tuple[SE3 | None, ...] = ()
 
-    def on_robots(self) -> Pictures:
+    def select_moving(self) -> Pictures:
         """Those of cameras that robots carry."""
         count = sum(camera.robot is not None for camera in self.views.cameras)
         rows = np.flatnonzero(self.views.robot >= 0)

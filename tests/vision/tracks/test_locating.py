@@ -1,0 +1,44 @@
+"""Where a camera is that sees points of a known scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.geometry import SE3, Array, Camera
+from basecal.vision.tracks.features import DESCRIPTOR, Features
+from basecal.vision.tracks.locating import FEWEST_POINTS, Located, locate_camera
+
+LENS = Camera("pinhole", np.array([600.0, 600.0, 319.5, 239.5, -0.1, 0.02, 0.0, 0.0, 0.0]), (640, 480))
+POSE = SE3.from_rpy((0.1, -0.2, 0.3), (0.05, -0.02, 0.8))
+
+
+def located(count: int, wrong: float, noise_px: float = 0.3) -> tuple[Located | None, Array]:
+    """What is found of so many points on a table, of which a share looks like others; and the true pixels."""
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-0.2, 0.2, (count, 3)) * [1, 1, 0.2]
+    looks = np.abs(rng.standard_normal((count, DESCRIPTOR)))
+    looks = (looks / np.linalg.norm(looks, axis=1, keepdims=True)).astype(np.float32)
+    pixels = LENS.project(POSE @ points)
+    order = np.arange(count)
+    mistaken = rng.choice(count, int(wrong * count), replace=False)
+    order[mistaken] = np.roll(order[mistaken], 1)
+    features = Features(pixels + noise_px * rng.standard_normal(pixels.shape), looks[order])
+    return locate_camera(features, looks, points, LENS), order
+
+
+def test_a_pose_is_found_among_wrong_matches() -> None:
+    """With half of the matches wrong, to 2 mm and 0.3 deg, and wrong ones are left out."""
+    found, order = located(200, 0.5)
+    assert found is not None
+    off = (POSE.inverse() @ found.camera_from_world).log()
+    assert np.linalg.norm(off[:3]) < 2e-3
+    assert np.degrees(np.linalg.norm(off[3:])) < 0.3
+    assert np.mean(found.point == found.feature) > 0.95
+    assert len(found.point) > 90
+    assert len(order) == 200
+
+
+def test_few_points_give_no_pose() -> None:
+    """One point less than are needed, and matches that are all wrong."""
+    assert located(FEWEST_POINTS - 1, 0.0)[0] is None
+    assert located(200, 1.0)[0] is None
