@@ -106,9 +106,10 @@ def _known_stops(used: Problem) -> BoolArray:
 
 
 def _views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
-    """The problem of the views of some samples, or of all others."""
+    """The problem of the views of some samples, or of all others, in which the static scene keeps its part."""
     rows = [np.flatnonzero(np.isin(group.sample, samples) == inside) for group in problem.groups]
-    return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
+    views = problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
+    return replace(views, tied=None if inside else problem.tied)
 
 
 def with_known_stops(state: State, known: BoolArray) -> State:

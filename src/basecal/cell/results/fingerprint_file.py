@@ -18,10 +18,10 @@ _ROW_BYTES = _POINT_BYTES + _DESCRIPTOR
 _MOST_POINTS = 100_000
 
 
-def write_fingerprint(fingerprint: Fingerprint, run: Path, within: Path) -> None:
+def write_fingerprint(fingerprint: Fingerprint, run: Path, cell_folder: Path) -> None:
     """Write the points of a run, whose folder is within that of the cell."""
     content = fingerprint.points.astype("<f8").tobytes() + fingerprint.descriptors.tobytes()
-    write_atomically(run / FILE, content, within=within)
+    write_atomically(run / FILE, content, within=cell_folder)
 
 
 def read_fingerprint(run: Path) -> Fingerprint | None:

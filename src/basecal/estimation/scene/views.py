@@ -34,9 +34,9 @@ class Tracks:
         """How many points of the scene there are."""
         return int(self.point.max(initial=-1)) + 1
 
-    def join(self, other: Tracks) -> Tracks:
+    def join(self, tracks: Tracks) -> Tracks:
         """These image points and others of the same scene."""
-        parts = zip((self.view, self.point, self.pixels), (other.view, other.point, other.pixels), strict=True)
+        parts = zip((self.view, self.point, self.pixels), (tracks.view, tracks.point, tracks.pixels), strict=True)
         return Tracks(*(np.concatenate(part) for part in parts))
 
     def take(self, keep: BoolArray, fewest: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
