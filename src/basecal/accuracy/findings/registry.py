@@ -14,6 +14,7 @@ from basecal.accuracy.findings.joint_parameters import unobserved_joint_paramete
 from basecal.accuracy.findings.late_pictures import late_pictures
 from basecal.accuracy.findings.lens_model import lens_model
 from basecal.accuracy.findings.likely_kinematics import likely_kinematics
+from basecal.accuracy.findings.near_bases import near_bases
 from basecal.accuracy.findings.noise_not_identifiable import noise_not_identifiable
 from basecal.accuracy.findings.not_converged import not_converged
 from basecal.accuracy.findings.not_validated import not_validated
@@ -60,6 +61,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     stated_lens,
     unobserved_joint_parameters,
     far_task,
+    near_bases,
     not_validated,
     inconsistent_folds,
     overfit,

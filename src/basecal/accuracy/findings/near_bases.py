@@ -1,0 +1,30 @@
+"""`near-bases`: two robots whose bases are found nearly in one place, where no two robots stand."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.cell import Finding
+from basecal.geometry import SE3
+
+_LEAST_DISTANCE_M = 0.1  # between the middles of two robots' feet, of which each is wider
+
+
+def near_bases(evidence: Evidence) -> list[Finding]:
+    """An info about each pair of robots whose bases, which were free, are nearer than their feet allow."""
+    cell, found = evidence.cell, evidence.solution.state.transforms
+    origin = SE3.identity()
+    world_from_base = {name: found.get(cell.base_name(name), origin) for name in evidence.solution.problem.robots}
+    findings = []
+    for first, second in combinations(world_from_base, 2):
+        apart_m = float(np.linalg.norm(world_from_base[first].translation - world_from_base[second].translation))
+        is_stated = all(name == cell.reference or cell.bases[name].status == "fixed" for name in (first, second))
+        if apart_m < _LEAST_DISTANCE_M and not is_stated:
+            what = f"The bases of {first} and {second} are {1e3 * apart_m:.0f} mm apart."
+            why = "A base is the frame that poses were recorded in: both robots may have recorded in one frame."
+            do = (f"Check the base frame that is set in the controllers of {first} and {second}.",)
+            findings.append(Finding("near-bases", "info", (first, second), what, do, why))
+    return findings
