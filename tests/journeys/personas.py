@@ -15,12 +15,32 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3, Array
+from basecal.vision.draw.render import render
+from basecal.vision.image_file import write_png
+from tests.journeys.raw import BOARD, BOARD_OPTIONS, cell, photographs, written
+from tests.journeys.raw import LENS as CAMERA
+from tests.journeys.raw import recorded as spoken
+from tests.journeys.test_production import krl, rapid
+from tests.journeys.test_ur import teach_pendant
 
 FOCAL_PX, CENTRE_PX, PIXEL_PX = 900.0, (640.0, 360.0), 0.2
 LENS = np.array([[FOCAL_PX, 0, CENTRE_PX[0]], [0, FOCAL_PX, CENTRE_PX[1]], [0, 0, 1]])
 TAG_M = 0.04 * np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0.0]])
 BOARD_M = 0.03 * np.array([[x, y, 0.0] for y in range(-2, 3) for x in range(-2, 3)])
+FACE = np.diag([1.0, -1.0, -1.0])  # a ChArUco board's z points away from who sees it
+PICTURES = 12  # of each board
+CELL_OF_THREE = """\
+schema: basecal/cell/1
+reference: ur
+robots: {ur: {}, kuka: {}, abb: {}}
+cameras:
+  wrist: {on: ur, size_px: [640, 480], intrinsics: {status: free}}
+targets:
+  board_of_kuka: {on: kuka, kind: charuco, squares: [5, 7], square_m: 0.03, marker_m: 0.0225, dictionary: DICT_4X4_50}
+  board_of_abb: {on: abb, kind: charuco, squares: [5, 7], square_m: 0.03, marker_m: 0.0225, dictionary: DICT_5X5_50}
+"""
 ARM_NOISE = (1e-4, 2e-4)  # [m, rad] per axis of a flange
 
 
@@ -88,6 +108,83 @@ def opencv_cameras(folder: Path, seed: int) -> Persona:
     )
     truth = zip(("left", "right"), mounts, strict=True)
     return Persona(commands, {f"eye_flange_from_{name}": mount for name, mount in truth})
+
+
+def three_makers(folder: Path, seed: int) -> Persona:
+    """A UR, a KUKA and an ABB: the first one's camera sees the boards of the others in turn, in one folder."""
+    rng = np.random.default_rng(seed)
+    mount, home = near(rng, [0.05, 0, 0.08]), near(rng, [0.5, 0.1, 0.4])
+    bases = {"kuka": near(rng, [1.0, 0.3, 0]), "abb": near(rng, [-0.2, 1.1, 0])}
+    boards = {"kuka": BOARD, "abb": charuco_target((5, 7), 0.03, 0.0225, "DICT_5X5_50")}
+    poses: dict[str, list[SE3]] = {"ur": [], "kuka": [], "abb": []}
+    (folder / "photos").mkdir()
+    for maker, base in bases.items():
+        flange_from_board = near(rng, [0, 0.02, 0.1])
+        other = next(each for each in bases if each != maker)
+        for k, sight in enumerate(board_sights(rng, PICTURES)):
+            hand = home @ SE3(Rotation.from_rotvec(rng.normal(0, 0.4, 3)).as_matrix(), rng.normal(0, 0.05, 3))
+            eye = base @ hand @ flange_from_board @ sight.inverse() @ mount.inverse()
+            for name, pose in (("ur", eye), (maker, hand), (other, home)):
+                poses[name].append(recorded(rng, pose))
+            image = render(CAMERA, boards[maker], sight, None, int(rng.integers(2**31)))
+            write_png(folder / "photos" / f"{maker}_{k + 1:02d}.png", image)
+    order = [*range(PICTURES, 2 * PICTURES), *range(PICTURES)]  # as their names sort
+    for name, write in (("ur", teach_pendant), ("kuka", krl), ("abb", rapid)):
+        told = SE3.stack([poses[name][k] for k in order])
+        written(folder / f"{name}.txt", write(told.translation, Rotation.from_matrix(told.rotation)))
+    (folder / "mycell").mkdir()
+    written(folder / "mycell" / "cell.yaml", CELL_OF_THREE.splitlines())
+    commands = (
+        *(f"basecal import poses mycell --robot {maker} {maker}.txt --format {maker}" for maker in poses),
+        "basecal import images mycell photos --camera wrist",
+        "basecal calibrate mycell",
+    )
+    return Persona(commands, {f"ur_base_from_{maker}_base": base for maker, base in bases.items()})
+
+
+def production(folder: Path, seed: int) -> Persona:
+    """A line with a KUKA and an ABB: a tolerance, and a page for the file of the line."""
+    made = cell(samples=18, seed=seed)
+    photographs(made, folder, lambda i: f"cam0_{i + 1:04d}.png")
+    written(folder / "calib.dat", krl(*spoken(made, "eye")))
+    written(folder / "calib.mod", rapid(*spoken(made, "hand")))
+    commands = (
+        "basecal import poses line4 --robot kuka calib.dat --format kuka",
+        "basecal import poses line4 --robot abb calib.mod --format abb",
+        f"basecal import images line4 photos --camera flange_cam --on kuka {BOARD_OPTIONS}",
+        "basecal calibrate line4 --tolerance 3mm",
+        "basecal report line4",
+    )
+    return Persona(commands, {"kuka_base_from_abb_base": made.truth["eye_base_from_hand_base"]}, "line4")
+
+
+def hobby_arms(folder: Path, seed: int) -> Persona:
+    """Two arms that LeRobot drives, whose joints' zeros are off, and a webcam."""
+    from tests.journeys.test_hobby_arms import LINKS, OFFSET_DEG, dataset  # which skips without pyarrow
+
+    off = np.radians(OFFSET_DEG)
+    made = cell(samples=40, seed=seed, joints=True, joint_offset_rad=off, robot_noise=(0.0, 0.0))
+    photographs(made, folder, lambda i: f"frame_{i:06d}.png")
+    for robot, name in (("eye", "leader"), ("hand", "follower")):
+        dataset(made, robot, folder / name)
+    offsets = f"--unit deg {LINKS} --offset-sigma-deg {OFFSET_DEG:g}"
+    commands = (
+        f"basecal import lerobot mycell leader --robot leader --urdf leader.urdf {offsets}",
+        f"basecal import lerobot mycell follower --robot follower --urdf follower.urdf {offsets}",
+        f"basecal import images mycell photos --camera webcam --on leader --by order {BOARD_OPTIONS}",
+        "basecal calibrate mycell",
+        "basecal export mycell --to matrix -o base.txt",
+    )
+    return Persona(commands, {"leader_base_from_follower_base": made.truth["eye_base_from_hand_base"]})
+
+
+def board_sights(rng: np.random.Generator, count: int) -> list[SE3]:
+    """camera_from_board from 0.3 to 0.45 m, all of the board in view."""
+    middle = BOARD.points.mean(0)
+    facing = sighted(rng, count)
+    places = np.c_[rng.normal(0, 0.02, (count, 2)), rng.uniform(0.3, 0.45, count)]
+    turned = [rotation @ FACE for rotation in facing.rotation]
+    return [SE3(turn, place - turn @ middle) for turn, place in zip(turned, places, strict=True)]
 
 
 def near(rng: np.random.Generator, place: Sequence[float]) -> SE3:

@@ -11,14 +11,14 @@ from scipy.stats import chi2
 
 from basecal.cell.files import read_recording
 from basecal.cli import main
-from tests.journeys.personas import Persona, opencv_arm, opencv_cameras, ros_sessions
+from tests.journeys.personas import Persona, opencv_arm, opencv_cameras, production, ros_sessions, three_makers
 from tests.journeys.raw import run, squared_error
 
 HOLD = 0.99
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("persona", [opencv_arm, opencv_cameras, ros_sessions])
+@pytest.mark.parametrize("persona", [opencv_arm, opencv_cameras, ros_sessions, three_makers, production])
 def test_from_files_to_an_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, persona: Callable[[Path, int], Persona]
 ) -> None:
