@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.cell import RobotState, Sample
+from basecal.cell import Robot, RobotState, Sample
 from basecal.geometry import SE3
 from basecal.planning.feasible import (
     blocked_samples,
@@ -16,9 +16,10 @@ from basecal.planning.feasible import (
     is_path_clear,
     is_within_limits,
     make_feasibility_check,
+    reach_pose,
 )
-from basecal.planning.reach import reach_pose
 from basecal.planning.sketch import sketch_cell
+from basecal.simulation.running.ur5e import ur5e
 from shared.facing_arms import facing_arms
 from shared.running_cell import home
 
@@ -87,3 +88,22 @@ def test_a_short_way_at_home_is_clear():
     assert is_path_clear(SKETCH, Sample(0, robots=HOME), other)
     poses = Sample(1, robots={name: RobotState(SE3.identity()) for name in HOME})
     assert is_path_clear(SKETCH, other, poses)
+
+
+ARM = Robot("eye", chain=ur5e())
+NEAR_STATE = RobotState(joints_rad=np.array([0.3, -1.3, -1.8, -3.0, -1.2, 3.0]))
+
+
+def test_joints_near_those_it_has():
+    """A pose a little away is reached by joints a little away, to 1e-9."""
+    there = ur5e().forward(NEAR_STATE.joints_rad) @ SE3.exp(np.array([0.05, -0.02, 0.03, 0.1, 0.0, -0.1]))
+    found = reach_pose(ARM, there, NEAR_STATE)
+    assert np.abs((ur5e().forward(found.joints_rad).inverse() @ there).log()).max() < 1e-9
+    assert np.abs(found.joints_rad - NEAR_STATE.joints_rad).max() < 0.5
+
+
+def test_out_of_reach_and_by_poses():
+    """Two metres away there are none; a robot that is sent to poses is sent there."""
+    far = SE3(np.eye(3), np.array([2.0, 0, 0]))
+    assert reach_pose(ARM, far, NEAR_STATE) is None
+    assert reach_pose(Robot("eye"), far, RobotState(SE3.identity())).base_from_flange is far

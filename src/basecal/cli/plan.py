@@ -33,6 +33,7 @@ def plan(
     tolerance: str | None = None,
     samples: Annotated[int | None, Parameter(validator=validators.Number(gte=1, lte=1000))] = None,
     pattern: Literal["poses", "shifts"] = "poses",
+    touches: bool = False,
     anew: bool = False,
     seed: Annotated[int, Parameter(validator=validators.Number(gte=0, lt=2**31))] = 0,
     to: Annotated[str | None, Parameter(help=f"Write the samples for a robot's own program. {_KINDS}.")] = None,
@@ -48,7 +49,8 @@ def plan(
     near taught poses, the whole target in view. What is recorded already
     counts. Where no samples reach the tolerance it says which source of error
     forbids it. With -o the samples are written for `basecal capture --plan`,
-    with --to as robots' own programs take them.
+    with --to as robots' own programs take them. With --touches they are touches
+    of marks, and of one mark more where that helps: it says where to make it.
 
     Ends with 0 if the tolerance is reached or none is requested, else 5.
 
@@ -58,6 +60,7 @@ def plan(
         basecal plan mycell --tolerance 0.2mm --task-point "0.8 0.1 0.3" --json
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 --to csv
+        basecal plan mycell --touches --samples 12 --task-point 0.6 0.1 0.3
         basecal plan mycell --pattern shifts --samples 28 --task-point 0.8 0.1 0.3
         basecal plan mycell --tolerance 1mm --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
 
@@ -68,6 +71,7 @@ def plan(
         tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
         samples: How many to plan; as many as the tolerance needs where it is left out.
         pattern: poses (all around), or shifts (the paper's: whole stations of seven samples).
+        touches: Plan touches of tips, after some that are recorded, by all arms in turn.
         anew: Plan as if nothing had been recorded yet.
         seed: Another number draws other candidates.
         to: Write the samples for a robot's own program.
@@ -94,7 +98,7 @@ def plan(
         calibration = _find_calibration(cell, described, recording, Settings(task_point=points[0], task_box=task_box))
         if anew:
             recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
-        found = _make_plan(described, recording, calibration, points, needed_m, samples, seed, pattern)
+        found = _make_plan(described, recording, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
     _tell(found, plan_dict(found, needed_m), motion, cell, output, json)
     return 5 if found.reachable is False else 0
@@ -109,14 +113,18 @@ def _make_plan(
     count: int | None,
     seed: int,
     pattern: str,
+    are_touches: bool,
 ) -> Plan:
-    """Samples all around, or whole stations of programmed shifts."""
+    """Samples all around, whole stations of programmed shifts, or touches."""
     from numpy import array
 
     from basecal.planning.plan import offered_stations, plan_for_task
     from basecal.planning.stations import STATION_SAMPLES
+    from basecal.planning.touches import plan_touches
 
     points_m = array(points)
+    if are_touches:
+        return plan_touches(cell, recording, calibration, points_m, tolerance_m, count, seed)
     if pattern == "poses":
         return plan_for_task(cell, recording, calibration, points_m, tolerance_m, count, seed)
     offered = offered_stations(cell, recording, calibration, seed)
@@ -183,6 +191,7 @@ def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
         "recorded": plan_result.recorded,
         "forbidden_by": plan_result.budget[0].source if plan_result.reachable is False and plan_result.budget else None,
         "budget": [budget_entry(entry) for entry in plan_result.budget],
+        "marks": {name: place.tolist() for name, place in plan_result.marks.items()},
     }
 
 
@@ -218,6 +227,27 @@ def _find_calibration(folder: Path, cell: Cell, recording: Recording, task: Sett
         return None
 
 
+def _touch_lines(plan_result: Plan) -> list[str]:
+    """Where to make a mark, and what to touch with which tip at which flange pose."""
+    from numpy import degrees
+
+    from basecal.cell import TouchObservation
+    from basecal.geometry.euler import rpy_of_rotation
+
+    lines = [
+        f"Make a mark near ({', '.join(f'{number:.2f}' for number in place)}) m in the reference's base: {name}."
+        for name, place in plan_result.marks.items()
+    ]
+    for sample in plan_result.samples:
+        for seen in (each for each in sample.observations if isinstance(each, TouchObservation)):
+            (state,), how = sample.robots.values(), ""
+            if state.base_from_flange is not None:
+                angles = degrees(rpy_of_rotation(state.base_from_flange.rotation))
+                how = f", flange turned by roll, pitch, yaw {', '.join(f'{angle:.0f}' for angle in angles)} deg"
+            lines.append(f"  touch {seen.mark} with {seen.tip}{how}")
+    return lines
+
+
 def _words(plan_result: Plan, tolerance_mm: float | None) -> str:
     expected = "an unknown error" if plan_result.expected_m is None else f"{1e3 * plan_result.expected_m:.2g} mm"
     needed = "" if tolerance_mm is None else f"{tolerance_mm:.3g} mm"
@@ -234,6 +264,7 @@ def _words(plan_result: Plan, tolerance_mm: float | None) -> str:
         lines = [f"{needed} at the task: {plan_result.needed} samples reach it.", outcome]
     else:
         lines = [outcome]
+    lines += _touch_lines(plan_result)
     for entry in plan_result.budget:
         halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
         lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")

@@ -7,8 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from basecal.cell import RobotState, Sample
+from basecal.cell import Robot, RobotState, Sample
+from basecal.errors import NotConverged
 from basecal.geometry import SE3, Array, BoolArray
+from basecal.kinematics.inverse import inverse
 from basecal.planning.clearance import clearances
 from basecal.planning.sketch import Sketch
 
@@ -86,3 +88,19 @@ def blocked_samples(sketch: Sketch, home: Mapping[str, RobotState], samples: Seq
     """Numbers of samples to which the way from the one before, the first from `home`, is not clear."""
     at = [Sample(0, robots=dict(home)), *samples]
     return [end.sample for start, end in pairwise(at) if not is_path_clear(sketch, start, end)]
+
+
+def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> RobotState | None:
+    """The state near another one that brings the flange there; None if the arm does not reach.
+
+    Args:
+        robot: The robot.
+        base_from_flange: Where to.
+        neighbour: In the kind that the robot is sent by: joints, or a pose, which is taken as it is.
+    """
+    if neighbour.joints_rad is None or robot.chain is None:
+        return RobotState(base_from_flange)
+    try:
+        return RobotState(joints_rad=inverse(robot.chain, base_from_flange, neighbour.joints_rad))
+    except NotConverged:
+        return None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
 
@@ -13,7 +13,7 @@ from basecal.accuracy.task.budget import budget
 from basecal.accuracy.task.expected_error import pooled_quantile
 from basecal.accuracy.task.meeting import Meeting, make_meeting, worst_meeting
 from basecal.accuracy.task.task import base_transforms, task_places
-from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample
+from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample, TouchObservation
 from basecal.errors import InputError
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
@@ -46,13 +46,14 @@ class Plan:
     """What to record.
 
     Attributes:
-        samples: Where the robots shall be, in an order that makes their way short.
+        samples: Where the robots shall be, in an order that makes their way short; touches say of what.
         needed: How many samples the tolerance needs beside those recorded; None if it is not reached, or not stated.
         expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]; None if
             even then a direction is open.
         reachable: Whether the tolerance is; None if none is stated.
         recorded: How many samples are recorded already and count.
         budget: The error at the task by source, with the samples taken.
+        marks: Where marks are to be made, (3,) in the reference's base, by name.
     """
 
     samples: tuple[Sample, ...]
@@ -61,6 +62,7 @@ class Plan:
     reachable: bool | None
     recorded: int
     budget: tuple[BudgetEntry, ...]
+    marks: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,11 +267,17 @@ def _order_samples(
 ) -> tuple[Sample, ...]:
     if not choice:
         return ()
-    home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
-    samples = [prospect.samples[k] for k in choice]
-    samples = order_samples(sketch, home, samples) if may_part else samples
-    first = prospect.samples[0].sample
-    return tuple(Sample(first + k, robots=sample.robots) for k, sample in enumerate(samples))
+    samples, first = [prospect.samples[k] for k in choice], prospect.samples[0].sample
+    if may_part:
+        home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
+        samples = order_samples(sketch, home, samples)
+    return tuple(_without_pictures(first + k, sample) for k, sample in enumerate(samples))
+
+
+def _without_pictures(number: int, sample: Sample) -> Sample:
+    """A sample with what is to be touched, and without what cameras are expected to see."""
+    touches = tuple(seen for seen in sample.observations if isinstance(seen, TouchObservation))
+    return Sample(number, robots=sample.robots, observations=touches)
 
 
 def _expected_error_m(solution: Solution, goal: _Goal, count: int) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from basecal.cell import RobotState, Sample
 from basecal.planning.clearance import Clearance, clearances, path_length
-from basecal.planning.reach import reach_pose
+from basecal.planning.feasible import reach_pose
 from basecal.planning.sketch import Sketch
 
 Ask = Callable[[RobotState], str]

@@ -10,9 +10,8 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import rotation_exp
-from basecal.planning.feasible import Feasible, blocked_samples, is_path_clear
+from basecal.planning.feasible import Feasible, blocked_samples, is_path_clear, reach_pose
 from basecal.planning.pattern import Pattern
-from basecal.planning.reach import reach_pose
 from basecal.planning.sketch import Sketch
 
 _TURN_RAD = 0.6  # of each arm about the target at most: with both, views of a board up to 50 degrees apart

@@ -16,6 +16,7 @@ from basecal.cell import (
     PoseObservation,
     Recording,
     Sample,
+    TouchObservation,
     Unknown,
 )
 from basecal.estimation.least_squares.normal_equations import linearise
@@ -48,7 +49,7 @@ class Prospects:
         problem: All views, those recorded and those of candidates.
         state: Where they are predicted.
         recorded: Numbers of the samples that were recorded.
-        samples: The candidates, numbered beyond those.
+        samples: The candidates with what is expected of them, numbered beyond those.
         roots: (n, p, q) of each candidate: U U' is what it adds to the information.
         covariance: (p, p) of what was recorded, finite where nothing was.
     """
@@ -113,8 +114,7 @@ def prospects(
     for name in problem.lenses.keys() & problem.columns.keys():
         opened[problem.columns[name]] = _OPEN_LENS_SIGMA
     covariance = np.asarray(np.linalg.inv(known + np.diag(opened**-2)), dtype=np.float64)
-    bare = tuple(Sample(sample.sample, robots=sample.robots) for sample in samples)
-    return Prospects(problem, state, frozenset(s.sample for s in recorded), bare, roots, covariance)
+    return Prospects(problem, state, frozenset(s.sample for s in recorded), tuple(samples), roots, covariance)
 
 
 def _side_by_side(first: Array, second: Array) -> Array:
@@ -130,9 +130,11 @@ def _select_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
 
 
 def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
-    """What the camera would see: all points of the target, or its pose where it has no lens."""
-    camera_from_target = sketch.camera_from_target(sample)
+    """What the camera would see: all points of the target, or its pose where it has no lens; or what a tip touches."""
     camera, target = sketch.view
+    if sketch.camera.touches:
+        return TouchObservation(camera, target)
+    camera_from_target = sketch.camera_from_target(sample)
     shape = sketch.target.target
     if sketch.camera.intrinsics is None or shape is None:
         return PoseObservation(camera, target, camera_from_target)

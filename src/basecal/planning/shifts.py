@@ -15,9 +15,8 @@ from basecal.cell import RobotState, Sample
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.planning import poses
-from basecal.planning.feasible import Feasible, blocked_samples
+from basecal.planning.feasible import Feasible, blocked_samples, reach_pose
 from basecal.planning.pattern import Pattern
-from basecal.planning.reach import reach_pose
 from basecal.planning.sketch import Sketch
 
 _ASSUMED_PX = 0.1  # [px] of a light's centre where the cell states no noise: that of a fitted spot
