@@ -51,6 +51,8 @@ def test_what_is_missing_is_named():
         sketch_cell(replace(WORLD.cell, bases={"hand": Unknown()}))
     with pytest.raises(InputError, match="no camera with a target"):
         sketch_cell(replace(WORLD.cell, targets={}))
+    with pytest.raises(InputError, match="five of them of one spot"):
+        sketch_cell(replace(WORLD.cell, targets={}, sees_scene=True))
     with pytest.raises(InputError, match="wrist: a plan needs a lens"):
         _ = sketch_cell(
             replace(WORLD.cell, cameras={"wrist": replace(WORLD.cell.cameras["wrist"], intrinsics=None)})

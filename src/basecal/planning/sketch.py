@@ -102,6 +102,11 @@ def sketch_cell(cell: Cell) -> Sketch:
         InputError: if it has none, or a transform without a value; the message names it.
     """
     views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
+    if not views and cell.sees_scene:
+        raise InputError(
+            "pictures of a scene are not planned: take 15 with each arm, five of them of one spot from similar "
+            "directions; rotate the flange by 20 deg about two axes, and do not aim all at one spot"
+        )
     if not views:
         raise InputError("the cell has no camera with a target to look at: add one of each to cell.yaml")
     open_names = [name for name, unknown in cell.transforms.items() if unknown.mean is None]
