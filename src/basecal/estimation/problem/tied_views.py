@@ -19,6 +19,8 @@ SCENE = "scene"
 class TiedViews:
     """Image points of a scene to second order about poses and lenses, the points eliminated.
 
+    Source: docs/mathematics.md (4.4).
+
     The q columns are right tangents of `camera_from_world` of all views, group after group, then parameters of lenses.
 
     Attributes:
