@@ -107,6 +107,19 @@ def test_a_scene_that_contradicts_the_board_is_left_out(tmp_path: Path) -> None:
     cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=12)
     away = shifted(recording, SE3.exp(np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])))
     solution = solve(cell, away, Settings())
-    found, (finding,) = join_scene(cell, away, solution, Settings())
+    found, (finding,), _ = join_scene(cell, away, solution, Settings())
     assert found is solution
     assert (finding.code, finding.severity, finding.about) == ("scene-rival", "warning", (BASE_NAME,))
+
+
+@pytest.mark.slow
+def test_a_scene_of_few_pictures_is_left_out(tmp_path: Path) -> None:
+    """Nine pictures of each arm have sigmas that may be too small: the board's answer stays, and why is said."""
+    scene = made_scene(1, arms=2, count=9, points=220)
+    cell, recording = board_beside_tracks(tmp_path, scene, 1, boards=9)
+    solution = solve(cell, recording, Settings())
+    found, (finding,), kept = join_scene(cell, recording, solution, Settings())
+    assert found is solution
+    assert kept is None
+    assert (finding.code, finding.severity) == ("scene-left-out", "info")
+    assert "9 pictures" in finding.what

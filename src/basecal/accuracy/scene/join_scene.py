@@ -57,6 +57,9 @@ def join_scene(
     refused = [replace(each, severity="warning") for each in findings if each.severity == "error"]
     if refused:
         return solution, tuple(refused), None
+    few = [each for each in report.findings if each.code == "few-images"]
+    if few and not findings:
+        return solution, (_explain_omission(few),), None
     with settings.stage("descent"):
         joined = _solve_jointly(cell, recording, solution, fit, settings)
     if not findings and not _predicts_better(joined, settings.iterations):
@@ -64,7 +67,7 @@ def join_scene(
     what = f"{fit.tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
     assert joined.problem.tied is not None
     kept = scene_fingerprint(pictures, fit, joined.problem.tied.points)
-    return joined, (*findings, Finding("scene-joined", "info", (), what)), kept
+    return joined, (*report.findings, *findings, Finding("scene-joined", "info", (), what)), kept
 
 
 def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
@@ -167,8 +170,8 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
 
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:
-    """That the scene does not take part, and the first reason."""
-    first = next((each for each in findings if each.severity == "error"), None)
+    """That the scene does not take part, and the last reason, which is the gravest."""
+    first = findings[-1] if findings else None
     if first is None:
         return Finding("scene-left-out", "info", (), "Views that were held out are predicted no better with the scene.")
     what = f"The scene takes no part in the answer. {first.what}"
