@@ -31,6 +31,7 @@ from basecal.accuracy.findings.same_stop import same_stop
 from basecal.accuracy.findings.stated_lens import stated_lens
 from basecal.accuracy.findings.systematic_error import systematic_error
 from basecal.accuracy.findings.too_few_samples import too_few_samples
+from basecal.accuracy.findings.two_mounts import two_mounts
 from basecal.accuracy.findings.unobservable_direction import unobservable_directions
 from basecal.accuracy.findings.weak_direction import weak_directions
 
@@ -40,6 +41,7 @@ INPUT_CHECKS += (identical_robots,)
 ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     rounded_poses,
     systematic_error,
+    two_mounts,
     robot_model,
     likely_kinematics,
     poor_fit,

@@ -294,6 +294,17 @@ def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> 
     return log_chance_of_gain(gain, suspect.freedoms, situation.about.residuals) + suspect.several
 
 
+def timeless_situation(solution: Solution) -> Situation:
+    """A solution as effects see it, with no times and no outliers."""
+    return _situation(solution, solution.problem, {})
+
+
+def candidate_chance(solution: Solution, candidate: Candidates, size: Array, several: float) -> float:
+    """Logarithm of the chance of what one candidate gains among so many, by their logarithm; 0 of stated noise."""
+    suspect = _Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several)
+    return _log_chance(timeless_situation(solution), suspect, solution)
+
+
 def _surprise(solution: Solution, name: str) -> float:
     """Minus twice the log of the evidence about a state with the random effect of a name; without any if ""."""
     problem, noise = solution.problem, solution.noise

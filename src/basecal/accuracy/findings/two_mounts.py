@@ -1,0 +1,124 @@
+"""`two-mounts`: what a robot carries hangs in two places, at some samples in one, at the others in the other.
+
+A tool frame that was changed in the controller shifts the poses of the samples that have it, in whatever order. Noise
+that is estimated takes up the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.model_comparison.comparison import Comparison, decide
+from basecal.accuracy.model_comparison.nested import ALONE
+from basecal.accuracy.model_comparison.splits import compare_split
+from basecal.accuracy.phrases.sample_list import list_samples
+from basecal.accuracy.systematic_errors.search import candidate_chance, timeless_situation
+from basecal.accuracy.systematic_errors.situation import Situation
+from basecal.cell import Finding
+from basecal.effects.faces.candidates import one_candidate
+from basecal.estimation.solve import Solution
+from basecal.geometry import Array, IntArray
+from basecal.numerics.spectral import principal_axes, spectrum
+
+_LEAST_SIDE = 3  # samples
+
+
+class _Shifts(NamedTuple):
+    """Where a mount is by each of n samples: their numbers, shifts off the answer, (n, 3) [m], and information."""
+
+    samples: IntArray
+    shift_m: Array
+    information: Array
+
+    def take(self, rows: IntArray) -> _Shifts:
+        """Some of the samples."""
+        return _Shifts(self.samples[rows], self.shift_m[rows], self.information[rows])
+
+    def mean(self) -> Array:
+        """(3,) by information."""
+        weighted = (self.information @ self.shift_m[..., None]).sum(0)
+        return np.asarray(np.linalg.solve(self.information.sum(0), weighted)[:, 0])
+
+    def square(self) -> float:
+        """Squared sigmas about the mean."""
+        off = self.shift_m - self.mean()
+        return float(np.einsum("ni,nij,nj->", off, self.information, off))
+
+
+class _Split(NamedTuple):
+    """A mount in two places: its name, both sets of samples, and whether that is believed."""
+
+    mount: str
+    sides: tuple[_Shifts, _Shifts]
+    comparison: Comparison
+
+
+def two_mounts(evidence: Evidence) -> list[Finding]:
+    """A warning about the mount that two places explain best, where nothing that is certain explains it."""
+    found = evidence.systematic_error
+    if not evidence.solution.converged or (found is not None and found.is_certain):
+        return []
+    splits = [split for split in _splits(evidence) if split.comparison.is_taken]
+    if not splits:
+        return []
+    best = min(splits, key=lambda split: split.comparison.log_chance)
+    minority, majority = sorted(best.sides, key=lambda side: len(side.samples))
+    if not _gains(evidence.solution, best.mount, minority, majority):
+        return []
+    apart_mm = 1e3 * float(np.linalg.norm(minority.mean() - majority.mean()))
+    what = f"{best.mount} is {apart_mm:.2g} mm elsewhere at {list_samples(sorted(minority.samples.tolist()))}."
+    do = "Check whether the controller's tool frame was changed between samples.", "Calibrate both sets separately."
+    return [Finding("two-mounts", "warning", (best.mount,), what, do, "The estimated noise contains the difference.")]
+
+
+def _gains(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts) -> bool:
+    """Whether two places explain what errors that stops share do not, the noise estimated anew; as far as it is."""
+    situation = timeless_situation(solution)
+    moves = tuple(
+        situation.frame_jacobian(k, mount)[:, :, :3] * np.isin(group.sample, minority.samples)[:, None, None]
+        for k, group in enumerate(situation.groups)
+    )
+    candidate = one_candidate("two-mounts", mount, "m", moves)
+    ways = (len(minority.samples) + len(majority.samples) - 1) * np.log(2)
+    chance = candidate_chance(solution, candidate, minority.mean() - majority.mean(), float(ways))
+    return solution.noise.logs is None or decide(mount, 0.0, chance, ALONE).is_taken
+
+
+def _splits(evidence: Evidence) -> Iterator[_Split]:
+    """Each mount in the two places that explain it best."""
+    situation = timeless_situation(evidence.solution)
+    for mount in situation.mounts:
+        shifts = _mount_shifts(situation, mount)
+        if len(shifts.samples) < 2 * _LEAST_SIDE:
+            continue
+        root = spectrum(shifts.information.mean(0)).root
+        whitened = (shifts.shift_m - shifts.mean()) @ root
+        order = np.argsort(whitened @ principal_axes(whitened).axes[:, 0])
+        ends = range(_LEAST_SIDE, len(order) - _LEAST_SIDE + 1)
+        halves = [(shifts.take(order[:end]), shifts.take(order[end:])) for end in ends]
+        sides = min(halves, key=lambda pair: pair[0].square() + pair[1].square())
+        ratio = (sides[0].square() + sides[1].square()) / max(shifts.square(), 1e-300)
+        yield _Split(mount, sides, compare_split(mount, ratio, len(order), 3))
+
+
+def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
+    """By each sample that shows where a mount is."""
+    samples, information, gradient = [], [], []
+    for k, (group, views) in enumerate(zip(situation.groups, situation.about.views, strict=True)):
+        if situation.depends(k, mount):
+            moves = situation.frame_jacobian(k, mount)[:, :, :3]
+            samples.append(group.sample)
+            information.append(moves.mT @ views.information[:, :6, :6] @ moves)
+            gradient.append((moves.mT @ views.gradient[:, :6, None])[..., 0])
+    numbers, row = np.unique(np.concatenate(samples), return_inverse=True)
+    total, force = np.zeros((len(numbers), 3, 3)), np.zeros((len(numbers), 3))
+    np.add.at(total, row, np.concatenate(information))
+    np.add.at(force, row, np.concatenate(gradient))
+    known = spectrum(total)
+    seen = np.flatnonzero(known.rank == 3)
+    shifts = -(known.inverse @ force[..., None])[..., 0]
+    return _Shifts(numbers, shifts, total).take(seen)

@@ -1,0 +1,64 @@
+"""A tool frame that was changed between samples is found, whatever their order, though the noise takes it up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.evidence import evidence_of
+
+from basecal.accuracy.findings.two_mounts import _splits, two_mounts
+from basecal.cell import Recording
+from basecal.estimation.settings import Settings
+from basecal.estimation.solve import solve
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+QUIET = {"robot_noise": (2e-4, 5e-4), "state_robot_noise": False, "state_pixel_noise": False}
+OTHER = (2, 3, 7, 8, 12)
+
+
+def found_with(shift_m, layout="eye_to_hand", robot="arm"):
+    """Findings where some recorded poses of a robot are of a tool frame so far along x."""
+    made = simulate(Scenario(samples=14, layout=layout, **QUIET), 1)
+    other = SE3(np.eye(3), np.array([shift_m, 0.0, 0.0]))
+    samples = list(made.recording.samples)
+    for k in OTHER:
+        state = samples[k].robots[robot]
+        changed = replace(state, base_from_flange=state.base_from_flange @ other)
+        samples[k] = replace(samples[k], robots={**samples[k].robots, robot: changed})
+    solution = solve(made.cell, Recording(tuple(samples)), Settings(robot_noise="estimated"))
+    return two_mounts(evidence_of(made.cell, solution))
+
+
+@pytest.mark.parametrize(("layout", "robot", "mount"), [
+    ("eye_to_hand", "arm", "arm_flange_from_board"), ("dual", "hand", "hand_flange_from_board"),
+])  # fmt: skip
+def test_both_sets_of_samples_are_found(layout, robot, mount):
+    """With how far apart they are, and which samples are the fewer."""
+    (finding,) = found_with(5e-3, layout, robot)
+    assert (finding.code, finding.severity, finding.about) == ("two-mounts", "warning", (mount,))
+    assert "elsewhere at samples 2, 3, 7, 8, 12." in finding.what
+    assert 3.5 < float(finding.what.split(" is ")[1].split()[0]) < 6.5
+
+
+def test_noise_alone_is_no_second_place():
+    """Nor is a mount that nothing is known of."""
+    assert found_with(0.0) == []
+
+
+def test_what_is_certain_explains_it(evidence):
+    """An answer that is none says nothing, either."""
+    certain = type("Found", (), {"is_certain": True})()
+    assert two_mounts(evidence(systematic_error=certain)) == []
+
+
+def test_links_that_are_off_are_no_second_place():
+    """Errors that the stops of an arm share explain what a split of them does."""
+    scenario = Scenario(samples=30, joints=True, link_error=(5e-4, 5e-4), **QUIET | {"robot_noise": (5e-5, 1e-4)})
+    made = simulate(scenario, 0)
+    solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+    evidence = evidence_of(made.cell, solution)
+    assert any(split.comparison.is_taken for split in _splits(evidence))
+    assert two_mounts(evidence) == []
