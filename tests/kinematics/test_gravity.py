@@ -54,9 +54,9 @@ def test_torques_are_pinocchios():
 
 
 def test_a_vertical_axis_is_not_turned():
-    """The first axis of an upright arm stands along gravity."""
+    """The first axis of an upright arm stands along gravity; of rounding a compliance would be found without bounds."""
     joints = np.random.default_rng(2).uniform(-3, 3, (10, 6))
-    np.testing.assert_allclose(gravity_torques(six_axis(), joints)[:, 0], 0, atol=1e-12)
+    assert not np.any(gravity_torques(six_axis(), joints)[:, 0])
 
 
 def test_masses_are_those_of_the_links_that_a_joint_carries():

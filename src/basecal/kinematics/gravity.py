@@ -9,6 +9,7 @@ from basecal.geometry import Array
 from basecal.kinematics.chain import SerialChain
 
 STANDARD_GRAVITY = 9.80665  # [m/s^2]
+_LEAST_TORQUE_NM = 1e-9  # about a joint whose axis is along gravity rounding leaves less
 
 
 def gravity_torques(chain: SerialChain, joints: Array) -> Array:
@@ -34,4 +35,4 @@ def gravity_torques(chain: SerialChain, joints: Array) -> Array:
     total = np.cumsum(chain.masses.kg[::-1])[::-1, None]
     lever = beyond - total * places
     torque: Array = STANDARD_GRAVITY * np.einsum("...i,...i->...", axes, np.cross(lever, chain.masses.down))
-    return torque
+    return np.where(np.abs(torque) < _LEAST_TORQUE_NM, 0.0, torque)
