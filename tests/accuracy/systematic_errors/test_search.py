@@ -21,12 +21,13 @@ from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve, solve_packed
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
 SCENARIO = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-4, 1e-4), target="pose")
 SETTINGS = Settings(robot_noise="stated")
+NOISE = SimpleNamespace(logs=np.zeros(1), common={}, plain_surprise=0.0, surprise=0.0)
 HALF = SCENARIO.samples // 2
 MOST_SQUARED = 22.5  # of six freedoms: one in a thousand
 
@@ -329,7 +330,7 @@ def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(Non
 
 def surprised(plain, logs=True):
     """A solution of such a surprise, and of half of it with a random effect."""
-    noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain, surprise=plain / 2)
+    noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain, surprise=plain / 2, common={})
     return SimpleNamespace(noise=noise)
 
 
@@ -428,7 +429,7 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
     monkeypatch.setattr(search, "_described", told)
     monkeypatch.setattr(search, "_tried", lambda of, every: every)
     monkeypatch.setattr(search, "_alternatives", lambda of, chosen, every: ())
-    usual = {"converged": True, "cost": 1.0, "name": "answer", "noise": SimpleNamespace(logs=np.zeros(1))}
+    usual = {"converged": True, "cost": 1.0, "name": "answer", "noise": NOISE}
     problem = SimpleNamespace(groups=(1,), models=models)
     found = systematic_error(SimpleNamespace(**usual | {"problem": problem} | solution), None, {}, SETTINGS)
     assert len(described) == (found is not None)
@@ -496,3 +497,11 @@ def test_what_the_data_tell_apart_has_no_alternatives(factor):
     _, error = found_in(cell, recording)
     assert error.code == "base-moved"
     assert ("drift" in {each.code for each in error.alternatives}) == (factor == 1)
+
+
+def test_links_that_are_off_are_not_reported_as_joints():
+    """What stops evidently share contains what a joint may do by chance; neither reported nor counted twice."""
+    arms = Scenario(samples=30, joints=True, link_error=(5e-4, 5e-4), robot_noise=(5e-5, 1e-4))
+    made = simulate(replace(arms, state_robot_noise=False, state_pixel_noise=False), 0)
+    solution = solve(made.cell, made.recording, Settings(robot_noise="estimated"))
+    assert systematic_error(solution, solution.problem, {}, Settings()) is None

@@ -11,7 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.nested import DISAGREES, FALSE_DISCOVERIES, SUSPECTED, discoveries, log_chance
+from basecal.accuracy.model_comparison.nested import (
+    DISAGREES,
+    FALSE_DISCOVERIES,
+    SUSPECTED,
+    compare_evidence,
+    discoveries,
+    log_chance,
+)
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
 from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, log_chance_of_gain, score, sums
@@ -19,7 +26,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found import FoundEffect
-from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS
+from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
 from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.robot_noise import without_errors
@@ -111,6 +118,8 @@ def systematic_error(
     chances = [min(each.log_chance, _log_chance(situation, each, before)) for each in suspects]
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
     is_certain = bool(_discovered(suspects, chances)[k])
+    if not is_certain and _is_contained(solution, suspects[k]):
+        return None
     after = _solved_again(_without(solution, situation, suspects[k]), settings)
     described = _described(situation, suspects[k], solution, after)
     return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
@@ -292,6 +301,15 @@ def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> 
     before = solution.noise.surprise if name else solution.noise.plain_surprise
     gain = before - _surprise(_without(solution, situation, suspect), name)
     return log_chance_of_gain(gain, suspect.freedoms, situation.about.residuals) + suspect.several
+
+
+def _is_contained(solution: Solution, suspect: _Suspect) -> bool:
+    """Whether errors of joints and links that stops evidently share contain a suspect of the same robot's joints."""
+    noise = solution.noise
+    name, robots = next(iter(noise.common.items()), ("", {}))
+    is_evident = name and compare_evidence(name, noise.plain_surprise - noise.surprise).is_taken
+    of_joints = suspect.effect in ROBOT_PARAMETERS and suspect.candidate.about[0] in robots
+    return bool(is_evident and of_joints and RANDOM_EFFECTS[name].by_joints is not None)
 
 
 def timeless_situation(solution: Solution) -> Situation:
