@@ -56,6 +56,7 @@ from benchmarks import (
     target_poses,
     two_arms,
     verify,
+    widths,
     wrong_answers,
 )
 from benchmarks.common import RESULTS, table
@@ -492,6 +493,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "semi_synthetic": ("Truth put into real recordings", _semi_synthetic),
     "few_pictures": ("Few pictures", _few_pictures),
     "real": ("Real recordings", _real),
+    "widths": ("What makes the width of a sigma", widths.section),
     "calibrate": ("Time of the whole command", _calibrate),
     "starts": ("Starts without a guess", _starts),
     "consistency": ("Consistency", _consistency),

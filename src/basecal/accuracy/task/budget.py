@@ -67,10 +67,10 @@ def budget(
     problem, state, weight = solution.problem, solution.state, meeting.weight
     variances, halved = dict(added), {name: 0.75 * variance for name, variance in added.items()}
     own = {stops_source(robot): 3 * float(of_stop[0]) for robot, of_stop in meeting.stop_variances().items()}
-    now = _variance(solution, weight, problem, state)
+    now, shares = _variance(solution, weight, problem, state), source_variances(solution, weight)
     for source in error_sources(problem):
         at_stop = own.get(source.name, 0.0)
-        variances[source.name] = _share(solution, weight, source) + at_stop
+        variances[source.name] = shares[source.name] + at_stop
         halved[source.name] = now - _variance(solution, weight, *source.scaled(problem, state, 0.5)) + 0.75 * at_stop
     left = total_m2 - sum(variances.values())
     if left > _LEAST_SHARE * total_m2:
@@ -84,6 +84,11 @@ def budget(
         (name for name, variance in variances.items() if variance > 0), key=lambda name: -variances[name]
     )
     return tuple(_entry(name, variances[name], total_m2, halved[name]) for name in largest_first)
+
+
+def source_variances(solution: Solution, weight: Array) -> dict[str, float]:
+    """The variance by source of what a weight (p, p) makes of the covariance, at the likeliest sigmas."""
+    return {source.name: _share(solution, weight, source) for source in error_sources(solution.problem)}
 
 
 def _entry(name: str, variance: float, total: float, gain: float) -> BudgetEntry:

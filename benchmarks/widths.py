@@ -1,0 +1,125 @@
+"""Which term makes the width of a sigma, on each real recording.
+
+Of each transform that is asked for the variance of its place and of its rotation is split by source: views, robots'
+stops and priors at the likeliest sigmas, what stops share and how well sigmas are known, effects that were found,
+effects that every answer contains (gravity on mounts and lenses, sizes of targets, fields of arms), clocks, and what
+gauges hold at zero.
+
+    python -m benchmarks.widths --only akig
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from basecal.accuracy.calibrate import JUDGING_STAGES, READING_STAGES, SOLVING_STAGES
+from basecal.accuracy.held_gauges import held_gauges
+from basecal.accuracy.stages.case import Case
+from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
+from basecal.accuracy.task.budget import SHARED_SOURCE, source_variances
+from basecal.errors import BasecalError
+from basecal.estimation.settings import DEFAULT
+from basecal.geometry import Array
+from benchmarks.common import Kept, on_one_core, table, write
+from benchmarks.reference.cases import cases
+
+FOUND, CONTAINED, CLOCKS = "effects that were found", "effects that every answer contains", "offsets of clocks"
+SHOWN = 4  # terms of a line: the largest
+HEAD = ("recording", "transform", "verdict", "sigma", "terms, percent of the variance")
+UNITS = {"mm": slice(0, 3), "mrad": slice(3, 6)}
+
+
+def widths(name: str) -> list[dict[str, Any]]:
+    """Of a case of the reference each transform and unit: the sigma, its 3-D norm, and shares of its variance."""
+    try:
+        case = _concluded(Case(*cases()[name](), DEFAULT))
+    except BasecalError:
+        return []
+    assert case.calibration is not None
+    if not case.answers or case.calibration.verdict == "refused":
+        return []
+    rows = []
+    for transform in case.cell.asked:
+        where = case.answers[0].problem.columns.get(transform)
+        if where is None or transform not in case.calibration.transforms:
+            continue
+        for unit, part in UNITS.items():
+            columns = np.arange(where.start, where.stop)[part]
+            terms = dict(_terms(case, transform, columns)) if len(columns) else {}
+            if total := sum(terms.values()):
+                shares = {term: value / total for term, value in sorted(terms.items(), key=lambda each: -each[1])}
+                row = {"transform": transform, "unit": unit, "sigma": 1e3 * float(np.sqrt(total)), "shares": shares}
+                rows.append({**row, "verdict": case.calibration.verdict})
+    return rows
+
+
+def _concluded(case: Case) -> Case:
+    """The case after all stages but that of the task."""
+    for stage in (*READING_STAGES, *SOLVING_STAGES, *JUDGING_STAGES[:-1]):
+        if not case.is_ended:
+            case = stage.run(case)
+    return case
+
+
+def _terms(case: Case, transform: str, columns: Array) -> Iterator[tuple[str, float]]:
+    """Variance by term [m^2 or rad^2]."""
+    fitted, as_modelled, final = case.answers
+    weight = np.zeros(fitted.covariance.shape)
+    weight[columns, columns] = 1.0
+
+    def trace(covariance: Array) -> float:
+        """Of the columns."""
+        return float(np.trace(weight @ covariance))
+
+    sources = source_variances(fitted, weight)
+    yield from sources.items()
+    yield SHARED_SOURCE, max(trace(fitted.covariance) - sum(sources.values()), 0.0)
+    contained = with_expected_sizes(case.cell, fitted, case.evidence.systematic_error).covariance - fitted.covariance
+    yield CONTAINED, trace(contained)
+    yield FOUND, max(trace(as_modelled.covariance - fitted.covariance - contained), 0.0)
+    yield CLOCKS, max(trace(final.covariance - as_modelled.covariance), 0.0)
+    part = slice(0, 3) if columns[0] == fitted.problem.columns[transform].start else slice(3, 6)
+    for gauge in held_gauges(final, [transform]):
+        yield f"gauge of {gauge.robot}", float(np.trace(gauge.covariance[part, part]))
+
+
+def section(result: Mapping[str, Any]) -> str:
+    """Of docs/benchmarks.md."""
+    lines = [
+        (name.removeprefix("real "), row["transform"], row["verdict"], f"{row['sigma']:.2g} {row['unit']}", _shown(row))
+        for name, rows in result["rows"].items()
+        for row in rows
+    ]
+    about = "Each term is a part of the variance; the sigma is the 3-D norm."
+    return f"{about}\n\n{table(HEAD, lines)}"
+
+
+def _shown(row: Mapping[str, Any]) -> str:
+    largest = list(row["shares"].items())[:SHOWN]
+    return ", ".join(f"{term} {100 * share:.0f}" for term, share in largest if share > 0.005)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Split and print; of all recordings results/widths.json too."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.widths", description=__doc__)
+    parser.add_argument("--only", default="", metavar="PATTERN", help="recordings whose name matches")
+    parser.add_argument("--keep", type=Path, help="file in which rows are kept, and from which a run goes on")
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    kept = Kept(asked.keep)
+    names = [name for name in cases() if name.startswith("real ") and re.search(asked.only, name)]
+    result = {"rows": {name: kept.of(name, lambda name=name: widths(name)) for name in names}}
+    print(section(result))
+    if not asked.only:
+        write("widths", result)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
