@@ -60,7 +60,7 @@ def test_two_arms_are_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     with_true_mounts(monkeypatch, scene)
     answer = calibrated(monkeypatch, pictures_of_scene(scene))
     assert answer.verdict == "doubtful"
-    assert [each.code for each in answer.findings] == ["not-validated", "scene-scale"]
+    assert [each.code for each in answer.findings] == ["not-validated", "scene-joined", "scene-scale"]
     for name, true in ((BASE_NAME, BASE), ("left_flange_from_left_eye", MOUNT), ("right_flange_from_right_eye", MOUNT)):
         found = answer.transforms[name]
         off = (true.inverse() @ found.mean).log()
@@ -180,7 +180,12 @@ def test_documented_example_is_calibrated(tmp_path: Path, capsys: pytest.Capture
     assert main(["calibrate", str(tmp_path), "--json"]) == 1
     answer = json.loads(capsys.readouterr().out)
     assert answer["verdict"] == "doubtful"
-    assert {each["code"] for each in answer["findings"]} == {"few-images", "not-validated", "scene-scale"}
+    assert {each["code"] for each in answer["findings"]} == {
+        "few-images",
+        "not-validated",
+        "scene-joined",
+        "scene-scale",
+    }
     (run,) = (tmp_path / "runs").iterdir()
     assert (run / "scene.points").stat().st_size > 152 * 1000
     assert "scene seen by right_eye" in (run / "report.html").read_text()

@@ -28,7 +28,7 @@ def test_tracks_give_mounts_and_base(tmp_path: Path, capsys: pytest.CaptureFixtu
     write_tracks(tmp_path, made_scene(3, arms=2, count=12, points=220))
     assert main(["calibrate", str(tmp_path), "--json"]) == 1
     answer = json.loads(capsys.readouterr().out)
-    assert {each["code"] for each in answer["findings"]} == {"not-validated", "scene-scale"}
+    assert {each["code"] for each in answer["findings"]} == {"not-validated", "scene-joined", "scene-scale"}
     names = "left_base_from_right_base", "left_flange_from_left_eye", "right_flange_from_right_eye"
     for name, true in zip(names, (BASE, MOUNT, MOUNT), strict=True):
         found = answer["transforms"][name]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.scene.checks import aim_covariance, base_findings, direction_findings
+from basecal.accuracy.scene.checks import aim_covariance, base_findings, count_points, direction_findings
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.pictures import read_pictures
@@ -103,7 +103,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
             report.findings += base_findings(name, *_compare_statement(known, base))
     if report.is_refused:
         return _refuse(report, settings)
-    report.findings.append(Finding("scene-scale", "info", (), _UNIT))
+    report.findings += [count_points(fit), Finding("scene-scale", "info", (), _UNIT)]
     rows = {each.name: each.columns for each in places if each.columns is not None}
     at = [row for where in rows.values() for row in range(where.start, where.stop)]
     verdict = judge_findings(report.findings)

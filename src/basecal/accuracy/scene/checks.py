@@ -152,6 +152,16 @@ def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (
     yield Finding(code, severity, (name,), f"{name} is known to {how} only.", advice)
 
 
+def count_points(fit: SceneFit) -> Finding:
+    """How many points take part, and how many of them two cameras or more see."""
+    tracks = fit.tracks
+    seen = np.unique(np.column_stack([tracks.point, fit.views.camera[tracks.view]]), axis=0)
+    shared = int(np.count_nonzero(np.bincount(seen[:, 0]) > 1))
+    what = f"{tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
+    also = f" Two cameras or more see {shared} of them." if len(fit.views.cameras) > 1 else ""
+    return Finding("scene-joined", "info", (), what + also)
+
+
 def aim_covariance(fit: SceneFit, camera: int) -> Array:
     """What an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
 

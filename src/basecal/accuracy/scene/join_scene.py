@@ -14,7 +14,7 @@ import numpy as np
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.accuracy.model_comparison.held_out import compare_held_out
-from basecal.accuracy.scene.checks import base_findings
+from basecal.accuracy.scene.checks import base_findings, count_points
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.pictures import Pictures, read_pictures
@@ -64,10 +64,9 @@ def join_scene(
         joined = _solve_jointly(cell, recording, solution, fit, settings)
     if not findings and not _predicts_better(joined, settings.iterations):
         return solution, (_explain_omission(()),), None
-    what = f"{fit.tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
     assert joined.problem.tied is not None
     kept = scene_fingerprint(pictures, fit, joined.problem.tied.points)
-    return joined, (*report.findings, *findings, Finding("scene-joined", "info", (), what)), kept
+    return joined, (*report.findings, *findings, count_points(fit)), kept
 
 
 def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:

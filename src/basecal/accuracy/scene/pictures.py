@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from basecal.cell import WORLD, Cell, Finding, Intrinsics, PixelObservation, Recording, RobotState, Sample, Unknown
+from basecal.cell import WORLD, Cell, Finding, Intrinsics, PixelObservation, Recording, Sample, Unknown
 from basecal.errors import InputError
-from basecal.estimation.problem.same_stop import stop_numbers
+from basecal.estimation.problem.build import recorded_states
 from basecal.estimation.problem.stated_lens import with_usual_error
 from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
 from basecal.geometry import SE3, Array, Camera, IntArray
@@ -92,11 +92,7 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
     robots = list(dict.fromkeys(camera.robot for camera in cameras if camera.robot is not None))
     carriers = [cell.cameras[name].on for name, _, _ in seen]
     robot = np.array([-1 if on == WORLD else robots.index(on) for on in carriers], dtype=np.int64)
-    poses = [
-        SE3.identity() if on == WORLD else _pose(cell, on, sample.robots[on])
-        for on, (_, sample, _) in zip(carriers, seen, strict=True)
-    ]
-    stop, stop_robot = _stops(robot, poses)
+    base_from_flange, stop, stop_robot = _robot_states(cell, robots, robot, [sample for _, sample, _ in seen])
     views = SceneViews(
         cameras,
         tuple(robots),
@@ -105,7 +101,7 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
         np.array([by_name[name] for name, _, _ in seen], dtype=np.int64),
         robot,
         stop,
-        SE3.stack(poses) if poses else SE3.identity((0,)),
+        base_from_flange,
         stop_robot,
     )
     sizes = {name: size for name, _, (_, size) in seen}
@@ -175,21 +171,16 @@ def _base(cell: Cell, robot: str) -> Unknown:
     return Unknown("fixed", SE3.identity()) if robot == cell.reference else cell.transforms[cell.base_name(robot)]
 
 
-def _pose(cell: Cell, robot: str, state: RobotState) -> SE3:
-    if state.base_from_flange is not None:
-        return state.base_from_flange
-    chain = cell.robots[robot].chain
-    if chain is None or state.joints_rad is None:
-        raise InputError(f"robot {robot!r} is recorded by joints and has no urdf")
-    return chain.forward(state.joints_rad)
-
-
-def _stops(robot: IntArray, poses: Sequence[SE3]) -> tuple[IntArray, IntArray]:
-    """The stop of each view, and the robot of each stop."""
+def _robot_states(
+    cell: Cell, robots: Sequence[str], robot: IntArray, samples: Sequence[Sample]
+) -> tuple[SE3, IntArray, IntArray]:
+    """Recorded poses of the robots of all views, their stops, and the robot of each stop; see `SceneViews`."""
+    rotation, translation = np.tile(np.eye(3), (len(robot), 1, 1)), np.zeros((len(robot), 3))
     stop, owner = np.full(len(robot), -1, dtype=np.int64), list[int]()
-    for index in np.unique(robot[robot >= 0]):
+    for index, name in enumerate(robots):
         mine = np.flatnonzero(robot == index)
-        numbers = stop_numbers(SE3.stack([poses[k] for k in mine.tolist()]), None, None)
-        stop[mine] = numbers + len(owner)
-        owner += [int(index)] * (int(numbers.max(initial=-1)) + 1)
-    return stop, np.array(owner, dtype=np.int64)
+        found = recorded_states(cell, name, [samples[k].robots[name] for k in mine])
+        rotation[mine], translation[mine] = found.base_from_flange.rotation, found.base_from_flange.translation
+        stop[mine] = found.stand + len(owner)
+        owner += [index] * (int(found.stand.max(initial=-1)) + 1)
+    return SE3(rotation, translation), stop, np.array(owner, dtype=np.int64)
