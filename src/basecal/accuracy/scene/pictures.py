@@ -179,7 +179,7 @@ def _robot_states(
     stop, owner = np.full(len(robot), -1, dtype=np.int64), list[int]()
     for index, name in enumerate(robots):
         mine = np.flatnonzero(robot == index)
-        found = recorded_states(cell, name, [samples[k].robots[name] for k in mine])
+        found = recorded_states(cell, name, [samples[k].robots[name] for k in mine.tolist()])
         rotation[mine], translation[mine] = found.base_from_flange.rotation, found.base_from_flange.translation
         stop[mine] = found.stand + len(owner)
         owner += [index] * (int(found.stand.max(initial=-1)) + 1)
