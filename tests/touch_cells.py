@@ -26,7 +26,7 @@ _DOWN = np.diag([1.0, -1.0, -1.0])
 
 def touch_data(names: Sequence[str] = tuple(MARKS), **more: Any) -> dict[str, Any]:
     """Data of a cell of two exact arms with a tip each, and of these marks, of which nothing is known."""
-    exact = {"noise": {"sigma_t_m": 1e-6, "sigma_r_rad": 1e-6}}
+    exact = {"noise": {"sigma_t_m": 1e-6, "sigma_r_rad": 1e-6, "kind": "total"}}
     tips = {f"{robot}_tip": {"on": robot, "offset": {"status": "free"}} for robot in TIPS}
     robots = dict.fromkeys(TIPS, exact)
     data = {"schema": "basecal/cell/1", "reference": "eye", "robots": robots, "tips": tips}

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.touch_cells import recorded, touch_cell, touch_lines
 
 from basecal.accuracy.systematic_errors import expected_sizes
 from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_posterior, with_expected_sizes
@@ -164,3 +165,11 @@ def test_many_effects_count_by_mount(monkeypatch):
     names = [{each.candidate.about for each in group} for group in given]
     assert names == [{("eye_flange_from_wrist",)}, {("hand_flange_from_board",)}, {("wrist",)}, {("board",)}]
     assert (np.linalg.eigvalsh(after.covariance - solution.covariance) > -1e-18).all()
+
+
+def test_tips_that_touch_neither_bend_nor_slide():
+    """Of exact arms whose tips touch marks the covariance is what touches leave, and the answer stays."""
+    cell = touch_cell()
+    solution = solve(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 2e-4, is_stated=True)))
+    found = with_expected_sizes(cell, solution, None)
+    np.testing.assert_allclose(found.covariance, solution.covariance, rtol=1e-3, atol=1e-12)

@@ -187,17 +187,26 @@ def _split_effects(
 
 
 def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -> Iterator[Expected]:
+    tools = _tool_mounts(cell)
     for name in CONTAINED:
         effect = EFFECTS[name]
         assert effect.expected is not None
         assert effect.candidates is not None
         sigmas = effect.expected.sigma * effect.expected.factor**_NODES
-        yield from (Expected(name, candidate, sigmas) for candidate in effect.candidates(situation))
+        loaded = (each for each in effect.candidates(situation) if each.about[0] not in tools)
+        yield from (Expected(name, candidate, sigmas) for candidate in loaded)
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])
         if sigma and candidate.about[0] not in counted:
             yield Expected(target_size.NAME, candidate, np.array([sigma]))
+
+
+def _tool_mounts(cell: Cell) -> frozenset[str]:
+    """Mounts of tips and grips: tools that touch at rest, no brackets that bend or slide under a camera or a board."""
+    touching = [each.name for each in cell.cameras.values() if each.touches]
+    touching += [each.name for each in cell.targets.values() if each.is_touched]
+    return frozenset(map(cell.mount_name, touching))
 
 
 def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float:
