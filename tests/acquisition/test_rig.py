@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.metadata
 import sys
+import threading
+import time
 import types
 
 import pytest
@@ -12,7 +14,7 @@ from basecal.acquisition.drivers import registry
 from basecal.acquisition.drivers.registry import GROUP, driver_names
 from basecal.acquisition.rig import Rig, check_guarantees, open_rig
 from basecal.cell import Cell, CellCamera, Driver, Robot
-from basecal.errors import DatasetError, UsageError
+from basecal.errors import DatasetError, DriverError, UsageError
 
 
 class Arm:
@@ -68,6 +70,19 @@ def test_arms_stop_before_anything_else(stranger, tmp_path, error):
     """Where something goes wrong, or somebody presses Ctrl-C, robots stop first and are closed then."""
     with pytest.raises(error), open_rig(cell("stranger"), tmp_path):
         raise error
+    assert stranger.arms[0].asked == ["stop", "close"]
+
+
+def test_a_stop_may_be_requested_from_anywhere(stranger, tmp_path):
+    """The capture ends with the reason, wherever it is; its arms stop first."""
+
+    def press_while_it_waits():
+        with open_rig(cell("stranger"), tmp_path) as rig:
+            threading.Thread(target=rig.request_stop, args=("Stop was pressed",)).start()
+            time.sleep(10)
+
+    with pytest.raises(DriverError, match=r"^Stop was pressed\. What was recorded is kept\.$"):
+        press_while_it_waits()
     assert stranger.arms[0].asked == ["stop", "close"]
 
 

@@ -8,7 +8,7 @@ from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.driver import Freedrives, Moves, Picture, Reading, Switches
 from basecal.acquisition.rig import Rig
-from basecal.acquisition.watching import Watch, watch_rig
+from basecal.acquisition.watching import End, Watch, watch_rig
 from basecal.cell import RobotState
 
 
@@ -53,9 +53,29 @@ def test_a_glance_does_not_change():
     watch.tell("one")
     before = watch.snapshot
     watch.tell("two")
-    watch.end("over")
-    assert (before.doing, before.is_over) == ("one", False)
-    assert (watch.snapshot.doing, watch.snapshot.is_over) == ("over", True)
+    watch.end(End("GOOD", "over"))
+    assert (before.doing, before.end) == ("one", None)
+    assert (watch.snapshot.doing, watch.snapshot.end.word) == ("two", "GOOD")
+
+
+def test_the_time_left_is_that_of_the_last_samples():
+    """What is left, each as long as the median of the last ones; nothing is said before there are two."""
+    clock = iter([0.0, 10.0, 20.0, 95.0])
+    watch = Watch(lambda: next(clock))
+    left = []
+    for number in range(4):
+        watch.note(step(number))
+        left.append(watch.snapshot.time_left_s)
+    assert left == [None, 70.0, 60.0, 50.0]
+
+
+def test_errors_at_the_task_are_kept_by_the_number_of_samples():
+    """With the tolerance; nothing is added where nothing is known."""
+    watch = Watch()
+    watch.expect(3e-4, None)
+    watch.note(step(3))
+    watch.expect(3e-4, 5e-4)
+    assert (watch.snapshot.tolerance_m, watch.snapshot.errors) == (3e-4, ((4, 5e-4),))
 
 
 def test_advice_is_that_of_the_coverage():

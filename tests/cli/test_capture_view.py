@@ -12,7 +12,9 @@ import pytest
 from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.rig import Rig
+from basecal.acquisition.watching import End
 from basecal.cli.capture_view import capture_view
+from basecal.errors import DriverError
 from basecal.simulation import Scenario, simulate
 
 CELL = simulate(Scenario(samples=2), 0).cell
@@ -41,7 +43,8 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
         view.tell("sample 4: arms move")
         view.report("camera wrist: pictures arrive late")
         view.note(step(), 1)
-    assert view.watch.snapshot.is_over
+        view.end("GOOD", "9 of 9 samples taken", "basecal calibrate mycell")
+    assert view.watch.snapshot.end.word == "GOOD"
     return stream.getvalue()
 
 
@@ -58,3 +61,14 @@ def test_a_terminal_has_a_view(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     assert "4 taken, 9 planned" in shown(Terminal(), monkeypatch, rig())
     assert shown(Terminal(), monkeypatch, rig(is_live=False)).splitlines()[1].startswith("   4/9 sample 3: taken")
+
+
+def test_what_ends_a_capture_is_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the words of the error."""
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    with (
+        pytest.raises(DriverError),
+        capture_view(rig(), CELL, web=False, port=0, quiet=True) as view,
+    ):
+        raise DriverError("eye: its link is lost")
+    assert view.watch.snapshot.end == End("STOPPED", "eye: its link is lost")

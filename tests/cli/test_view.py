@@ -25,7 +25,6 @@ def test_a_cell_without_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 @pytest.mark.slow
 def test_it_serves_until_it_is_interrupted(tmp_path: Path) -> None:
     """The address that is printed answers; Ctrl-C ends with 130 and writes nothing."""
-    pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
     cell = tmp_path / "cell"
     assert main(["simulate", str(cell), "--samples", "10", "--target", "points"]) == 0
     main(["calibrate", str(cell)])

@@ -1,7 +1,8 @@
 """Two arms on their way, as a capture holds them, as a process: `python -m safety.moving_arms FOLDER PORT PORT [hang]`.
 
 It prints the numbers of its processes once both arms move, then reads their states. With `hang` its main thread
-ignores what it is told: it computes without end in one call that holds Python's lock.
+ignores what it is told: it computes without end in one call that holds Python's lock. A line on the standard input is a
+stop that another thread requests, as the page of a capture does.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +44,12 @@ def main() -> None:
         wait_for_arms(rig.robots, {}, 5.0)
         for robot in rig.robots.values():
             robot.move(FAR, 0.3)
+
+        def press() -> None:
+            if sys.stdin.readline():
+                rig.request_stop("Stop was pressed")
+
+        threading.Thread(target=press, daemon=True).start()
         print(json.dumps(processes(os.getpid())), flush=True)
         if "hang" in sys.argv:
             sum(range(10**15))  # holds Python's lock for days

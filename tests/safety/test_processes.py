@@ -38,6 +38,7 @@ def moving(tmp_path, *words):
             list(map(str, command)),
             cwd=TESTS,
             env=environment,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -69,6 +70,17 @@ def test_signals_stop_both_arms_at_once(tmp_path, number):
         found = halts(controllers, since_s)
     assert {name: why for name, (_, why) in found.items()} == {"left": "halted stop", "right": "halted stop"}
     assert max(at for at, _ in found.values()) < TOLD_S
+
+
+def test_a_stop_of_another_thread_stops_both_arms(tmp_path):
+    """As the button of the page requests it: both arms are told at once, and the capture ends with that reason."""
+    with moving(tmp_path) as (controllers, capture, _):
+        since_s = time.monotonic()
+        _, said = capture.communicate("pressed\n", timeout=4)
+        found = halts(controllers, since_s)
+    assert {name: why for name, (_, why) in found.items()} == {"left": "halted stop", "right": "halted stop"}
+    assert max(at for at, _ in found.values()) < TOLD_S
+    assert "DriverError: Stop was pressed. left and right were told to stop." in said
 
 
 @pytest.mark.parametrize("victim", ["capture", "supervisor", "left", "right"])

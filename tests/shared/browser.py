@@ -88,11 +88,3 @@ class _Tab:
             self._came.errors.append(params["exceptionDetails"]["text"])
         elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "assert"):
             self._came.errors.append(str(params["args"]))
-
-
-def another_page() -> None:
-    """NiceGUI serves one page a process: what earlier tests of this one served is taken back."""
-    from nicegui import core
-
-    core.app.middleware_stack = None
-    core.app.user_middleware.clear()

@@ -15,7 +15,7 @@ from basecal.acquisition.drivers.registry import driver_kind, driver_names
 from basecal.acquisition.pictures.feed import feed_camera
 from basecal.acquisition.pictures.latency import ArmMotion
 from basecal.acquisition.supervision.arms import Arms
-from basecal.acquisition.supervision.signals import routed_signals
+from basecal.acquisition.supervision.signals import interrupt_main_thread, routed_signals
 from basecal.cell import Cell, Driver, RobotState
 from basecal.errors import DatasetError, UsageError, nearest
 
@@ -34,12 +34,14 @@ class Rig:
         cameras: Cameras by name.
         arms: When its arms moved.
         guarantees: What stops each robot when this computer is silent, by name.
+        request_stop: Has all arms stopped and the capture ended with a reason; any thread may call it.
     """
 
     robots: Mapping[str, Robot]
     cameras: Mapping[str, Camera]
     arms: ArmMotion = field(default_factory=ArmMotion)
     guarantees: Mapping[str, StopGuarantee] = field(default_factory=dict)
+    request_stop: Callable[[str], None] = lambda reason: None
 
     def stop(self) -> None:
         """Stop every robot that moves, all at once, whatever any of them answers."""
@@ -61,8 +63,11 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
     alone = {name: place for name, (kind, place) in places.items() if kind.needs_own_process}
     here = {name: opener for name, opener in places.items() if name not in alone}
     supervisor: list[Arms] = []
+    requested: list[str] = []  # stops of a rig without a supervisor
     with ExitStack() as opened:
-        signals_fd = opened.enter_context(routed_signals(lambda: supervisor[0].interruption if supervisor else ""))
+        signals_fd = opened.enter_context(
+            routed_signals(lambda: supervisor[0].interruption if supervisor else "".join(requested[:1]))
+        )
         try:
             if alone:
                 supervisor.append(Arms(alone, signals_fd))
@@ -77,7 +82,8 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
             opened.callback(_call_in_parallel, here_closes, _CLOSE_TIMEOUT_S)
             robots |= supervisor[0].open_arms() if alone else {}
             guarantees = {name: kind.stop_guarantee for name, (kind, _) in places.items()}
-            rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees)
+            stop = supervisor[0].request_stop if supervisor else lambda reason: _interrupt(requested, reason)
+            rig = Rig({name: robots[name] for name in places}, cameras, motion, guarantees, stop)
             try:
                 yield rig
             except BaseException:
@@ -86,6 +92,12 @@ def open_rig(cell: Cell, folder: Path, allow_plaintext: bool = False) -> Iterato
         finally:
             for arms in supervisor:
                 arms.stop_interrupting()
+
+
+def _interrupt(reasons: list[str], reason: str) -> None:
+    """Have the main thread leave whatever it waits for, and close the rig."""
+    reasons.append(f"{reason}. What was recorded is kept.")
+    interrupt_main_thread()
 
 
 def movers(rig: Rig) -> dict[str, Moves]:

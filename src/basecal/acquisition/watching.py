@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import statistics
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from basecal.acquisition.capture import Step
 from basecal.acquisition.driver import Camera, ChecksGoals, Freedrives, Grey, Moves, Picture, Reading, Robot, Switches
@@ -11,6 +15,7 @@ from basecal.acquisition.rig import Rig
 from basecal.cell import RobotState
 
 _LINE_COUNT = 8  # of what has become of samples
+_RECENT_STEPS = 6  # by whose duration it is estimated how long the others take
 
 
 @dataclass(frozen=True)
@@ -20,6 +25,15 @@ class Sigma:
     samples: int
     t_m: float
     r_rad: float
+
+
+@dataclass(frozen=True)
+class End:
+    """How a capture ended: the verdict in one word, why in a sentence, and what to type next."""
+
+    word: str
+    sentence: str
+    command: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +48,12 @@ class Snapshot:
         doubts: What disagrees for the rest of the capture, a line each.
         pictures: The last one of each camera.
         states: The last one of each robot.
-        is_over: Whether nothing follows.
+        goals: Where each robot was sent last.
+        failures: Samples that were not taken, and why.
+        times_s: When each sample was finished, by the clock of the watch.
+        tolerance_m: The error at the task that is needed; None if nothing is.
+        errors: The expected error at the task [m] after so many samples.
+        end: How it ended; None while it goes on.
     """
 
     doing: str = "opening robots and cameras"
@@ -44,7 +63,21 @@ class Snapshot:
     doubts: tuple[str, ...] = ()
     pictures: tuple[tuple[str, Grey], ...] = ()
     states: tuple[tuple[str, RobotState], ...] = ()
-    is_over: bool = False
+    goals: tuple[tuple[str, RobotState], ...] = ()
+    failures: tuple[tuple[int, str], ...] = ()
+    times_s: tuple[float, ...] = ()
+    tolerance_m: float | None = None
+    errors: tuple[tuple[int, float], ...] = ()
+    end: End | None = None
+
+    @property
+    def time_left_s(self) -> float | None:
+        """How long the samples that are left take, as the last ones did; None before there are two."""
+        recent = self.times_s[-_RECENT_STEPS:]
+        if self.step is None or len(recent) < 2:
+            return None
+        each = statistics.median(after - before for before, after in pairwise(recent))
+        return max(self.step.planned - self.step.taken, 0) * each
 
     @property
     def advice(self) -> str:
@@ -55,9 +88,10 @@ class Snapshot:
 class Watch:
     """Keeps what is to be shown; one thread captures, others look."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._lock = threading.Lock()
         self._glance = Snapshot()
+        self._clock = clock
 
     @property
     def snapshot(self) -> Snapshot:
@@ -80,7 +114,19 @@ class Watch:
                 sigmas = (*sigmas, Sigma(step.taken, *step.sigma))
             said = (*before.said, line, *(doubt.message for doubt in step.doubts))[-_LINE_COUNT:]
             doubts = (*before.doubts, *(doubt.message for doubt in step.doubts if doubt.is_lasting))
-            self._glance = replace(before, step=step, sigmas=sigmas, said=said, doubts=doubts)
+            failures = (*before.failures, (step.sample, step.why_not)) if step.why_not else before.failures
+            times_s = (*before.times_s, self._clock())
+            self._glance = replace(
+                before, step=step, sigmas=sigmas, said=said, doubts=doubts, failures=failures, times_s=times_s
+            )
+
+    def expect(self, tolerance_m: float, error_m: float | None) -> None:
+        """Note the tolerance at the task, and the error that is expected there with the samples so far."""
+        with self._lock:
+            before = self._glance
+            taken = 0 if before.step is None else before.step.taken
+            errors = before.errors if error_m is None else (*before.errors, (taken, error_m))
+            self._glance = replace(before, tolerance_m=tolerance_m, errors=errors)
 
     def report(self, words: str) -> None:
         """Note what a person should know."""
@@ -99,10 +145,16 @@ class Watch:
             states = {**dict(self._glance.states), robot: state}
             self._glance = replace(self._glance, states=tuple(states.items()))
 
-    def end(self, words: str) -> None:
-        """Note that it is over."""
+    def send(self, robot: str, goal: RobotState) -> None:
+        """Note where a robot is sent."""
         with self._lock:
-            self._glance = replace(self._glance, doing=words, is_over=True)
+            goals = {**dict(self._glance.goals), robot: goal}
+            self._glance = replace(self._glance, goals=tuple(goals.items()))
+
+    def end(self, end: End) -> None:
+        """Note how it ended; the first end counts."""
+        with self._lock:
+            self._glance = replace(self._glance, end=self._glance.end or end)
 
 
 def watch_rig(rig: Rig, watch: Watch) -> Rig:
@@ -146,6 +198,7 @@ class _Sent(_WatchedRobot):
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Begin to go there."""
         assert isinstance(self._robot, Moves)
+        self._watch.send(self._name, to)
         self._robot.move(to, speed_rad_s)
 
     def stop(self) -> None:

@@ -28,7 +28,7 @@ _FASTEST_M_S = 2.0  # of any point of an arm
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from basecal.acquisition.capture import Replan, Step
+    from basecal.acquisition.capture import Step
     from basecal.acquisition.rig import Rig
     from basecal.acquisition.taking import Taker
     from basecal.cell import Sample
@@ -144,7 +144,7 @@ def capture(
         connecting: What the cell may reach.
         seed: Another number makes another plan.
         stop_on_disagreement: Wait for the check of each sample, and end the capture at a disagreement that lasts.
-        web: Show the capture as a page as well, on this machine alone; the extra web.
+        web: Show the capture as a page as well, on this machine alone, with a button that stops all arms.
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
@@ -164,6 +164,7 @@ def capture(
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
         steps = _take_samples(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
+        view.end(*_outcome(steps, replanned), f"basecal calibrate {quote_path(cell)}")
     return _summarise(cell, steps, replanned, json)
 
 
@@ -244,7 +245,7 @@ def _take_samples(
     taker: Taker,
     plan: Sequence[Sample],
     led: int | None,
-    replan: Replan | None,
+    replan: Replanned | None,
     view: CaptureView,
     stops: bool = False,
 ) -> list[Step]:
@@ -256,6 +257,8 @@ def _take_samples(
     for step in captured(taker, plan, replan) if led is None else capture_led(taker, led, view.key):
         found.append(step)
         view.note(step, len(found))
+        if replan is not None:
+            view.watch.expect(replan.tolerance_m, replan.error_m)
         if stops and any(doubt.is_lasting for doubt in step.doubts):
             break
     return found
@@ -284,33 +287,52 @@ def _finish_plan(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
     return 0
 
 
-def _summarise(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
+def _abandoned_steps(steps: Sequence[Step]) -> list[Step]:
+    """Steps of samples that were not taken, and not at a later attempt either."""
     taken = {step.sample for step in steps if not step.why_not}
-    given_up = [{"sample": step.sample, "why": step.why_not} for step in steps if step.sample not in taken]
-    doubts = [doubt for step in steps for doubt in step.doubts]
+    return [step for step in steps if step.sample not in taken]
+
+
+def _lasting_doubts(steps: Sequence[Step]) -> list[str]:
+    return [doubt.message for step in steps for doubt in step.doubts if doubt.is_lasting]
+
+
+def _outcome(steps: Sequence[Step], replanned: Replanned | None) -> tuple[str, str]:
+    """The verdict of a capture in a word, and why in a sentence."""
+    doubts, missing = _lasting_doubts(steps), _abandoned_steps(steps)
+    if replanned is not None:
+        return ("PASS" if replanned.is_reached else "FAIL"), replanned.words()
+    if doubts:
+        return "DOUBTFUL", doubts[0]
+    counted = f"{len(steps) - len(missing)} of {len(steps)} samples taken"
+    return ("DOUBTFUL", f"{counted}; the first missing one: {missing[0].why_not}") if missing else ("GOOD", counted)
+
+
+def _summarise(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
+    missing, doubts = _abandoned_steps(steps), _lasting_doubts(steps)
+    taken = {step.sample for step in steps if not step.why_not}
     if json:
         last = steps[-1] if steps else None
         sigma = None if last is None or last.sigma is None else {"t_m": last.sigma[0], "r_rad": last.sigma[1]}
         print_json(
             {
                 "cell": str(cell),
-                "planned": len(taken) + len(given_up),
+                "planned": len(taken) + len(missing),
                 "captured": sorted(taken),
-                "given_up": given_up,
+                "given_up": [{"sample": step.sample, "why": step.why_not} for step in missing],
                 "covered": None if last is None else last.coverage.share,
                 "sigma": sigma,
-                "doubts": [vars(doubt) for doubt in doubts],
+                "doubts": [vars(doubt) for step in steps for doubt in step.doubts],
                 **({} if replanned is None else replanned.as_dict()),
             }
         )
     else:
         if replanned is not None:
             say(replanned.words())
-        for doubt in (doubt for doubt in doubts if doubt.is_lasting):
-            say(f"WARNING: {doubt.message}")
-        say(f"{len(taken)} of {len(taken) + len(given_up)} samples taken")
+        for doubt in doubts:
+            say(f"WARNING: {doubt}")
+        say(f"{len(taken)} of {len(taken) + len(missing)} samples taken")
         say_next(f"basecal calibrate {quote_path(cell)}")
-    is_doubtful = any(doubt.is_lasting for doubt in doubts)
     if replanned is not None and not replanned.is_reached:
         return 5
-    return 1 if is_doubtful or (given_up and replanned is None) else 0
+    return 1 if doubts or (missing and replanned is None) else 0

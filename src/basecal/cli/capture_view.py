@@ -56,6 +56,12 @@ class CaptureView:
         if self.has_lines:
             say_step(step, place)
 
+    def end(self, word: str, sentence: str, command: str) -> None:
+        """Report how it ended, and what to type next."""
+        from basecal.acquisition.watching import End
+
+        self.watch.end(End(word, sentence, command))
+
 
 @contextmanager
 def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Iterator[CaptureView]:
@@ -69,17 +75,19 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
         quiet: Whether standard output belongs to a program.
 
     Raises:
-        MissingExtra: if the page is requested and its library not installed.
         InputError: if the port is taken.
     """
-    from basecal.acquisition.watching import Watch
+    from basecal.acquisition.watching import End, Watch
 
     watch = Watch()
     with ExitStack() as shown:
         if web:
             from basecal.reporting.live.page import serve_page
 
-            say(f"the capture is shown at {shown.enter_context(serve_page(watch, cell, port))}", sys.stderr)
+            say(
+                f"the capture is shown at {shown.enter_context(serve_page(watch, cell, rig.request_stop, port))}",
+                sys.stderr,
+            )
         live = [*(each.is_live for each in rig.robots.values()), *(each.is_live for each in rig.cameras.values())]
         is_asked = not all(live)
         is_seen = is_terminal(sys.stdout) and not quiet and not is_asked
@@ -92,8 +100,11 @@ def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Ite
             shown.enter_context(
                 Live(get_renderable=lambda: terminal_view(watch.snapshot), refresh_per_second=_A_SECOND)
             )
-        yield CaptureView(watch, key, not is_seen and not quiet)
-        watch.end("The capture is over. Its last lines in the terminal say what is next.")
+        try:
+            yield CaptureView(watch, key, not is_seen and not quiet)
+        except BaseException as error:
+            watch.end(End("STOPPED", str(error) or "The capture was interrupted; what was recorded is kept."))
+            raise
 
 
 def say_step(step: Step, place: int) -> None:

@@ -96,6 +96,16 @@ class Replanned:
         """Whether the task is known well enough with what was taken."""
         return bool(self._latest.reachable) and not self._latest.samples
 
+    @property
+    def tolerance_m(self) -> float:
+        """The error at the task that is needed."""
+        return self._tolerance_m
+
+    @property
+    def error_m(self) -> float | None:
+        """The error that is expected at the task with what was taken; None if nothing was planned of it."""
+        return self._latest.steps[0][1] if self._latest.steps else None
+
     def as_dict(self) -> dict[str, Any]:
         """For a program."""
         expected_m = self._latest.expected_m

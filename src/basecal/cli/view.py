@@ -20,7 +20,6 @@ def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.N
     or taken again: what comes out then stands there at once, beside how far
     that is from the run. Nothing is written. The page is served to this
     machine alone, to whoever has the address that is printed; Ctrl-C ends it.
-    It needs the extra `web`.
 
     For example:
 

@@ -54,6 +54,7 @@ class Plan:
         recorded: How many samples are recorded already and count.
         budget: The error at the task by source, with the samples taken.
         marks: Where marks are to be made, (3,) in the reference's base, by name.
+        steps: (count, error [m]) with so many of the samples, those first that lower it the most; none comes first.
     """
 
     samples: tuple[Sample, ...]
@@ -63,6 +64,7 @@ class Plan:
     recorded: int
     budget: tuple[BudgetEntry, ...]
     marks: Mapping[str, Array] = field(default_factory=dict)
+    steps: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +153,8 @@ def plan_for_task(
     """
     base_transforms(cell)
     known, recording = sketches(cell, calibration), synchronous(cell, recording, calibration)
-    if offers is None:
-        offers = draw_offers(known, recording, CANDIDATES, seed)
-    prospect = prospects(cell, recording, calibration, offers)
+    offered = draw_offers(known, recording, CANDIDATES, seed) if offers is None else offers
+    prospect = prospects(cell, recording, calibration, offered)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
     goal = _make_goal(prospect, cell, calibration, points_m, tolerance_m)
     chosen, reached = list[int](), None
@@ -177,7 +178,15 @@ def plan_for_task(
         reached,
         len(prospect.recorded),
         _budget(solution, goal, len(rows)),
+        steps=_steps(goal, prospect.covariance, roots[chosen], group_size),
     )
+
+
+def _steps(goal: _Goal, covariance: Array, roots: Array, group_size: int) -> tuple[tuple[int, float], ...]:
+    """The error with none, one, two ... of what was chosen: U of each (n, p, q), by what is known before, (p, p)."""
+    after = (each for _, each in greedy(roots, covariance, goal.weight))
+    counted = ((group_size * k, each) for k, each in enumerate([covariance, *after]))
+    return tuple((count, goal.expected_m(each, count)) for count, each in counted)
 
 
 def outlook(

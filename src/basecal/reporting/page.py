@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -20,7 +19,7 @@ from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleR
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
 from basecal.reporting.cell_view.picture import picture
-from basecal.reporting.cell_view.scene import Scene, scene, scene_data
+from basecal.reporting.cell_view.scene import Scene, json_inside_html, scene, scene_data
 from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.checks import check_words, passed_checks
 from basecal.reporting.decision.components import component_figure
@@ -41,7 +40,7 @@ from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity
 from basecal.reporting.svg import three_digits
-from basecal.reporting.templates.environment import fill_page, own_file
+from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
     clock_sentences,
     fit_sentences,
@@ -113,8 +112,6 @@ def page(
         outlook: What so many planned samples more leave of the error at the task [m].
     """
     drawn = scene(cell, recording.samples, calibration)
-    scripts = [own_file(name) for name in (_SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS]
-    style = own_file("templates/page.css")
     known = FitDetails() if details is None else details
     filled = {
         "overview": overview(cell, time),
@@ -128,11 +125,10 @@ def page(
     }
     return fill_page(
         "page.html",
-        style,
-        scripts,
+        (_SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS,
         title=title,
         notes=notes,
-        scene_json=Markup(_json_inside_html(scene_data(drawn))) if drawn.samples else "",
+        scene_json=json_inside_html(scene_data(drawn)) if drawn.samples else "",
         drawn=drawn,
         legend=_legend(drawn),
         picture=Markup(picture(drawn)),
@@ -145,11 +141,6 @@ def _verification_lines(verifications: Sequence[PastVerification]) -> dict[str, 
     """What verifications have found."""
     lines = history_text(verifications, drifts(verifications)).splitlines()
     return {"history": history_figure(verifications), "drift": lines[-_MOST_VERIFICATIONS:]}
-
-
-def _json_inside_html(data: Mapping[str, Any]) -> str:
-    """JSON that cannot end the element it stands in."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _legend(scene: Scene) -> list[str]:

@@ -17,7 +17,7 @@ def test_points_fall_and_have_words() -> None:
     limit = float(re.findall(r'class="level" d="M[0-9.]+ ([0-9.]+)H', figure.svg)[0])
     assert heights[1] < limit < heights[2]
     assert re.findall(r">(\d+)</text>", figure.svg)[-3:] == ["12", "22", "52"]
-    assert "3.0 mm with 12, 1.5 mm with 22, 1.0 mm with 52 samples. Dashed: the tolerance." in figure.caption
+    assert figure.caption == "3.0 mm with 12, 1.0 mm with 52 samples. Dashed: the tolerance, 1.2 mm."
 
 
 def test_without_a_tolerance_there_is_no_line() -> None:

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as tree
 import numpy as np
 
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
-from basecal.acquisition.watching import Sigma
-from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
+from basecal.acquisition.watching import Sigma, Snapshot
+from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
 
 
 def test_a_part_of_the_picture_is_a_square():
@@ -16,27 +16,24 @@ def test_a_part_of_the_picture_is_a_square():
     cells = np.zeros(COVERAGE_GRID, dtype=bool)
     cells[1, :3] = True
     root = tree.fromstring(coverage_drawing(Coverage(cells, {})))
-    fills = [rect.get("fill") for rect in root.iter("rect")]
-    assert len(fills) == cells.size
-    assert fills.count(fills[6]) == 3
+    kinds = [rect.get("class") for rect in root.iter("rect")]
+    assert len(kinds) == cells.size
+    assert kinds.count("tile") == 3
     assert root.find("title").text == "12 % of the picture is covered"
 
 
-def test_a_line_falls_with_the_sigma():
-    """It goes down as the sigma does, from the left to the right, and its ends are told."""
-    drawn = tree.fromstring(sigma_drawing([Sigma(k, 2e-3 / k, 1e-3) for k in range(1, 6)]))
-    points = [tuple(map(float, pair.split())) for pair in drawn.find("path").get("d").lstrip("M").split("L")]
-    assert points == sorted(points)
-    assert [v for _, v in points] == sorted(v for _, v in points)
-    assert [word.text for word in drawn.iter("text")] == ["2 mm", "0.4 mm", "1", "5"]
+def test_the_error_is_drawn_beside_its_tolerance():
+    """Else the sigma of the base; one point is no line."""
+    sigmas = tuple(Sigma(k, 2e-3 / k, 1e-3) for k in range(1, 6))
+    assert progress_figure(Snapshot(sigmas=sigmas[:1])) is None
+    assert "2.0 mm with 1, 0.40 mm with 5 samples." in progress_figure(Snapshot(sigmas=sigmas)).caption
+    task = progress_figure(Snapshot(sigmas=sigmas, errors=((4, 1e-3), (5, 8e-4)), tolerance_m=5e-4))
+    assert "1.0 mm with 4, 0.80 mm with 5 samples. Dashed: the tolerance, 0.5 mm." in task.caption
+    assert task.svg.count('class="level"') == 1
 
 
-def test_one_sigma_is_no_line():
-    """Nothing is drawn before there are two."""
-    assert sigma_drawing([Sigma(1, 1e-3, 1e-3)]) == ""
-
-
-def test_marks_stand_at_their_points():
-    """A cross each."""
-    assert tree.fromstring(marks(np.array([[10.0, 20.0], [3.0, 4.0]]))).get("d").count("M") == 4
-    assert marks(np.zeros((0, 2))) == ""
+def test_points_stand_on_the_picture():
+    """A dot each, in the pixels of the drawing."""
+    root = tree.fromstring(picture_drawing("data:,", (1280, 960), np.array([[99.5, 199.5], [3.5, 4.5]]), "wrist"))
+    assert root.get("viewBox") == "0 0 400 300"
+    assert root.find("path").get("d") == "M31.2 62.5h0M1.2 1.6h0"

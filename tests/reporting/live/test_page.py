@@ -1,9 +1,7 @@
-"""The local page of a capture: what it shows, whom it serves, whom it asks."""
+"""The local page of a capture: what it shows, whom it asks, and what its button does."""
 
 from __future__ import annotations
 
-import sys
-import urllib.error
 import urllib.request
 from dataclasses import replace
 from urllib.parse import urlsplit
@@ -13,19 +11,14 @@ import pytest
 
 from basecal.acquisition.capture import Step
 from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
-from basecal.acquisition.watching import Watch
-from basecal.cell import RobotState
+from basecal.acquisition.watching import End, Watch
+from basecal.cell import RobotState, Unknown
 from basecal.cell.targets.charuco import charuco_target
-from basecal.errors import InputError, MissingExtra
 from basecal.geometry import SE3, Camera
 from basecal.reporting.live import page
 from basecal.vision.draw.render import render
-from shared.browser import CHROMIUM, another_page, visit
+from shared.browser import CHROMIUM, visit
 from shared.facing_arms import facing_arms
-from shared.needed import needed
-
-needed("nicegui", "web")
-pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
 
 LENS = Camera("pinhole", np.array([500.0, 500.0, 319.5, 239.5]), (640, 480))
 BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
@@ -48,61 +41,57 @@ def captured(cell):
     watch.show(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
     for robot, joints in facing_arms().home.items():
         watch.stand(robot, RobotState(joints_rad=joints))
-    watch.tell("sample 3: arms move")
+    watch.send("hand", RobotState(joints_rad=facing_arms().home["hand"] + 0.1))
+    watch.note(Step(3, "target not seen by wrist", 7, 25, Coverage(cells, turned), None))
+    watch.expect(5e-4, 8e-4)
+    watch.tell("sample 4: arms move")
     return watch
-
-
-def status(address, **headers):
-    try:
-        return urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=60).status
-    except urllib.error.HTTPError as refused:
-        return refused.code
-
-
-@pytest.fixture(scope="module")
-def address(cell):
-    another_page()
-    with page.serve_page(captured(cell), cell) as at:
-        yield at
-
-
-def test_only_who_has_the_token_is_served(address):
-    """Without it, with another, from another page or by another name nothing is answered but a refusal."""
-    bare = address.partition("?")[0]
-    assert status(address) == 200
-    assert status(bare) == status(f"{bare}?token=wrong") == 403
-    assert status(f"{bare}_nicegui/anything") == 403
-    assert status(address, Origin="http://evil.example") == 403
-    assert status(address, Host="evil.example") == 403
-    port = urlsplit(address).port
-    assert status(bare, Cookie=f"basecal={address.partition('token=')[2]}") == 403  # of another port's page
-    assert status(bare, Cookie=f"basecal_{port}={address.partition('token=')[2]}") == 200
-
-
-def test_it_is_served_on_this_machine_alone(address):
-    """On the loopback address."""
-    assert urlsplit(address).hostname == "127.0.0.1"
-
-
-def test_a_port_that_is_taken_is_told(address, cell):
-    """In a line."""
-    with pytest.raises(InputError, match="cannot be used"), page.serve_page(Watch(), cell, urlsplit(address).port):
-        pass
-
-
-def test_without_nicegui_the_extra_is_named(monkeypatch, cell):
-    """One line says what to install."""
-    monkeypatch.setitem(sys.modules, "nicegui", None)
-    with pytest.raises(MissingExtra, match=r"basecal\[web\]"), page.serve_page(Watch(), cell):
-        pass
 
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_in_a_browser(address, tmp_path):
-    """It shows step, advice, sigma, picture, detections and arms; no error in the console, nobody else is asked."""
-    came = visit(address, tmp_path, until="body:has(canvas) svg path[stroke='#ff3b30']")
+def test_in_a_browser(cell, tmp_path):
+    """Step, advice, sigma, picture, points, arms and what failed; no error in the console, nobody else is asked."""
+    with page.serve_page(captured(cell), cell, print) as address:
+        came = visit(address, tmp_path, until="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
-    for words in ("sample 3: arms move", "turn hand further about y", "sample 2: taken", "7 taken, 25 planned"):
+    shown = ("sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
+    for words in (*shown, "tolerance 0.5 mm", "sample 3: target not seen by wrist", "Stop all arms"):
         assert words in came.words
+
+
+def test_its_button_stops_the_arms(cell):
+    """The page's own POST, which `Guard` has checked, is handed to the rig with its reason."""
+    reasons = []
+    with page.serve_page(captured(cell), cell, reasons.append) as address:
+        at = address.partition("?")[0]
+        token = address.partition("token=")[2]
+        headers = {"Cookie": f"basecal_{urlsplit(at).port}={token}", "Origin": at.rstrip("/")}
+        request = urllib.request.Request(f"{at}stop", method="POST", headers=headers)
+        assert urllib.request.urlopen(request, timeout=20).status == 200
+    assert reasons == [page.STOP_REASON]
+
+
+def test_the_end_is_a_verdict_with_what_to_type_next(cell):
+    """In the colours of verdicts; how long it takes still is left out."""
+    watch = captured(cell)
+    live = page.LivePage(watch, cell)
+    assert not live.state()["over"]
+    assert "left, at the pace so far" in live.state()["html"]
+    watch.end(End("FAIL", "0.5 mm at the task needs 9 samples more", "basecal calibrate mycell"))
+    watch.end(End("GOOD", "a later end does not count"))
+    state = live.state()
+    assert state["over"]
+    assert 'class="verdict refused"' in state["html"]
+    assert "next: <code>basecal calibrate mycell</code>" in state["html"]
+    assert "left, at the pace so far" not in state["html"]
+
+
+def test_arms_are_where_they_are_and_where_they_were_sent(cell):
+    """The first flange of an arm is now, the second its goal; of a cell without guesses nothing is drawn."""
+    arms = {arm["name"]: arm["flanges"] for arm in page.LivePage(captured(cell), cell).state()["arms"]}
+    assert arms["eye"][0] == arms["eye"][1]
+    assert np.linalg.norm(np.subtract(*arms["hand"])[:3]) > 0.05
+    unknown = replace(cell, bases={"hand": Unknown("free", None)})
+    assert page.LivePage(captured(cell), unknown).state()["arms"] == []

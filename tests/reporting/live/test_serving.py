@@ -1,35 +1,60 @@
-"""A local page: what is refused before it is served. What it serves stands in the tests of the pages."""
+"""A local page: what is served, and what is refused before it."""
 
 from __future__ import annotations
 
 import socket
-import sys
+import urllib.error
+import urllib.request
+from urllib.parse import urlsplit
 
 import pytest
 
-from basecal.errors import InputError, MissingExtra
-from basecal.reporting.live.serving import HOST, serving
+from basecal.errors import InputError
+from basecal.reporting.live.serving import HOST, Answer, serving
+
+ROUTES = {
+    ("GET", "/"): lambda query: Answer(f"hello {query.get('name', '')}"),
+    ("POST", "/"): lambda query: Answer("!"),
+}
 
 
-def build(ui, beside) -> None:
-    """An empty page."""
+def answer(address, method="GET", **headers):
+    """Status, headers and words of an answer."""
+    request = urllib.request.Request(address, method=method, headers=headers)
+    try:
+        with urllib.request.urlopen(request, timeout=20) as found:
+            return found.status, found.headers, found.read().decode()
+    except urllib.error.HTTPError as refused:
+        return refused.code, refused.headers, refused.read().decode()
 
 
-def test_without_nicegui_the_extra_is_named(monkeypatch) -> None:
-    """With what it is for."""
-    monkeypatch.setitem(sys.modules, "nicegui", None)
-    with (
-        pytest.raises(MissingExtra, match=r"the page of a test.*basecal\[web\]"),
-        serving(build, "t", "the page of a test"),
-    ):
-        pass
+def test_only_who_has_the_token_is_served():
+    """By the page's own name, on this machine alone; the cookie that comes with the page opens the rest."""
+    with serving(ROUTES) as address:
+        bare = address.partition("?")[0]
+        at = urlsplit(address)
+        status, headers, words = answer(f"{address}&name=you")
+        assert (status, words) == (200, "hello you")
+        cookie = headers["Set-Cookie"]
+        assert cookie.startswith(f"basecal_{at.port}=")
+        assert "HttpOnly; SameSite=Strict" in cookie
+        assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+        assert at.hostname == HOST
+        assert [answer(each)[0] for each in (bare, f"{bare}?token=wrong", f"{bare}other")] == [403] * 3
+        assert answer(f"{bare}other?token={at.query.partition('=')[2]}")[0] == 404
+        assert answer(address, Host="evil.example")[0] == 403
+        own = {"Cookie": cookie.partition(";")[0]}
+        assert answer(bare, "POST", **own)[0] == 403
+        assert answer(bare, "POST", **own, Origin=bare.rstrip("/"))[0] == 200
+        assert answer(bare, "DELETE", **own)[0] == 501
+    with pytest.raises(OSError, match="refused"):
+        answer(address)
 
 
-def test_a_port_that_is_taken_is_told() -> None:
+def test_a_port_that_is_taken_is_told():
     """In a line."""
-    pytest.importorskip("nicegui", reason="nicegui is not installed: pip install 'basecal[web]'")
     with socket.socket() as line:
         line.bind((HOST, 0))
         line.listen()
-        with pytest.raises(InputError, match="cannot be used"), serving(build, "t", "a page", line.getsockname()[1]):
+        with pytest.raises(InputError, match="cannot be used"), serving(ROUTES, line.getsockname()[1]):
             pass

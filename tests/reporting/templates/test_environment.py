@@ -35,3 +35,5 @@ def test_the_policy_names_what_may_run() -> None:
     assert said.startswith("default-src 'none'; ")
     assert "http" not in said
     assert "script-src 'none'" in policy(style)
+    assert "connect-src" not in said
+    assert "connect-src 'self'" in policy(style, [script], is_served=True)

@@ -1,33 +1,56 @@
-"""The page of a cell's runs in a browser: what it says, and whom it asks."""
+"""The page of a cell's runs: what it says, what a browser does with it, and whom it asks."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.reporting.viewing.page import Viewed, serve_view
+from basecal.reporting.viewing.page import Viewed, ViewPage, serve_view
 from basecal.simulation import Scenario, simulate
-from shared.browser import CHROMIUM, another_page, visit
-from shared.needed import needed
+from shared.browser import CHROMIUM, visit
 
-needed("nicegui", "web")
-pytestmark = pytest.mark.filterwarnings("ignore")  # of NiceGUI's own libraries
+RUN = "20260102T030405Z"
+
+
+@pytest.fixture(scope="module")
+def viewed() -> Viewed:
+    made = simulate(Scenario(samples=12), 4)
+    calibration = calibrate(made.cell, made.recording)
+    return Viewed(made.cell, made.recording, Path("mycell"), (RUN,), lambda name: calibration)
+
+
+def test_the_whole_choice_is_in_each_request(viewed: Viewed) -> None:
+    """So that two boxes clicked at once count as two: the page keeps no visitor's choice."""
+    page = ViewPage(viewed)
+    html = page.answer({"run": RUN, "without": "3,7"})
+    assert "without 2 samples, 1 sigma" in html
+    assert re.findall(r'class="view stranger" data-sample="(\d+)"', html) == ["3", "7"] * 3
+    assert "with all samples, 1 sigma" in page.answer({})
+
+
+def test_strange_choices_are_left_out(viewed: Viewed) -> None:
+    """Runs that are not there, numbers that are none; where no sample is left it is said."""
+    page = ViewPage(viewed)
+    html = page.answer({"run": "../../etc", "without": "3,x,,\N{SUPERSCRIPT TWO}," + "9" * 5000})
+    assert "without 1 sample, 1 sigma" in html
+    assert f"run {RUN}" in html
+    everyone = ",".join(str(sample.sample) for sample in viewed.recording.samples)
+    assert "no sample is left" in page.answer({"without": everyone})
+    assert "sample 99" in page.sample({"number": "99"})
 
 
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
-def test_in_a_browser(tmp_path: Path) -> None:
-    """The answer with all samples, the first sample, a box for each; no error in the console, nobody else is asked."""
-    made = simulate(Scenario(samples=12), 4)
-    calibration = calibrate(made.cell, made.recording)
-    viewed = Viewed(made.cell, made.recording, tmp_path, ("20260102T030405Z",), lambda name: calibration)
-    another_page()
+def test_in_a_browser(viewed: Viewed, tmp_path: Path) -> None:
+    """Verdict, answer, bars and the first sample; no error in the console, nobody else is asked."""
     with serve_view(viewed) as address:
-        came = visit(address, tmp_path / "profile", until=".q-checkbox:nth-of-type(12)")
+        came = visit(address, tmp_path / "profile", until=".bars .view.chosen")
         assert urlsplit(address).hostname == "127.0.0.1"
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
-    assert "samples that count" in came.words
+    for words in ("GOOD", f"run {RUN}", "eye_base_from_hand_base", "Samples that count", "board seen by wrist"):
+        assert words in came.words

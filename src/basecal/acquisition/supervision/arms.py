@@ -133,6 +133,13 @@ class Arms:
         with self._changed:
             self._changed.wait_for(lambda: bool(self._reason), 2 * STOP_S)
 
+    def request_stop(self, reason: str) -> None:
+        """Have the supervisor stop all arms; the capture ends with the reason, as after a stop of the supervisor's own.
+
+        Any thread may call this.
+        """
+        self._channel.send(Kind.STOP, reason.encode())
+
     def close(self) -> None:
         """End the processes of all arms; kill what does not end in time."""
         self._is_ending = True

@@ -31,7 +31,7 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
     expected_m = expected_error_m(cell, calibration, details)
     if expected_m is not None:
         tolerance = calibration.tolerance
-        bar = "" if tolerance is None else _bar(expected_m, tolerance.asked_m)
+        bar = "" if tolerance is None else tolerance_bar(expected_m, tolerance.asked_m)
         yield Tile(f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %", bar)
     known = [name for name in cell.asked if name in calibration.transforms]
     for name in known[:1]:
@@ -64,7 +64,7 @@ def _short(length_m: float, angle_rad: float | None) -> str:
     return error_text(length_m, angle_rad).replace(" and ", ", ")
 
 
-def _bar(expected_m: float, asked_m: float) -> str:
+def tolerance_bar(expected_m: float, asked_m: float) -> str:
     """How long the expected error is beside the tolerance, which is a line."""
     most = 1.05 * max(expected_m, asked_m)
     place = f"{_WIDTH * asked_m / most:.1f}"

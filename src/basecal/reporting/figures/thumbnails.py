@@ -20,6 +20,7 @@ _MOST, _MOST_LEFT_OUT = 18, 6  # pictures of views that were used, and of those 
 _WIDTH = 360  # [px]: twice what a picture takes on the page, for screens that are fine
 _MOST_BYTES = 700_000  # of all pictures, so that a page stays below 3 MB
 _MOST_POINTS = 300  # drawn in a picture
+_LARGE_WIDTH = 960  # [px] of one picture that is looked at alone
 _LONGEST_SHARE = 0.05  # of a picture's width, for a residual as long as the ruler's
 
 
@@ -99,6 +100,39 @@ def thumbnails(
     return Thumbnails(tuple(pictures), caption)
 
 
+def sample_pictures(
+    cell: Cell, recording: Recording, calibration: Calibration, seen: Sequence[PointResiduals], number: int
+) -> list[str]:
+    """Drawings of one sample's pictures with their points; those that cannot be read are left out.
+
+    Args:
+        cell: What was calibrated.
+        recording: Its images are read.
+        calibration: What came out.
+        seen: The points of all views; a picture without any is drawn bare.
+        number: Of the sample.
+    """
+    found = [sample for sample in recording.samples if sample.sample == number]
+    if not found or recording.folder is None:
+        return []
+    views = {view.camera: view for view in _views(seen, {number: found[0]})}
+    nothing = np.zeros((0, 2))
+    longest_px = nice_ceiling(2 * (calibration.residuals.rms_px or 0.0))
+    drawn = []
+    for camera in found[0].images:
+        view = views.get(camera, _View(number, camera, nothing, nothing, np.zeros(0, dtype=bool)))
+        size_px = cell.cameras[camera].size_px
+        jpeg = _jpeg(Path(recording.folder) / found[0].images[camera], size_px, _LARGE_WIDTH)
+        if jpeg is not None and size_px is not None:
+            drawn.append(_drawn(view, jpeg, size_px, longest_px))
+    return drawn
+
+
+def _jpeg(path: Path, size_px: tuple[int, int] | None, width: int) -> bytes | None:
+    data = read_bytes(path)
+    return None if isinstance(data, str) or size_px is None else thumbnail(data, size_px, width)
+
+
 def _views(seen: Sequence[PointResiduals], images: dict[int, Sample]) -> Iterator[_View]:
     """What each camera saw in each sample that has its image."""
     for camera in dict.fromkeys(each.camera for each in seen):
@@ -120,8 +154,7 @@ def _pictures(
     room = _MOST_BYTES
     for view in views:
         size_px = cell.cameras[view.camera].size_px
-        data = read_bytes(folder / images[view.sample].images[view.camera])
-        jpeg = None if isinstance(data, str) or size_px is None else thumbnail(data, size_px, _WIDTH)
+        jpeg = _jpeg(folder / images[view.sample].images[view.camera], size_px, _WIDTH)
         if jpeg is None or size_px is None or len(jpeg) > room:
             continue
         room -= len(jpeg)

@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import quote
 
 from basecal.reporting.fleet.text import COLUMN_TITLES, row_texts, sort_by_verdict
-from basecal.reporting.templates.environment import fill_page, own_file
+from basecal.reporting.templates.environment import fill_page
 
 _MOST_ROWS = 2000
 _COLUMN_NAMES = {
@@ -30,8 +30,7 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
     spreads = {label: summary[name] for name, label in _COLUMN_NAMES.items() if summary[name] is not None}
     return fill_page(
         "fleet.html",
-        own_file("templates/page.css"),
-        [own_file("templates/table.js")],
+        ("templates/table.js",),
         summary=summary,
         spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
         head=COLUMN_TITLES,

@@ -1,93 +1,167 @@
-"""A local page that shows a capture while it goes on; NiceGUI serves it, from this machine to this machine."""
+"""A local page that shows a capture while it goes on, and stops all arms at a click."""
 
 from __future__ import annotations
 
 import base64
+import json
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Any
 
-from basecal.acquisition.driver import Grey
+import numpy as np
+
 from basecal.acquisition.taking import visible_targets
-from basecal.acquisition.watching import Watch
-from basecal.cell import Cell, Target
-from basecal.reporting.live.arms import ArmsView
-from basecal.reporting.live.drawings import coverage_drawing, marks, sigma_drawing
-from basecal.reporting.live.serving import serving
-from basecal.reporting.statement.verdict import error_text
+from basecal.acquisition.watching import Snapshot, Watch
+from basecal.cell import Calibration, Cell, Sample, Unknown
+from basecal.errors import BasecalError
+from basecal.planning.sketch import Sketch, sketch_cell
+from basecal.reporting.cell_view.scene import json_inside_html, scene, scene_data
+from basecal.reporting.decision.tiles import Tile, tolerance_bar
+from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
+from basecal.reporting.live.serving import Answer, serving
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import COLOURS, error_text
+from basecal.reporting.templates.environment import environment, fill_page
 from basecal.vision.detectors import find
 from basecal.vision.image_file import png_bytes
 from basecal.vision.thumbnail import thumbnail
 
+STOP_REASON = "Stop was pressed on the page"
+
 _REFRESH_S = 0.5  # between looks at the capture
 _WIDTH_PX = 960
+_SCRIPTS = ("templates/fragments.js", "templates/live.js")
+_SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 
 @contextmanager
-def serve_page(watch: Watch, cell: Cell, port: int = 0) -> Iterator[str]:
+def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int = 0) -> Iterator[str]:
     """The address of a page that shows a capture while this lasts, with the token it asks for.
 
+    Args:
+        watch: What is shown.
+        cell: What is captured.
+        stop: Stops all arms and ends the capture with a reason.
+        port: Where it is served; any that is free where 0.
+
     Raises:
-        MissingExtra: if NiceGUI is not installed.
         InputError: if the port is taken.
     """
+    live = LivePage(watch, cell)
 
-    def build(ui: Any, extra: Any) -> None:
-        """See `Build`."""
-        _build(ui, extra, watch, cell)
+    def stop_arms(query: Mapping[str, str]) -> Answer:
+        """Stop all arms."""
+        stop(STOP_REASON)
+        return Answer("stopped", "text/plain")
 
-    with serving(build, "capture", "the page of a capture", port) as address:
+    routes = {
+        ("GET", "/"): lambda query: Answer(live.page()),
+        ("GET", "/state"): lambda query: Answer(json.dumps(live.state()), "application/json"),
+        ("GET", "/picture"): lambda query: Answer(live.picture(query.get("camera", ""))),
+        ("POST", "/stop"): stop_arms,
+    }
+    with serving(routes, port) as address:
         yield address
-        if watch.snapshot.is_over:
+        if watch.snapshot.end is not None:
             time.sleep(2 * _REFRESH_S)  # so that who looks sees the end
 
 
-def _build(ui: Any, extra: Any, watch: Watch, cell: Cell) -> None:
-    """The page, and what renews it; `extra` runs what takes long in a thread of its own."""
-    with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
-        doing = ui.label().style("font-size: 1.4rem; font-weight: 600")
-        advice = ui.label().style("color: #b35c00; font-weight: 600; font-size: 1.1rem")
-        doubts = ui.label().style("color: #b00020; font-weight: 600; white-space: pre-line")
-        with ui.row().style("width: 100%"):
-            pictures = {name: ui.interactive_image().style("width: 100%; max-width: 640px") for name in cell.cameras}
-            with ui.column():
-                counted = ui.label()
-                covered = ui.html("", sanitize=False).style("width: 240px")
-                sigma = ui.html("", sanitize=False).style("width: 360px")
-            arms = ArmsView(ui, cell)
-        said = ui.label().style("white-space: pre-line; opacity: 0.75")
-    shown: dict[str, Grey] = {}
+class LivePage:
+    """What a browser is given of a capture."""
 
-    async def renew() -> None:
-        """Show what the capture says now."""
-        glance = watch.snapshot
-        step = glance.step
-        doing.text, advice.text, said.text = glance.doing, glance.advice, "\n".join(reversed(glance.said))
-        doubts.text = "\n".join(glance.doubts)
-        if step is not None:
-            share = 100 * step.coverage.share
-            counted.text = f"{step.taken} taken, {step.planned} planned; {share:.0f} % of the picture"
-            if step.sigma is not None:
-                counted.text += f"; base known to {error_text(*step.sigma)} (1 sigma)"
-            covered.content, sigma.content = coverage_drawing(step.coverage), sigma_drawing(glance.sigmas)
-        arms.renew(dict(glance.states))
-        for name, grey in glance.pictures:
-            if shown.get(name) is not grey:
-                shown[name] = grey
-                pictures[name].set_source(await extra(_source, grey))
-                pictures[name].content = await extra(_draw_crosses, grey, visible_targets(cell, name))
+    def __init__(self, watch: Watch, cell: Cell) -> None:
+        self._watch, self._cell = watch, cell
+        self._sketch: Sketch | None = None
+        with suppress(BasecalError):  # of a cell of which too little is known nothing is drawn
+            self._sketch = sketch_cell(cell)
 
-    ui.timer(_REFRESH_S, renew)
+    def page(self) -> str:
+        """The page as it is now; its script asks for what changes."""
+        drawn = self._scene(self._watch.snapshot)
+        return fill_page(
+            "live.html",
+            (*(_SCENE_SCRIPTS if drawn else ()), *_SCRIPTS),
+            is_served=True,
+            state=self._fragments(self._watch.snapshot),
+            cameras=list(self._cell.cameras),
+            scene_json=json_inside_html(drawn) if drawn else "",
+        )
+
+    def state(self) -> dict[str, Any]:
+        """What changes: a part of the page, the number of each picture, and where arms are and go."""
+        snapshot = self._watch.snapshot
+        drawn = self._scene(snapshot)
+        return {
+            "html": self._fragments(snapshot),
+            "pictures": {name: id(grey) for name, grey in snapshot.pictures},
+            "arms": drawn["arms"] if drawn else [],
+            "over": snapshot.end is not None,
+        }
+
+    def picture(self, camera: str) -> str:
+        """The last picture of a camera with what is found in it; empty if there is none."""
+        grey = dict(self._watch.snapshot.pictures).get(camera)
+        small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
+        if grey is None or small is None:
+            return ""
+        seen = [found.pixels for target in visible_targets(self._cell, camera) if (found := find(grey, target))]
+        pixels = np.concatenate(seen) if seen else np.zeros((0, 2))
+        address = f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
+        return picture_drawing(address, (grey.shape[1], grey.shape[0]), pixels, camera)
+
+    def _fragments(self, snapshot: Snapshot) -> str:
+        taken, planned = (0, 0) if snapshot.step is None else (snapshot.step.taken, snapshot.step.planned)
+        word = snapshot.end.word if snapshot.end else "CAPTURING"
+        return (
+            environment()
+            .get_template("live_state.html")
+            .render(
+                now=snapshot,
+                word=word,
+                colour=COLOURS.get(word, "refused") if snapshot.end else "",
+                title="capture" if snapshot.step is None else f"{taken} of {planned} samples",
+                tiles=list(_tiles(snapshot)),
+                motions=list(self._motions(snapshot)),
+                covered="" if snapshot.step is None else coverage_drawing(snapshot.step.coverage),
+                progress=progress_figure(snapshot),
+            )
+        )
+
+    def _motions(self, snapshot: Snapshot) -> Iterator[str]:
+        """How far each arm is from where it was sent."""
+        states, goals = dict(snapshot.states), dict(snapshot.goals)
+        if self._sketch is None:
+            return
+        for robot in states.keys() & goals.keys():
+            with suppress(BasecalError):
+                here, there = (self._sketch.base_from_flange(robot, each[robot]) for each in (states, goals))
+                off = (here.inverse() @ there).log()
+                yield f"{robot}: {error_text(*(float(np.linalg.norm(each)) for each in (off[:3], off[3:])))} to go"
+
+    def _scene(self, snapshot: Snapshot) -> dict[str, Any]:
+        """The arms as they are, then as they were sent, in the cell as it is stated; empty if it cannot be drawn."""
+        if self._sketch is None:
+            return {}
+        cell = self._cell
+        for name, mean in self._sketch.transforms.items():
+            cell = cell.with_transform(name, Unknown("fixed", mean))
+        states = dict(snapshot.states)
+        samples = [Sample(0, robots=states), Sample(1, robots={**states, **dict(snapshot.goals)})]
+        return scene_data(scene(cell, samples, Calibration("refused")))
 
 
-def _source(grey: Grey) -> str:
-    small = thumbnail(png_bytes(grey), None, _WIDTH_PX)
-    return "" if small is None else f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
-
-
-def _draw_crosses(grey: Grey, targets: Sequence[Target]) -> str:
-    """Crosses where targets are found, in the pixels of the small picture."""
-    scale = min(1.0, _WIDTH_PX / grey.shape[1])
-    seen = [found.pixels for target in targets if (found := find(grey, target)) is not None]
-    return "".join(marks((pixels + 0.5) * scale - 0.5) for pixels in seen)
+def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
+    step = snapshot.step
+    if snapshot.errors and snapshot.tolerance_m is not None:
+        error_m = snapshot.errors[-1][1]
+        name = f"expected error, 95 %; tolerance {1e3 * snapshot.tolerance_m:.3g} mm"
+        yield Tile(f"{two_digits(1e3 * error_m)} mm", name, tolerance_bar(error_m, snapshot.tolerance_m))
+    if step is not None and step.sigma is not None:
+        yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma of the base")
+    if step is not None:
+        yield Tile(f"{step.taken} of {step.planned}", "samples taken")
+        yield Tile(f"{100 * step.coverage.share:.0f} %", "of the image covered")
+    left_s = snapshot.time_left_s
+    if left_s is not None and snapshot.end is None:
+        yield Tile(f"{left_s / 60:.0f} min" if left_s > 90 else f"{left_s:.0f} s", "left, at the pace so far")

@@ -1,73 +1,118 @@
-"""A local page: NiceGUI serves it, from this machine to this machine, to whoever has its token."""
+"""A local page, served from this machine to this machine, to whoever has its token."""
 
 from __future__ import annotations
 
 import secrets
-import socket
+import socketserver
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler
 from typing import Any
+from urllib.parse import parse_qsl, urlsplit
 
-from basecal.errors import InputError, MissingExtra
+from basecal.errors import InputError
 from basecal.reporting.live.guard import Guard
 
 HOST = "127.0.0.1"
 """The only address a page is served on."""
 
 _TOKEN_BYTES = 24
-_START_TIMEOUT_S = 30.0  # until it is served
+_PATIENCE_S = 10.0  # with a browser that says nothing more
+_STOP_POLL_S = 0.05
+_HEADERS = {
+    "Content-Security-Policy": "frame-ancestors 'none'",  # the rest is in the page itself
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
 
-Build = Callable[[Any, Any], None]
-"""Makes the page, of NiceGUI's `ui` and of what runs work beside it in a thread."""
+
+@dataclass(frozen=True)
+class Answer:
+    """What a browser gets, and its media type."""
+
+    text: str
+    kind: str = "text/html"
+
+
+Route = Callable[[Mapping[str, str]], Answer]
+"""Answers a request by the parameters of its address."""
 
 
 @contextmanager
-def serving(build: Build, title: str, subject: str, port: int = 0) -> Iterator[str]:
+def serving(routes: Mapping[tuple[str, str], Route], port: int = 0) -> Iterator[str]:
     """The address of a page while this lasts, with the token it asks for.
 
     Args:
-        build: Makes it for each visitor.
-        title: Of the page.
-        subject: It is, in words, where NiceGUI is missing.
+        routes: By method and path, such as `("GET", "/")`.
         port: Where it is served; any that is free where 0.
 
     Raises:
-        MissingExtra: if NiceGUI is not installed.
         InputError: if the port is taken.
     """
-    try:
-        import uvicorn
-        from fastapi import FastAPI
-        from nicegui import run, ui
-    except ImportError:
-        raise MissingExtra("web", subject) from None
     token = secrets.token_urlsafe(_TOKEN_BYTES)
-    line = _listening(port)
-    at = f"{HOST}:{line.getsockname()[1]}"
-    inside = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    ui.run_with(inside, root=lambda: build(ui, run.io_bound), title=title, show_welcome_message=False, dark=None)
-    guard = Guard(inside, token, [at, at.replace(HOST, "localhost")])
-    server = uvicorn.Server(uvicorn.Config(guard, log_level="error", ws_max_size=2**20))
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [line]}, daemon=True)
-    thread.start()
-    until = time.monotonic() + _START_TIMEOUT_S
-    while not server.started and thread.is_alive() and time.monotonic() < until:
-        time.sleep(0.02)
+    try:
+        server = _Server((HOST, port), _Handler)
+    except OSError as error:
+        raise InputError(f"port {port} cannot be used ({error.strerror}): choose another") from None
+    at = f"{HOST}:{server.server_address[1]}"
+    server.guard, server.routes = Guard(token, (at, at.replace(HOST, "localhost"))), routes
+    threading.Thread(target=server.serve_forever, args=(_STOP_POLL_S,), daemon=True).start()
     try:
         yield f"http://{at}/?token={token}"
     finally:
-        server.should_exit = True
-        thread.join(_START_TIMEOUT_S)
+        server.shutdown()
+        server.server_close()
 
 
-def _listening(port: int) -> socket.socket:
-    line = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    line.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        line.bind((HOST, port))
-    except OSError as error:
-        line.close()
-        raise InputError(f"port {port} cannot be used ({error.strerror}): choose another") from None
-    return line
+class _Server(socketserver.ThreadingTCPServer):
+    """A thread for each request; none is waited for at the end."""
+
+    allow_reuse_address = True
+    daemon_threads = True
+    block_on_close = False
+    guard: Guard
+    routes: Mapping[tuple[str, str], Route]
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Leave the terminal to the command: a browser that went away is no error of it."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    timeout = _PATIENCE_S
+    server: _Server
+
+    def do_GET(self) -> None:
+        """Answer, or refuse."""
+        address, guard = urlsplit(self.path), self.server.guard
+        query = dict(parse_qsl(address.query))
+        headers = {name.lower(): value for name, value in self.headers.items()}
+        why = guard.refusal_reason(self.command, query, headers)
+        route = self.server.routes.get((self.command, address.path))
+        if why:
+            self._send(403, Answer(f"refused: {why}\n", "text/plain"))
+        elif route is None:
+            self._send(404, Answer("there is no such page\n", "text/plain"))
+        else:
+            cookie = f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
+            self._send(200, route(query), {"Set-Cookie": cookie})
+
+    do_POST = do_GET
+
+    def _send(self, status: int, answer: Answer, cookies: Mapping[str, str] | None = None) -> None:
+        body = answer.text.encode()
+        self.send_response(status)
+        about = {"Content-Type": f"{answer.kind}; charset=utf-8", "Content-Length": str(len(body))}
+        for name, value in {**about, **_HEADERS, **(cookies or {})}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def version_string(self) -> str:
+        """Name the program, without versions of what serves it."""
+        return "basecal"
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Leave the terminal to the command."""

@@ -10,7 +10,7 @@ from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.heat_map import heat_map
 from basecal.reporting.sweep.text import COLUMN_TITLES, row_texts
-from basecal.reporting.templates.environment import fill_page, own_file
+from basecal.reporting.templates.environment import fill_page
 
 _QUANTITIES = (("error_mm", "error of the translation", "mm"), ("error_deg", "error of the rotation", "deg"))
 _MOST_TILES = 40  # along a side of a map
@@ -29,7 +29,6 @@ def sweep_page(summary: Mapping[str, Any], file: str) -> str:
     rows = [[*map(str, point["at"].values()), *row_texts(point)] for point in summary["points"]]
     return fill_page(
         "study.html",
-        own_file("templates/page.css"),
         summary=summary,
         groups=[(axis, _curves(summary, axis)) for axis in _varied_axes(summary)],
         maps=_maps(summary),

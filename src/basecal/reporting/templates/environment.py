@@ -28,9 +28,18 @@ def environment() -> Environment:
     return made
 
 
-def fill_page(template: str, style: str, scripts: Sequence[str] = (), **values: Any) -> str:
-    """A template as a page that holds its style and scripts, and a policy that lets nothing else in."""
-    own = {"style": Markup(style), "scripts": list(map(Markup, scripts)), "policy": policy(style, scripts)}
+def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = False, **values: Any) -> str:
+    """A template as a page that holds the style, its scripts, and a policy that lets nothing else in.
+
+    Args:
+        template: Its file.
+        scripts: Files that it runs.
+        is_served: Whether it asks the program that serves it for more.
+        values: What the template names.
+    """
+    style, sources = own_file("templates/page.css"), [own_file(script) for script in scripts]
+    allowed = policy(style, sources, is_served)
+    own = {"style": Markup(style), "scripts": list(map(Markup, sources)), "policy": allowed}
     return environment().get_template(template).render(**own, **values)
 
 
@@ -44,11 +53,12 @@ def _mark_code(text: str) -> Markup:
     )
 
 
-def policy(style: str, scripts: Sequence[str] = ()) -> str:
-    """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched."""
+def policy(style: str, scripts: Sequence[str] = (), is_served: bool = False) -> str:
+    """The Content-Security-Policy: nothing runs but these scripts, nothing is fetched but from where it is served."""
     allowed = " ".join(_source_hash(script) for script in scripts) or "'none'"
     own = f"script-src {allowed}; style-src {_source_hash(style)}; img-src data:"
-    return f"default-src 'none'; {own}; base-uri 'none'; form-action 'none'"
+    more = " connect-src 'self';" if is_served else ""
+    return f"default-src 'none';{more} {own}; base-uri 'none'; form-action 'none'"
 
 
 def _source_hash(source: str) -> str:

@@ -62,8 +62,8 @@
     return made;
   };
   // What joins a base to its flange: a thread where only poses are known, links between joints where there is a URDF.
-  const thread = (colour) => {
-    const line = lines([[0, 0, 0], [0, 0, 0]], colour);
+  const thread = (colour, skin) => {
+    const line = lines([[0, 0, 0], [0, 0, 0]], colour, skin);
     line.frustumCulled = false;
     return {
       object: line,
@@ -89,10 +89,10 @@
     made.setIndex(corners);
     return made;
   };
-  const links = (count, colour) => {
+  const links = (count, colour, more) => {
     const object = new THREE.Group();
     const radius = 0.016 * size;
-    const skin = material(THREE.MeshLambertMaterial, colour);
+    const skin = material(THREE.MeshLambertMaterial, colour, more);
     const bars = [], balls = [];
     for (let k = 0; k < count; k++) {
       bars.push(new THREE.Mesh(tube(), skin));
@@ -117,6 +117,27 @@
       },
     };
   };
+  // From where a flange is to where it was sent.
+  const arrow = (colour) => {
+    const object = new THREE.Group(), skin = material(THREE.MeshLambertMaterial, colour);
+    const shaft = new THREE.Mesh(tube(), skin), tip = new THREE.Mesh(new THREE.SphereGeometry(1, 20, 14), skin);
+    object.add(shaft, tip);
+    object.visible = false;
+    const thin = 0.006 * size;
+    return {
+      object,
+      follow: (from, to) => {
+        const along = new THREE.Vector3(...to).sub(new THREE.Vector3(...from)), length = along.length();
+        object.visible = length > thin;
+        if (!object.visible) return;
+        object.position.set(...from);
+        object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), along.divideScalar(length));
+        shaft.scale.set(thin, thin, length);
+        tip.scale.setScalar(2.5 * thin);
+        tip.position.set(0, 0, length);
+      },
+    };
+  };
   data.arms.forEach((arm, k) => {
     const colour = `--robot-${k % 4}`;
     const base = place(new THREE.Group(), arm.base);
@@ -127,9 +148,11 @@
     const flange = new THREE.Group();
     flange.add(axes(0.05 * size));
     base.add(flange);
-    const reach = arm.joints ? links(arm.joints[0].length + 1, colour) : thread(colour);
-    base.add(reach.object);
-    reaches.push([reach, arm]);
+    const reach = (more) => (arm.joints ? links(arm.joints[0].length + 1, colour, more) : thread(colour, more));
+    const solid = reach();
+    base.add(solid.object);
+    reaches.push([solid, arm, base, reach, arrow(colour)]);
+    base.add(reaches[k][4].object);
     flanges[arm.name] = flange;
     world.add(base);
     name(`${arm.name}_base`, base, colour);
@@ -169,16 +192,19 @@
   eye.up.set(0, 0, 1);
   const controls = new THREE.OrbitControls(eye, renderer.domElement);
   world.updateMatrixWorld(true);
-  const extent = []; // what must be in the first view
-  world.traverse((object) => {
-    if (object.isGroup) extent.push(object.getWorldPosition(new THREE.Vector3()));
-  });
-  data.arms.forEach((arm, k) => {
-    const joints = arm.joints ? arm.joints.flat() : [];
-    for (const pose of [...arm.flanges, ...joints, [0.13 * size, 0, 0], [0, 0.13 * size, 0], [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
-      if (pose) extent.push(new THREE.Vector3(...pose.slice(0, 3)).applyMatrix4(world.children[k].matrixWorld));
-    }
-  });
+  const extentNow = () => { // what must be in view
+    const extent = [];
+    world.traverse((object) => {
+      if (object.isGroup) extent.push(object.getWorldPosition(new THREE.Vector3()));
+    });
+    data.arms.forEach((arm, k) => {
+      const joints = arm.joints ? arm.joints.flat() : [];
+      for (const pose of [...arm.flanges, ...joints, [0.13 * size, 0, 0], [0, 0.13 * size, 0], [0, 0, 0.15 * size], [0, 0, -0.1 * size]]) {
+        if (pose) extent.push(new THREE.Vector3(...pose.slice(0, 3)).applyMatrix4(reaches[k][2].matrixWorld));
+      }
+    });
+    return extent;
+  };
   const across = new THREE.Vector3(...data.across);
   const away = new THREE.Vector3(0, 0, 1).cross(across);
   const VIEWS = {
@@ -189,6 +215,7 @@
   };
   const middle = new THREE.Vector3();
   const look = (from) => {
+    const extent = extentNow();
     middle.set(0, 0, 0);
     // Alternately centre what is seen and go as near as it allows.
     let distance = 4 * size;
@@ -247,15 +274,47 @@
     draw();
   };
 
+  const pathOf = (arm, index) => [[0, 0, 0], ...(arm.joints ? arm.joints[index] : []), arm.flanges[index].slice(0, 3)];
   window.showSample = (index) => {
     for (const [reach, arm] of reaches) {
       const pose = arm.flanges[index], flange = flanges[arm.name];
       flange.visible = reach.object.visible = pose !== null;
       if (!pose) continue;
       place(flange, pose);
-      reach.follow([[0, 0, 0], ...(arm.joints ? arm.joints[index] : []), pose.slice(0, 3)]);
+      reach.follow(pathOf(arm, index));
     }
     world.updateMatrixWorld(true);
+    draw();
+  };
+  // Pale arms at other samples.
+  const PALE = { transparent: true, opacity: 0.16, depthWrite: false };
+  const ghosts = [];
+  const showGhosts = (indices) => {
+    for (const ghost of ghosts.splice(0)) ghost.removeFromParent();
+    for (const [, arm, base, reach] of reaches) {
+      for (const index of indices.filter((each) => arm.flanges[each])) {
+        const made = reach(PALE);
+        made.follow(pathOf(arm, index));
+        base.add(made.object);
+        ghosts.push(made.object);
+      }
+    }
+    paint();
+  };
+  // Arms as they are, index 0, and as they were sent, index 1.
+  let known = 0, sent = "";
+  window.moveArms = (arms) => {
+    reaches.forEach(([, arm, , , pointer], k) => {
+      if (!arm.joints && arms[k].joints) location.reload(); // joints are known by now: links take the place of threads
+      Object.assign(arm, { flanges: arms[k].flanges, joints: arms[k].joints });
+      const [here, there] = arm.flanges;
+      if (here && there) pointer.follow(here.slice(0, 3), there.slice(0, 3));
+    });
+    window.showSample(0);
+    const goals = JSON.stringify(arms.map((arm) => arm.flanges[1])), count = arms.filter((arm) => arm.flanges[0]).length;
+    if (goals !== sent) showGhosts([1]);
+    if (count > known) look(VIEWS.fit);
+    [known, sent] = [count, goals];
     draw();
   };
 
@@ -282,13 +341,26 @@
     button.addEventListener("click", () => { look(VIEWS[button.dataset.view]); draw(); });
   }
 
+  const all = document.querySelector("[data-ghosts]");
+  if (all) {
+    const step = Math.ceil(data.samples.length / 24);
+    const some = data.samples.map((_, index) => index).filter((index) => index % step === 0);
+    all.addEventListener("click", () => {
+      const on = all.getAttribute("aria-pressed") !== "true";
+      all.setAttribute("aria-pressed", on);
+      showGhosts(on ? some : []);
+    });
+  }
+
   box.append(renderer.domElement);
   box.hidden = false;
-  document.querySelector(".still").hidden = true;
-  document.querySelector(".slider").hidden = data.samples.length < 2;
+  const still = document.querySelector(".still"), slider = document.querySelector(".slider");
+  if (still) still.hidden = true;
+  if (slider) slider.hidden = data.samples.length < 2;
   for (const only of document.querySelectorAll(".only-live")) only.hidden = false;
   controls.addEventListener("change", draw);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
+  window.showSample(data.opening);
   new ResizeObserver(resize).observe(box);
   resize();
   paint();

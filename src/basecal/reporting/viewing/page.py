@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from basecal.accuracy.residuals.point_residuals import PointResiduals, point_residuals
 from basecal.accuracy.residuals.without_samples import without_samples
-from basecal.bounded_file import read_bounded
 from basecal.cell import Calibration, Cell, Recording
 from basecal.errors import BasecalError
-from basecal.reporting.live.serving import serving
-from basecal.reporting.viewing.words import answer_words, sample_words
-from basecal.vision.thumbnail import thumbnail
+from basecal.reporting.figures.bars import QUANTITIES, bar_figure
+from basecal.reporting.figures.thumbnails import sample_pictures
+from basecal.reporting.live.serving import Answer, serving
+from basecal.reporting.statement.verdict import COLOURS, headline
+from basecal.reporting.templates.environment import environment, fill_page
+from basecal.reporting.viewing.words import answer_rows, fit_sentence, sample_words
 
-_WIDTH_PX = 960
-_LARGEST_BYTES = 2**26  # 64 MB: pictures of fifty million pixels
-_MOST_BOXES = 400  # samples that can be left out by hand
+_MOST_BARS = 600
+_MOST_RUNS = 8  # whose points are kept
+
+Query = Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,112 +45,94 @@ class Viewed:
     read: Callable[[str], Calibration]
 
 
-@dataclass(eq=False)
-class _Choice:
-    """What a visitor looks at."""
-
-    run: str
-    calibration: Calibration
-    left_out: set[int] = field(default_factory=set)
-
-    @property
-    def state(self) -> tuple[Calibration, frozenset[int]]:
-        """What is looked at now, as it stays."""
-        return self.calibration, frozenset(self.left_out)
-
-
 @contextmanager
 def serve_view(view: Viewed, port: int = 0) -> Iterator[str]:
     """The address of the page while this lasts, with the token it asks for.
 
     Raises:
-        MissingExtra: if NiceGUI is not installed.
         InputError: if the port is taken.
     """
-
-    def build(ui: Any, extra: Any) -> None:
-        """See `Build`."""
-        _build(ui, extra, view)
-
-    with serving(build, "runs", "the page of a cell's runs", port) as address:
+    page = ViewPage(view)
+    routes = {
+        ("GET", "/"): lambda query: Answer(page.page()),
+        ("GET", "/answer"): lambda query: Answer(page.answer(query)),
+        ("GET", "/sample"): lambda query: Answer(page.sample(query)),
+    }
+    with serving(routes, port) as address:
         yield address
 
 
-def _build(ui: Any, extra: Any, view: Viewed) -> None:
-    """The page; `extra` runs what takes long in a thread of its own."""
-    choice = _Choice(view.runs[0], view.read(view.runs[0]))
-    numbers = [sample.sample for sample in view.recording.samples]
+class ViewPage:
+    """What a browser is given of a cell's runs; it keeps no visitor's choice."""
 
-    async def renew() -> None:
-        """Say what comes out of the latest choice: an answer to an earlier one may come after it."""
-        asked = choice.state
-        words = await extra(_answer, view, *asked)
-        answer.text = words if asked == choice.state else answer.text
+    def __init__(self, view: Viewed) -> None:
+        self._view = view
+        self._read = lru_cache(_MOST_RUNS)(view.read)
+        self._points = lru_cache(_MOST_RUNS)(self._run_points)
 
-    async def look(place: float) -> None:
-        """Show a sample."""
-        number = numbers[int(place)]
-        said.text = sample_words(number, choice.calibration.residuals.per_sample, choice.left_out)
-        _show(pictures, await extra(_pictures, view, number))
+    def page(self) -> str:
+        """The page; its script asks for what it shows."""
+        view = self._view
+        return fill_page(
+            "view.html",
+            ("templates/fragments.js", "templates/view.js"),
+            is_served=True,
+            name=view.folder.resolve().name,
+            runs=view.runs,
+            numbers=[sample.sample for sample in view.recording.samples],
+        )
 
-    async def choose(name: str) -> None:
-        """Take another run."""
-        choice.run, choice.calibration = name, await extra(view.read, name)
-        await renew()
-        await look(slider.value)
-
-    async def toggle(number: int, used: bool) -> None:
-        """Leave a sample out, or take it again."""
-        (choice.left_out.discard if used else choice.left_out.add)(number)
-        await renew()
-
-    with ui.column().style("max-width: 1100px; margin: auto; width: 100%"):
-        name = view.folder.resolve().name
-        ui.select(list(view.runs), value=choice.run, label=f"run of {name}", on_change=lambda e: choose(e.value))
-        answer = ui.label().style("white-space: pre-line; font-size: 1.1rem; overflow-wrap: anywhere")
-        ui.label("sample")
-        slider = ui.slider(min=0, max=max(len(numbers) - 1, 1), value=0, on_change=lambda e: look(e.value))
-        said = ui.label().style("white-space: pre-line; overflow-wrap: anywhere")
-        with ui.row().style("width: 100%"):
-            pictures = {name: ui.image().style("width: 100%; max-width: 520px") for name in view.cell.cameras}
-        _add_boxes(ui, numbers[:_MOST_BOXES], toggle)
-    ui.timer(0.1, lambda: choose(choice.run), once=True)
-
-
-def _add_boxes(ui: Any, numbers: Sequence[int], toggle: Callable[[int, bool], Awaitable[None]]) -> None:
-    """A box for each sample."""
-    ui.label("samples that count")
-    with ui.row().style("gap: 0 0.6rem"):
-        for number in numbers:
-            box = ui.checkbox(str(number), value=True)
-            box.on_value_change(lambda e, number=number: toggle(number, e.value))
-
-
-def _show(pictures: Mapping[str, Any], sources: Mapping[str, str]) -> None:
-    """Pictures by camera, and no room for those that are not there."""
-    for camera, picture in pictures.items():
-        picture.set_visibility(camera in sources)
-        if camera in sources:
-            picture.set_source(sources[camera])
-
-
-def _answer(view: Viewed, calibration: Calibration, excluded: frozenset[int]) -> str:
-    try:
-        found = without_samples(view.cell, view.recording, calibration, excluded)
-    except BasecalError as error:
-        return str(error)
-    return answer_words(view.cell, calibration, found, excluded)
-
-
-def _pictures(view: Viewed, number: int) -> Mapping[str, str]:
-    """Pictures of a sample as the page takes them, by camera; those that cannot be read are left out."""
-    (sample,) = (each for each in view.recording.samples if each.sample == number)
-    found = {}
-    for camera, path in sample.images.items():
+    def answer(self, query: Query) -> str:
+        """The run's verdict, and the answer and the residuals without some samples."""
+        view, run, excluded = self._view, self._run(query), _excluded_numbers(query)
+        calibration = self._read(run)
+        first = headline(view.cell, calibration)
+        filled: dict[str, Any] = {"error": "", "rows": [], "fit": ""}
+        views = list(calibration.residuals.per_sample)
         try:
-            small = thumbnail(read_bounded(view.folder / path, _LARGEST_BYTES), None, _WIDTH_PX)
-        except BasecalError:
-            continue
-        if small is not None:
-            found[camera] = f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
-    return found
+            found = without_samples(view.cell, view.recording, calibration, excluded)
+        except BasecalError as error:
+            filled["error"] = str(error)
+        else:
+            filled |= {"rows": list(answer_rows(view.cell, calibration, found)), "fit": fit_sentence(found)}
+            kept = [each for each in found.residuals.per_sample if each.sample not in excluded]
+            views = sorted([*kept, *(each for each in views if each.sample in excluded)], key=lambda each: each.sample)
+        left_out = [each for each in views if each.sample in excluded]
+        figures = [bar_figure(views, quantity, _MOST_BARS, left_out) for quantity in QUANTITIES]
+        counted = (
+            f"without {len(excluded)} sample{'s' if len(excluded) > 1 else ''}" if excluded else "with all samples"
+        )
+        template = environment().get_template("view_parts.html")
+        shown = {"run": run, "first": first, "colour": COLOURS[first.word], "count": f"{counted}, 1 sigma"}
+        return template.render(**shown, figures=[each for each in figures if each is not None], **filled)
+
+    def sample(self, query: Query) -> str:
+        """A sample's pictures with its points, and how it fits."""
+        view, run = self._view, self._run(query)
+        calibration, numbers = self._read(run), [sample.sample for sample in view.recording.samples]
+        (number,) = _numbers(query.get("number", "")) or (numbers[0],)
+        lines = sample_words(number, calibration.residuals.per_sample, _excluded_numbers(query))
+        drawn = sample_pictures(view.cell, view.recording, calibration, self._points(run), number)
+        return environment().from_string(_SAMPLE).render(lines=lines, drawn=drawn)
+
+    def _run(self, query: Query) -> str:
+        """The requested run, or the latest."""
+        return query["run"] if query.get("run") in self._view.runs else self._view.runs[0]
+
+    def _run_points(self, run: str) -> tuple[PointResiduals, ...]:
+        with suppress(BasecalError):  # such as of a recording that has changed since
+            return point_residuals(self._view.cell, self._view.recording, self._read(run))
+        return ()
+
+
+_SAMPLE = """<div data-part="sample"><ul class="plain">{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul>
+{% for svg in drawn %}<figure class="plot">{{ svg | svg }}</figure>{% endfor %}</div>"""
+
+
+def _excluded_numbers(query: Query) -> frozenset[int]:
+    return frozenset(_numbers(query.get("without", "")))
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    """Numbers of samples with commas between them; what is none is left out."""
+    return tuple(int(each) for each in text.split(",") if each.isascii() and each.isdigit() and len(each) < 16)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
 
 
-def sample_words(number: int, residuals: Sequence[SampleResidual], excluded: Collection[int]) -> str:
+def sample_words(number: int, residuals: Sequence[SampleResidual], excluded: Collection[int]) -> list[str]:
     """How a sample fits, a line for each view of it."""
     lines = [f"sample {number}{', left out' if number in excluded else ''}"]
     for each in residuals:
@@ -22,23 +22,29 @@ def sample_words(number: int, residuals: Sequence[SampleResidual], excluded: Col
         if each.loop_m is not None and each.loop_rad is not None:
             parts.append(error_text(each.loop_m, each.loop_rad))
         lines.append(f"{each.target} seen by {each.camera}: {', '.join(parts) or 'no residual'}")
-    return "\n".join(lines)
+    return lines
 
 
-def answer_words(cell: Cell, calibration: Calibration, result: WithoutSamples, excluded: Collection[int]) -> str:
-    """The answer without some samples, and how far that is from the run's."""
-    many = f"without {len(excluded)} sample{'s' if len(excluded) > 1 else ''}" if excluded else "with all samples"
-    lines = [f"run: {calibration.verdict}; {many}{'' if result.converged else ': no optimum was found'}"]
+def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) -> Iterator[tuple[str, str, str, str]]:
+    """Of each requested transform: its name, its sigma in the run and without some samples, and how far it moved."""
     for name in cell.asked:
-        if name not in result.transforms:
-            lines.append(f"{name}: not every direction of it is seen")
+        run = calibration.transforms.get(name)
+        before = "unknown" if run is None else error_text(*run.sigma_norms)
+        after = result.transforms.get(name)
+        if after is None:
+            yield name, before, "not every direction of it is seen", ""
             continue
-        estimate = result.transforms[name]
-        line = f"{name} to {error_text(*estimate.sigma_norms)} (1 sigma)"
-        if name in calibration.transforms:
-            apart = (calibration[name].mean.inverse() @ estimate.mean).log()
-            moved_m, moved_rad = (float(np.linalg.norm(each)) for each in (apart[:3], apart[3:]))
-            line += f"; {error_text(moved_m, moved_rad)} from the run"
-        lines.append(line)
-    loop = result.residuals.loop_rms_m
-    return "\n".join([*lines, *([] if loop is None else [f"loops close to {error_text(loop, None)} rms"])])
+        moved = ""
+        if run is not None and after is not run:
+            apart = (run.mean.inverse() @ after.mean).log()
+            moved = error_text(*(float(np.linalg.norm(each)) for each in (apart[:3], apart[3:])))
+        yield name, before, error_text(*after.sigma_norms), moved
+
+
+def fit_sentence(result: WithoutSamples) -> str:
+    """How well the samples that count agree."""
+    loop, rms_px = result.residuals.loop_rms_m, result.residuals.rms_px
+    parts = [] if rms_px is None else [f"reprojection error {two_digits(rms_px)} px rms"]
+    parts += [] if loop is None else [f"pose consistency error {error_text(loop, None)} rms"]
+    parts += [] if result.converged else ["no optimum was found"]
+    return f"{'; '.join(parts)}." if parts else ""

@@ -1,0 +1,35 @@
+"use strict";
+// Looks at the capture twice a second until it is over, and sends a stop.
+(() => {
+  const shown = {}; // number of the picture of each camera
+  const stop = document.querySelector(".stop"), lost = document.querySelector(".lost");
+  const send = async () => {
+    stop.disabled = true;
+    const sent = await fetch("/stop", { method: "POST" }).then((answer) => answer.ok, () => false);
+    stop.textContent = sent ? "Stop sent" : "Not sent. Use the emergency stop!";
+    stop.disabled = sent;
+  };
+  stop.addEventListener("click", send);
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape" && !stop.disabled) send(); });
+  const look = async () => {
+    let over = false;
+    try {
+      const now = await (await fetch("/state")).json();
+      window.putParts(now.html);
+      if (window.moveArms) window.moveArms(now.arms);
+      for (const [camera, number] of Object.entries(now.pictures)) {
+        if (shown[camera] === number) continue;
+        shown[camera] = number;
+        const picture = await (await fetch(`/picture?camera=${encodeURIComponent(camera)}`)).text();
+        document.querySelector(`[data-camera="${CSS.escape(camera)}"]`).innerHTML = picture;
+      }
+      over = now.over;
+      lost.hidden = true;
+      stop.closest("p").hidden = over;
+    } catch {
+      lost.hidden = false;
+    }
+    if (!over) setTimeout(look, 500);
+  };
+  look();
+})();
