@@ -50,7 +50,7 @@ wheels:
 
 dist: $(VENV)/.dist
 	rm -rf dist
-	$(BIN)/python -m build --quiet
+	$(BIN)/python -m build --quiet --no-isolation  # the wheel then holds the manual page and completions
 	$(BIN)/twine check --strict dist/*
 
 lint: $(VENV)/.lint

@@ -99,3 +99,15 @@ def test_shifts_are_planned_by_whole_stations(cell, tmp_path, capsys):
     assert main([*asked, "-o", str(tmp_path / "plan.jsonl")]) == 0
     capsys.readouterr()
     assert len(read_plan(tmp_path / "plan.jsonl", cell, read_cell(cell))) == 21
+
+
+def test_a_page_of_the_plan(cell, tmp_path, capsys):
+    """In the cell's folder; it names the file that capture is given, or how to write one."""
+    asked = ["plan", str(cell), "--samples", "3", "--task-point", "0 0 0", "--report"]
+    assert main(asked) == 0
+    assert "page: " in capsys.readouterr().err
+    assert "the same command with <code>-o plan.jsonl</code>" in (cell / "plan.html").read_text()
+    assert main([*asked, "-o", str(tmp_path / "next.jsonl")]) == 0
+    page = (cell / "plan.html").read_text()
+    assert f"--plan {tmp_path / 'next.jsonl'} --go</code>" in page
+    assert "the same command" not in page

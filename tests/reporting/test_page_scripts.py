@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 import re
@@ -10,6 +11,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
@@ -49,6 +51,9 @@ USER = """
   said.chosen = [...new Set(bars.filter((bar) => bar.classList.contains("chosen")).map((bar) => bar.dataset.sample))];
   bars.find((bar) => bar.dataset.sample === "7").dispatchEvent(new MouseEvent("click", { bubbles: true }));
   said.after_a_bar = slider.value;
+  said.plain = window.sceneAsGltf().nodes.length;
+  document.querySelector("[data-ghosts]").click();
+  said.gltf = window.sceneAsGltf();
   // Chromium may load a page again to print it, with what was chosen before.
   if (!sessionStorage.getItem("said")) sessionStorage.setItem("said", JSON.stringify(said));
   document.documentElement.dataset.said = sessionStorage.getItem("said");
@@ -106,6 +111,28 @@ def test_picker_copy_button_and_slider(written: Path) -> None:
     assert said["moved"].startswith("sample 3")
     assert said["chosen"] == ["3"]
     assert said["after_a_bar"] == "7"
+
+
+def test_the_scene_is_saved_as_gltf(written: Path) -> None:
+    """Bases by name where the cell has them, the other samples too if they are shown; all numbers in the buffer."""
+    said = used(written)
+    made = said["gltf"]
+    assert len(made["nodes"]) > said["plain"] + 10
+    data = base64.b64decode(made["buffers"][0]["uri"].partition(",")[2])
+    assert len(data) == made["buffers"][0]["byteLength"]
+    assert all(view["byteOffset"] + view["byteLength"] <= len(data) for view in made["bufferViews"])
+    nodes = {node.get("name"): node for node in made["nodes"]}
+    assert {"world", "eye_base", "hand_base", "wrist", "board"} <= nodes.keys()
+    scene = json.loads(re.search(r'id="scene-data">(.*?)</script>', written.read_text(encoding="utf-8"))[1])
+    for arm in scene["arms"]:
+        assert nodes[f"{arm['name']}_base"]["matrix"][12:15] == pytest.approx(arm["base"][:3])
+    for accessor in made["accessors"]:
+        view = made["bufferViews"][accessor["bufferView"]]
+        kind = {5126: np.float32, 5123: np.uint16, 5125: np.uint32}[accessor["componentType"]]
+        size = accessor["count"] * (3 if accessor["type"] == "VEC3" else 1)
+        values = np.frombuffer(data, kind, size, view["byteOffset"])
+        if "min" in accessor:
+            np.testing.assert_allclose(values.reshape(-1, 3).min(0), accessor["min"], rtol=1e-6)
 
 
 def test_print(written: Path) -> None:

@@ -28,7 +28,7 @@ _VERBS = {
     "report": "Print the latest calibration in plain text, and write its page.",
     "view": "Look through the runs of a cell on a local page.",
     "export": "Write what a calibration found the way another program says it.",
-    "completion": "Print what makes a shell complete verbs and options.",
+    "completion": "Print what makes a shell complete verbs and options, or the manual page.",
     "merge": "Make one cell of several that were recorded apart, such as each arm with the other still.",
 }
 """Each a function of a module of its name, and the first sentence of its help: none is loaded to list them."""

@@ -117,11 +117,16 @@ def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequ
 
 
 def show_page(run: Path, opens: bool = False) -> None:
-    """Print to stderr where the page of a run is, from here where the line is too long else; open it if requested."""
+    """Print to stderr where the page of a run is; open it if requested."""
+    show_file(run / FILE, opens)
+
+
+def show_file(file: Path, opens: bool) -> None:
+    """Print to stderr where a page is, from here where the line is too long else; open it if requested."""
     from basecal.reporting.summary import LINE_WIDTH
 
     if sys.stderr is not None:
-        path = str(run / FILE)
+        path = str(file)
         try:
             from_here = os.path.relpath(path)
         except (OSError, ValueError):  # there is no working folder, or it is on another drive
@@ -131,7 +136,7 @@ def show_page(run: Path, opens: bool = False) -> None:
     if opens:
         import webbrowser
 
-        webbrowser.open((run / FILE).resolve().as_uri())
+        webbrowser.open(file.resolve().as_uri())
 
 
 def _run_time(run: Path) -> datetime | None:

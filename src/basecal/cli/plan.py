@@ -17,8 +17,6 @@ from basecal.fields.typed_length import length_m
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from basecal.cell import Calibration, Cell, Recording
     from basecal.estimation.settings import Settings
     from basecal.planning.plan import Plan
@@ -41,6 +39,8 @@ def plan(
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=360))] = 30.0,
     hold_s: Annotated[float, Parameter(validator=validators.Number(gte=0, lte=3600))] = 2.0,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    report: bool = False,
+    opens_page: Annotated[bool, Parameter(name="--open")] = False,
     json: bool = False,
 ) -> int:
     """Say which samples to record, and how many, so that a task point is known well enough.
@@ -51,6 +51,8 @@ def plan(
     forbids it. With -o the samples are written for `basecal capture --plan`,
     with --to as robots' own programs take them. With --touches they are touches
     of marks, and of one mark more where that helps: it says where to make it.
+    --report writes the page CELL/plan.html: whether they are enough, and where
+    the arms will be.
 
     Ends with 0 if the tolerance is reached or none is requested, else 5.
 
@@ -61,6 +63,7 @@ def plan(
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 --to csv
         basecal plan mycell --touches --samples 12 --task-point 0.6 0.1 0.3
+        basecal plan mycell --tolerance 0.2mm --task-point 0.8 0.1 0.3 --report
         basecal plan mycell --pattern shifts --samples 28 --task-point 0.8 0.1 0.3
         basecal plan mycell --tolerance 1mm --task-box 0.6 -0.2 0.1 1.0 0.2 0.5
 
@@ -79,11 +82,10 @@ def plan(
         speed_limit_deg_s: With --to: the fastest that any joint may turn.
         hold_s: With --to: how long arms stand still at each sample.
         output: File to write the samples to: with --to as said there, else .jsonl lines for capture, else JSON.
+        report: Write the plan as a page, CELL/plan.html.
+        opens_page: Show that page in a browser.
         json: Print one JSON object instead of words.
     """
-    from dataclasses import replace
-
-    from basecal.cell import Recording
     from basecal.cell.files import read_cell
     from basecal.estimation.settings import Settings
 
@@ -96,12 +98,21 @@ def plan(
     recording = detected_recording(cell, described)
     with progress("planning"):
         calibration = _find_calibration(cell, described, recording, Settings(task_point=points[0], task_box=task_box))
-        if anew:
-            recording = Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
-        found = _make_plan(described, recording, calibration, points, needed_m, samples, seed, pattern, touches)
+        counted = _without_observations(recording) if anew else recording
+        found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-    _tell(found, plan_dict(found, needed_m), motion, cell, output, json)
+    _tell(found, needed_m, motion, cell, output, json)
+    if report or opens_page:
+        _write_page(described, found, calibration, needed_m, cell, output, opens_page)
     return 5 if found.reachable is False else 0
+
+
+def _without_observations(recording: Recording) -> Recording:
+    from dataclasses import replace
+
+    from basecal.cell import Recording
+
+    return Recording(tuple(replace(sample, observations=()) for sample in recording.samples))
 
 
 def _make_plan(
@@ -148,14 +159,16 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
 
 
 def _tell(
-    plan_result: Plan, data: Mapping[str, Any], motion: str | None, cell: Path, output: Path | None, json: bool
+    plan_result: Plan, needed_m: float | None, motion: str | None, cell: Path, output: Path | None, json: bool
 ) -> None:
     """Print and write what is requested: a robot's program alone where it is printed."""
     from json import dumps
 
     from basecal.cell.files import write_plan
     from basecal.cell.format.writing import write_output
+    from basecal.reporting.plans.words import plan_lines
 
+    data = plan_dict(plan_result, needed_m)
     if motion is not None and output is None:
         say(motion.rstrip("\n"))
         return
@@ -168,13 +181,36 @@ def _tell(
     if json:
         print_json(data)
         return
-    say(_words(plan_result, data["tolerance_mm"]))
+    say("\n".join(plan_lines(plan_result, needed_m)))
     if motion is not None:
         say(f"written: {output}")
     elif output is not None:
         say(f"next: basecal capture {quote_path(cell)} --plan {quote_path(output)}")
     elif plan_result.samples:
         say("write them with -o plan.jsonl")
+
+
+def _write_page(
+    cell: Cell,
+    plan_result: Plan,
+    calibration: Calibration | None,
+    needed_m: float | None,
+    folder: Path,
+    output: Path | None,
+    opens: bool,
+) -> None:
+    """Write the page of a plan, and show it if requested."""
+    from basecal.cell.format.writing import write_atomically
+    from basecal.cli.page import show_file
+    from basecal.reporting.plans.page import plan_page
+
+    path, is_written = folder / "plan.html", output is not None and output.suffix == ".jsonl"
+    file = output if output is not None and is_written else Path("plan.jsonl")
+    steps = [f"`basecal capture {quote_path(folder)} --plan {quote_path(file)} --go`"]
+    steps = steps if is_written else [f"Write the samples: the same command with `-o {file}`.", *steps]
+    html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=steps)
+    write_atomically(path, html, within=folder)
+    show_file(path, opens)
 
 
 def plan_dict(plan_result: Plan, needed_m: float | None) -> dict[str, Any]:
@@ -225,47 +261,3 @@ def _find_calibration(folder: Path, cell: Cell, recording: Recording, task: Sett
         return calibrate(cell, recording, task)
     except BasecalError:  # too little was recorded for it: the cell's own guesses have to do
         return None
-
-
-def _touch_lines(plan_result: Plan) -> list[str]:
-    """Where to make a mark, and what to touch with which tip at which flange pose."""
-    from numpy import degrees
-
-    from basecal.cell import TouchObservation
-    from basecal.geometry.euler import rpy_of_rotation
-
-    lines = [
-        f"Make a mark near ({', '.join(f'{number:.2f}' for number in place)}) m in the reference's base: {name}."
-        for name, place in plan_result.marks.items()
-    ]
-    for sample in plan_result.samples:
-        for seen in (each for each in sample.observations if isinstance(each, TouchObservation)):
-            (state,), how = sample.robots.values(), ""
-            if state.base_from_flange is not None:
-                angles = degrees(rpy_of_rotation(state.base_from_flange.rotation))
-                how = f", flange turned by roll, pitch, yaw {', '.join(f'{angle:.0f}' for angle in angles)} deg"
-            lines.append(f"  touch {seen.mark} with {seen.tip}{how}")
-    return lines
-
-
-def _words(plan_result: Plan, tolerance_mm: float | None) -> str:
-    expected = "an unknown error" if plan_result.expected_m is None else f"{1e3 * plan_result.expected_m:.2g} mm"
-    needed = "" if tolerance_mm is None else f"{tolerance_mm:.3g} mm"
-    count = len(plan_result.samples)
-    many = f"{count} more samples" if plan_result.recorded else f"{count} samples"
-    outcome = f"Expected error with {many}: {expected} (95 %)."
-    if plan_result.reachable is False:
-        source = f" {plan_result.budget[0].source} forbids it." if plan_result.budget else ""
-        lines = [f"{needed} at the task cannot be reached.{source}", outcome]
-    elif tolerance_mm is not None and plan_result.needed == 0:
-        lines = [f"{needed} at the task is already reached (95 %: {expected} with {plan_result.recorded} samples)."]
-        lines += [outcome] if count else []
-    elif tolerance_mm is not None:
-        lines = [f"{needed} at the task: {plan_result.needed} samples reach it.", outcome]
-    else:
-        lines = [outcome]
-    lines += _touch_lines(plan_result)
-    for entry in plan_result.budget:
-        halved = f"{1e3 * entry.halved_rms_m:.2g} mm rms in all with half of it"
-        lines.append(f"  {100 * entry.share:5.1f} % of the variance: {entry.source}; {halved}")
-    return "\n".join(lines)

@@ -8,7 +8,6 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from basecal.accuracy.closed_form_comparison import ClosedFormComparison
 from basecal.accuracy.drift.history import drifts
@@ -18,8 +17,8 @@ from basecal.accuracy.sample_use import outlier_views
 from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleResidual
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
-from basecal.reporting.cell_view.picture import picture
-from basecal.reporting.cell_view.scene import Scene, json_inside_html, scene, scene_data
+from basecal.reporting.cell_view.scene import scene
+from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, stage
 from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.checks import check_words, passed_checks
 from basecal.reporting.decision.components import component_figure
@@ -39,7 +38,6 @@ from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
 from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity
-from basecal.reporting.svg import three_digits
 from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
     clock_sentences,
@@ -58,7 +56,7 @@ _MOST_BARS_IN_ALL = 2700
 _MOST_VERIFICATIONS = 20  # lines about verifications, the latest
 _FEWEST_BARS = 100
 _SHOWN_FINDINGS = 3  # of the first screen
-_SCENE_SCRIPTS, _SCRIPTS = ("vendor/three.min.js", "templates/scene.js"), ("templates/page.js",)
+_SCRIPTS = ("templates/page.js",)
 # Of each section that may be there: its place on the page, what fills it, and its name.
 _CONTENTS = (
     ("cell", "overview", "Cell"),
@@ -125,13 +123,10 @@ def page(
     }
     return fill_page(
         "page.html",
-        (_SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS,
+        (SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS,
         title=title,
         notes=notes,
-        scene_json=json_inside_html(scene_data(drawn)) if drawn.samples else "",
-        drawn=drawn,
-        legend=_legend(drawn),
-        picture=Markup(picture(drawn)),
+        **stage(drawn),
         contents=[(id, name) for id, key, name in _CONTENTS if filled[key]],
         **filled,
     )
@@ -141,20 +136,6 @@ def _verification_lines(verifications: Sequence[PastVerification]) -> dict[str, 
     """What verifications have found."""
     lines = history_text(verifications, drifts(verifications)).splitlines()
     return {"history": history_figure(verifications), "drift": lines[-_MOST_VERIFICATIONS:]}
-
-
-def _legend(scene: Scene) -> list[str]:
-    """What the picture shows and what it cannot, a sentence each."""
-    sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample, as recorded."]
-    ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
-    if any(each is not None for each in ellipsoids):
-        scale = f", drawn {three_digits(scene.ellipsoid_scale)} times as large" if scene.ellipsoid_scale != 1 else ""
-        sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
-    if len(scene.samples) < scene.total:
-        sentences.append(f"{len(scene.samples)} of {scene.total} samples are shown.")
-    if scene.missing:
-        sentences.append(f"Not drawn, as their place is not known: {', '.join(scene.missing)}.")
-    return sentences
 
 
 def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, Any]:

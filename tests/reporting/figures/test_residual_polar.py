@@ -36,5 +36,5 @@ def test_what_was_left_out_is_red_and_apart():
     """It is counted, drawn on its own, and does not widen the rings."""
     points = seen(np.zeros((4, 2)), [[0.1, 0], [0, 0.1], [-0.1, 0], [30, 0]], [True, True, True, False])
     figure = residual_polar("wrist", [points])
-    assert "1 red ones were left out" in figure.caption
+    assert "1 orange ones were left out" in figure.caption
     assert ">0.25 px<" in figure.svg

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Robot, Sample, Target
 from basecal.geometry import SE3, Array, BoolArray, Camera
@@ -270,11 +268,6 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "across": _round_values(scene.across),
         "ellipsoidScale": scene.ellipsoid_scale,
     }
-
-
-def json_inside_html(data: Mapping[str, Any]) -> Markup:
-    """JSON that cannot end the element it stands in."""
-    return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
 
 
 def _round_values(values: Any) -> Any:

@@ -54,7 +54,7 @@ def bar_figure(
     line = element("path", class_="level", d=level, vector_effect="non-scaling-stroke")
     svg = drawing(len(shown) * BAR, HEIGHT, f"{quantity.name} by view", *bars, line, stretch=True)
     worst = f"the {len(shown)} largest of {len(given)} views; " if len(shown) < len(given) else ""
-    strangers = "; red: left out" if any(view in left_out for view in shown) else ""
+    strangers = "; orange: left out" if any(view in left_out for view in shown) else ""
     caption = f"{worst}dashed: rms over the views used, {rms:.3g} {quantity.unit}{strangers}"
     first, last = shown[0].sample, shown[-1].sample
     ends = (f"sample {first}", f"{last}") if len(shown) > 1 else (f"sample {first}",)

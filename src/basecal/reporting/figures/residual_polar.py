@@ -36,7 +36,7 @@ def residual_polar(camera: str, seen: Sequence[PointResiduals]) -> Figure:
     half, most = np.percentile(length, [_HALF, _MOST_OF])
     beyond = int(np.count_nonzero(length > top))
     outside = f" {beyond} are longer and stand on the outer ring." if beyond else ""
-    also = f" {len(left_out)} red ones were left out." if len(left_out) else ""
+    also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
     few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
     caption = (
         f"{few}{_HALF} % are shorter than {half:.3g} px, {_MOST_OF} % than {most:.3g} px.{outside}{also} A cloud "

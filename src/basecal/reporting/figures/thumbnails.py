@@ -94,7 +94,7 @@ def thumbnails(
     if not pictures:
         return None
     caption = (
-        f"{len(pictures)} of {len(views)} views. Circles: points as they were found; red ones were left out. Lines: "
+        f"{len(pictures)} of {len(views)} views. Circles: points as they were found; orange ones were left out. Lines: "
         f"towards where they are predicted, {longest_px:g} px as long as a twentieth of the picture is wide."
     )
     return Thumbnails(tuple(pictures), caption)

@@ -13,10 +13,11 @@ import numpy as np
 
 from basecal.acquisition.taking import visible_targets
 from basecal.acquisition.watching import Snapshot, Watch
-from basecal.cell import Calibration, Cell, Sample, Unknown
+from basecal.cell import Cell, Sample
 from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
-from basecal.reporting.cell_view.scene import json_inside_html, scene, scene_data
+from basecal.reporting.cell_view.scene import scene_data
+from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, json_inside_html, stated_scene
 from basecal.reporting.decision.tiles import Tile, tolerance_bar
 from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
 from basecal.reporting.live.serving import Answer, serving
@@ -32,7 +33,6 @@ STOP_REASON = "Stop was pressed on the page"
 _REFRESH_S = 0.5  # between looks at the capture
 _WIDTH_PX = 960
 _SCRIPTS = ("templates/fragments.js", "templates/live.js")
-_SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 
 @contextmanager
@@ -81,7 +81,7 @@ class LivePage:
         drawn = self._scene(self._watch.snapshot)
         return fill_page(
             "live.html",
-            (*(_SCENE_SCRIPTS if drawn else ()), *_SCRIPTS),
+            (*(SCENE_SCRIPTS if drawn else ()), *_SCRIPTS),
             is_served=True,
             state=self._fragments(self._watch.snapshot),
             cameras=list(self._cell.cameras),
@@ -143,12 +143,9 @@ class LivePage:
         """The arms as they are, then as they were sent, in the cell as it is stated; empty if it cannot be drawn."""
         if self._sketch is None:
             return {}
-        cell = self._cell
-        for name, mean in self._sketch.transforms.items():
-            cell = cell.with_transform(name, Unknown("fixed", mean))
         states = dict(snapshot.states)
         samples = [Sample(0, robots=states), Sample(1, robots={**states, **dict(snapshot.goals)})]
-        return scene_data(scene(cell, samples, Calibration("refused")))
+        return scene_data(stated_scene(self._sketch, samples))
 
 
 def _tiles(snapshot: Snapshot) -> Iterator[Tile]:

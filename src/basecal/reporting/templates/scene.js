@@ -341,6 +341,62 @@
     button.addEventListener("click", () => { look(VIEWS[button.dataset.view]); draw(); });
   }
 
+  // What is drawn as glTF 2.0 in one file, in metres; glTF has y upwards.
+  window.sceneAsGltf = () => {
+    const made = {
+      asset: { version: "2.0", generator: "basecal" }, scene: 0, scenes: [{ nodes: [0] }],
+      nodes: [{ name: "world", rotation: [-Math.SQRT1_2, 0, 0, Math.SQRT1_2], children: [] }],
+      meshes: [], materials: [], accessors: [], bufferViews: [], buffers: [],
+    };
+    let bytes = "";
+    const store = (attribute, isPosition) => {
+      const { array, itemSize, count } = attribute;
+      const view = new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+      made.bufferViews.push({ buffer: 0, byteOffset: bytes.length, byteLength: view.length });
+      for (const byte of view) bytes += String.fromCharCode(byte);
+      bytes = bytes.padEnd(4 * Math.ceil(bytes.length / 4), "\0");
+      const accessor = { bufferView: made.bufferViews.length - 1, count, type: itemSize === 3 ? "VEC3" : "SCALAR" };
+      accessor.componentType = array instanceof Float32Array ? 5126 : array instanceof Uint16Array ? 5123 : 5125;
+      if (isPosition) {
+        const axes = [0, 1, 2].map((axis) => Array.from({ length: count }, (_, k) => array[3 * k + axis]));
+        accessor.min = axes.map((values) => Math.min(...values));
+        accessor.max = axes.map((values) => Math.max(...values));
+      }
+      return made.accessors.push(accessor) - 1;
+    };
+    const mesh = ({ geometry: { attributes, index }, material: skin, isMesh, isPoints }) => {
+      const primitive = { attributes: { POSITION: store(attributes.position, true) }, mode: isMesh ? 4 : isPoints ? 0 : 1 };
+      if (isMesh) primitive.attributes.NORMAL = store(attributes.normal);
+      if (index) primitive.indices = store(index);
+      const look = { pbrMetallicRoughness: { baseColorFactor: [skin.color.r, skin.color.g, skin.color.b, skin.opacity], metallicFactor: 0 } };
+      if (skin.transparent) look.alphaMode = "BLEND";
+      primitive.material = made.materials.push(look) - 1;
+      return made.meshes.push({ primitives: [primitive] }) - 1;
+    };
+    const add = (object, parent) => {
+      if (!object.visible || object.isLight) return;
+      if (object.matrixAutoUpdate) object.updateMatrix();
+      const node = { matrix: object.matrix.toArray() }, number = made.nodes.push(node) - 1;
+      const named = names.find(([, each]) => each === object);
+      if (named) node.name = named[0].textContent;
+      if (object.geometry) node.mesh = mesh(object);
+      (parent.children ??= []).push(number);
+      for (const child of object.children) add(child, node);
+    };
+    for (const object of world.children) add(object, made.nodes[0]);
+    made.buffers.push({ byteLength: bytes.length, uri: `data:application/octet-stream;base64,${btoa(bytes)}` });
+    return made;
+  };
+  const save = document.querySelector("[data-save]");
+  if (save) {
+    save.addEventListener("click", () => {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(new Blob([JSON.stringify(window.sceneAsGltf())], { type: "model/gltf+json" }));
+      link.download = "cell.gltf";
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    });
+  }
   const all = document.querySelector("[data-ghosts]");
   if (all) {
     const step = Math.ceil(data.samples.length / 24);

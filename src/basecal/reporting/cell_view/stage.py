@@ -1,0 +1,55 @@
+"""A scene as pages show it: drawn by a script, as a still picture where none runs, and in words."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from basecal.cell import Calibration, Sample, Unknown
+from basecal.planning.sketch import Sketch
+from basecal.reporting.cell_view.picture import picture
+from basecal.reporting.cell_view.scene import Scene, scene, scene_data
+from basecal.reporting.svg import three_digits
+
+SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
+"""What draws a scene."""
+
+
+def stage(scene: Scene) -> dict[str, Any]:
+    """A scene for the template; one without a sample has no data for a script."""
+    return {
+        "drawn": scene,
+        "scene_json": json_inside_html(scene_data(scene)) if scene.samples else "",
+        "legend": _legend(scene),
+        "picture": picture(scene),
+    }
+
+
+def stated_scene(sketch: Sketch, samples: Sequence[Sample]) -> Scene:
+    """Samples in a cell as far as it is known, nothing of it estimated."""
+    cell = sketch.cell
+    for name, mean in sketch.transforms.items():
+        cell = cell.with_transform(name, Unknown("fixed", mean))
+    return scene(cell, samples, Calibration("refused"))
+
+
+def json_inside_html(data: Mapping[str, Any]) -> Markup:
+    """JSON that cannot end the element it stands in."""
+    return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
+
+
+def _legend(scene: Scene) -> list[str]:
+    """What the picture shows and what it cannot, a sentence each."""
+    sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample."]
+    ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
+    if any(each is not None for each in ellipsoids):
+        scale = f", drawn {three_digits(scene.ellipsoid_scale)} times as large" if scene.ellipsoid_scale != 1 else ""
+        sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
+    if len(scene.samples) < scene.total:
+        sentences.append(f"{len(scene.samples)} of {scene.total} samples are shown.")
+    if scene.missing:
+        sentences.append(f"Not drawn, as their place is not known: {', '.join(scene.missing)}.")
+    return sentences

@@ -1,0 +1,1 @@
+"""A plan of samples as text and as a page."""

@@ -1,0 +1,86 @@
+"""A plan as one HTML file that opens offline: whether it is enough, and where the arms will be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from basecal.cell import Calibration, Cell, Sample
+from basecal.errors import BasecalError
+from basecal.planning.plan import Plan
+from basecal.planning.prospects import sketches
+from basecal.planning.sketch import Sketch
+from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, stage, stated_scene
+from basecal.reporting.decision.budget_bar import budget_bar
+from basecal.reporting.decision.outlook import outlook_figure
+from basecal.reporting.decision.tiles import Tile, tolerance_bar
+from basecal.reporting.plans.words import plan_headline, touch_lines
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.statement.verdict import COLOURS, error_text
+from basecal.reporting.templates.environment import fill_page
+
+
+def plan_page(
+    cell: Cell,
+    plan: Plan,
+    calibration: Calibration | None,
+    tolerance_m: float | None,
+    *,
+    title: str,
+    steps: Sequence[str],
+) -> str:
+    """The plan as HTML, everything it needs inside; it asks nothing of any server.
+
+    Args:
+        cell: What it is for.
+        plan: What to record.
+        calibration: What it is based on; None if that is the cell alone.
+        tolerance_m: The error that 95 of 100 are to stay below [m]; None if none is stated.
+        title: What the reader calls it.
+        steps: What to do with it, commands between backticks.
+    """
+    sketch: Sketch | None = None
+    with suppress(BasecalError):  # of a cell without cameras nothing is drawn
+        sketch = sketches(cell, calibration)[0]
+    drawn = {"scene_json": ""} if sketch is None else stage(stated_scene(sketch, plan.samples))
+    first = plan_headline(plan, tolerance_m)
+    return fill_page(
+        "plan.html",
+        (*(SCENE_SCRIPTS if drawn["scene_json"] else ()), "templates/page.js"),
+        title=title,
+        first=first,
+        colour=COLOURS[first.word],
+        tiles=list(_tiles(plan, tolerance_m)),
+        steps=[*steps, *touch_lines(plan)] if plan.samples else (),
+        outlook=outlook_figure(plan.steps, plan.recorded, tolerance_m) if len(plan.steps) > 1 else None,
+        budget=plan.budget,
+        budget_figure=budget_bar(plan.budget),
+        movers=() if sketch is None else sketch.movers,
+        ways=() if sketch is None else list(_ways(sketch, plan.samples)),
+        **drawn,
+    )
+
+
+def _tiles(plan: Plan, tolerance_m: float | None) -> Iterator[Tile]:
+    if plan.expected_m is not None:
+        limit = "" if tolerance_m is None else f"; tolerance {1e3 * tolerance_m:.3g} mm"
+        bar = "" if tolerance_m is None else tolerance_bar(plan.expected_m, tolerance_m)
+        yield Tile(f"{two_digits(1e3 * plan.expected_m)} mm", f"expected error, 95 %{limit}", bar)
+    yield Tile(str(len(plan.samples)), "samples to record")
+    yield Tile(str(plan.recorded), "samples recorded")
+
+
+def _ways(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ...]]:
+    """Of each sample its number, and of each arm that carries something how far it goes from the sample before."""
+    for before, after in zip((None, *samples), samples, strict=False):
+        cells = [str(after.sample)]
+        for robot in sketch.movers:
+            if before is None or robot not in before.robots or robot not in after.robots:
+                cells.append("")
+                continue
+            start, end = (sketch.base_from_flange(robot, each.robots[robot]) for each in (before, after))
+            off = (start.inverse() @ end).log()
+            cells.append(error_text(*(float(np.linalg.norm(each)) for each in (off[:3], off[3:]))))
+        yield tuple(cells)
