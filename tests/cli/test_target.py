@@ -45,6 +45,17 @@ def test_a_marker_and_single_fields_may_be_given(tmp_path, capsys):
     assert board.options["legacy_pattern"] is True
 
 
+def test_squares_are_as_large_as_the_paper_allows(tmp_path, capsys):
+    """Whole millimetres on A4, or on the paper that is named; with their size in words on the sheet."""
+    _, board = printed(tmp_path, capsys)
+    assert board.options["square_m"] == 0.03
+    assert "charuco, squares 5 x 7, square 30 mm, marker 22.5 mm" in (tmp_path / "board.svg").read_text()
+    _, board = printed(tmp_path, capsys, "--paper", "a3")
+    assert board.options["square_m"] == 0.044
+    _, board = printed(tmp_path, capsys, "--square-mm", "40")
+    assert board.options["square_m"] == 0.04
+
+
 def test_a_tag_has_its_number(tmp_path, capsys):
     """As large as a square."""
     _, tag = printed(tmp_path, capsys, "--kind", "apriltag", "--tag", "3", "--square-mm", "80")
@@ -58,6 +69,7 @@ def test_a_tag_has_its_number(tmp_path, capsys):
         (("--set", "legacy_pattern"), "--set takes FIELD=VALUE"),
         (("--kind", "points"), "needs more than sizes"),
         (("--marker-mm", "50"), "marker"),
+        (("--paper", "a4", "--square-mm", "50"), "do not fit on A4"),
     ],
 )
 def test_what_cannot_be_printed_is_said(tmp_path, capsys, words, said):

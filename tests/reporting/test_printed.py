@@ -17,7 +17,7 @@ from basecal.cell.targets.led import led_target
 from basecal.cell.targets.points import points_target
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.reporting.printed import page_svg, printed_pages, write_pages
+from basecal.reporting.printed import largest_pitch_mm, page_svg, printed_pages, write_pages
 
 SHAPES = {
     "charuco": charuco_target((5, 7), 0.03, 0.022, "DICT_4X4_50"),
@@ -80,3 +80,54 @@ def test_a_template_must_be_flat():
     """Lights that do not lie in a plane cannot be drawn on paper."""
     with pytest.raises(InputError, match="z must be 0"):
         printed_pages(points_target([[0, 0, 0], [0, 0, 0.1]]), "title")
+
+
+def test_rulers_stand_both_ways():
+    """Each is 100 mm long, clear of the board."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    lengths = page.lines[:, 2:] - page.lines[:, :2]
+    assert [100.0, 0.0] in lengths.tolist()
+    upright = page.lines[lengths[:, 1] == -100.0][0]
+    assert upright[0] - 4 > page.rectangles[:, 2].max()
+
+
+def test_cut_marks_stand_where_the_sheet_is_cut():
+    """Two beside each corner, outside of it; its size is said above the ruler."""
+    (page,) = printed_pages(SHAPES["charuco"], "title")
+    x, y = (210 - 14) / 2, (297 - 22) / 2
+    low, high = np.array([x - 90, y - 120]), np.array([x + 90, y + 120])
+    marks = page.lines[np.isclose(np.abs(page.lines[:, 2:] - page.lines[:, :2]).sum(1), 4.0)]
+    ends = marks.reshape(-1, 2)
+    for corner in (low, high, [low[0], high[1]], [high[0], low[1]]):
+        assert np.sum(np.isclose(np.abs(ends - corner).min(1), 0) & (np.abs(ends - corner).max(1) < 6)) == 4
+    assert [text for *_, text in page.texts][2] == "between the cut marks 180 x 240 mm; pitch 30 mm"
+
+
+@pytest.mark.parametrize("kind", ["charuco", "chessboard", "circles", "apriltag"])
+def test_axes_begin_at_the_origin_and_point_along_the_target(kind):
+    """Points of the target are where the arrows say, on the paper."""
+    target = SHAPES[kind]
+    page, sheet = printed_pages(target, "title")[0], target.sheets[0]
+    arrows = page.lines[np.isclose(np.linalg.norm(page.lines[:, 2:] - page.lines[:, :2], axis=1), 10.0)]
+    names = [next(each[:2] for each in page.texts if each[2] == name) for name in "xy"]
+    x, y = (min(arrows, key=lambda line, at=at: np.hypot(*(line[2:] - at))) for at in names)
+    along = [(line[2:] - line[:2]) / 10 for line in (x, y)]
+    across = int(np.argmax(np.abs(along[0])))
+    origin = np.array([x[0], y[1]]) if across == 0 else np.array([y[0], x[1]])
+    shift = (np.array(page.size_mm) - [14, 22] - 1e3 * sheet.paper[:2] - 1e3 * sheet.paper[2:]) / 2
+    sheet_from_target = sheet.target_from_sheet.inverse()
+    for point in target.points[:4]:
+        by_arrows = origin + 1e3 * (point[0] * along[0] + point[1] * along[1])
+        np.testing.assert_allclose(by_arrows, 1e3 * (sheet_from_target @ point)[:2] + shift, atol=1e-6)
+
+
+@pytest.mark.parametrize(("paper", "pitch_mm"), [("A4", 30), ("letter", 30), ("A3", 44)])
+def test_the_largest_square_that_fits(paper, pitch_mm):
+    """A whole number of millimetres; one more is refused."""
+    assert largest_pitch_mm(SHAPES["charuco"], paper) == pitch_mm
+    fitting, larger = (
+        charuco_target((5, 7), 1e-3 * size, 0.75e-3 * size, "DICT_4X4_50") for size in (pitch_mm, pitch_mm + 1)
+    )
+    assert printed_pages(fitting, "title", paper)[0].paper == paper
+    with pytest.raises(InputError, match=f"do not fit on {paper}"):
+        printed_pages(larger, "title", paper)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -14,7 +15,14 @@ from basecal.errors import InputError
 from basecal.exchange.importing.described_target import printed_fields
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from basecal.cell import Target
+    from basecal.cell.targets.kind import PrintSizes
+
+_MARKER_SHARE = 0.75  # of a square, that a ChArUco marker takes unless its size is given
+_SQUARE_MM = 40.0  # of a target whose layout is tried before it is scaled, and of templates
+_PAPER_NAMES = {"letter": "letter", **{name.lower(): name for name in ("A4", "A3", "A2", "A1", "A0")}}
 
 
 def target(
@@ -26,7 +34,8 @@ def target(
     kind: TargetKindName = "charuco",
     columns: int = 5,
     rows: int = 7,
-    square_mm: float = 40.0,
+    square_mm: float | None = None,
+    paper: Literal["a4", "letter", "a3", "a2", "a1", "a0"] | None = None,
     marker_mm: float | None = None,
     dictionary: str | None = None,
     family: str = "tag36h11",
@@ -36,10 +45,13 @@ def target(
     """Print a target at true scale, with a ruler to check the print.
 
     Writes OUT, a .pdf or .svg, and shows the lines for cell.yaml that describe
-    it. A light (led) gives a template with a cross where it goes.
+    it. Beside it stand rulers both ways, sizes to check, the target's axes from
+    its origin, and cut marks. Squares are as large as the paper allows unless
+    --square-mm is given. A light (led) gives a template with a cross.
 
     For example:
 
+        basecal target board.pdf --paper letter
         basecal target board.pdf --kind charuco --columns 5 --rows 7 --square-mm 40
         basecal target tag.svg --kind apriltag --tag 3 --square-mm 80
         basecal target board.pdf --cell mycell --name board
@@ -51,7 +63,8 @@ def target(
         kind: What to print.
         columns: Columns of squares (charuco), inner corners (chessboard) or circles.
         rows: Rows of them.
-        square_mm: Size of a square or tag, spacing of circles.
+        square_mm: Size of a square or tag, spacing of circles; the largest whole one that fits where not given.
+        paper: What it is printed on; a4, or with --square-mm the smallest that holds it, where not given.
         marker_mm: Size of a ChArUco marker; three quarters of the square where not given.
         dictionary: Of the ChArUco markers; of DICT_4X4 the smallest that has enough where not given.
         family: Of the AprilTag.
@@ -65,12 +78,14 @@ def target(
     if cell is not None:
         title, shape = _cell_target(cell, name)
     else:
-        square, marker = square_mm / 1e3, (0.75 * square_mm if marker_mm is None else marker_mm) / 1e3
         markers = dictionary or smallest_dictionary("DICT_4X4_50", columns * rows // 2)
-        sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), markers, family, tag)
-        fields = printed_fields(kind, sizes, field)
-        title, shape = _describe_target(kind, fields)
-    pages = printed_pages(shape, title)
+        square = _SQUARE_MM if square_mm is None else square_mm
+        marker = _MARKER_SHARE * square if marker_mm is None else marker_mm
+        sizes = PrintSizes(columns, rows, round(square / 1e3, 9), round(marker / 1e3, 9), markers, family, tag)
+        largest_on = None if square_mm is not None else _PAPER_NAMES[paper or "a4"]
+        fields, shape = _sized_target(kind, sizes, field, largest_on, marker_mm is None)
+        title = ", ".join([kind, *option_words(fields)])
+    pages = printed_pages(shape, title, None if paper is None else _PAPER_NAMES[paper])
     for path in write_pages(pages, out):
         say(f"wrote {path} ({pages[0].paper}): print at 100 % and measure the ruler")
     if cell is None:
@@ -80,7 +95,35 @@ def target(
     return 0
 
 
-def _describe_target(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
+def _sized_target(
+    kind: str, sizes: PrintSizes, field: tuple[str, ...], largest_on: str | None, scales_marker: bool
+) -> tuple[dict[str, Any], Target]:
+    """Lines of cell.yaml and the target they describe, of these sizes or with the largest squares on a paper."""
+    from basecal.reporting.printed import largest_pitch_mm
+
+    fields = printed_fields(kind, sizes, field)
+    shape = _described_target(kind, fields)
+    if largest_on is None or not shape.sheets:
+        return fields, shape
+    square_m = round(largest_pitch_mm(shape, largest_on) / 1e3, 9)
+    marker_m = round(_MARKER_SHARE * square_m, 9) if scales_marker else sizes.marker_m
+    return _sized_target(kind, replace(sizes, square_m=square_m, marker_m=marker_m), field, None, scales_marker)
+
+
+def option_words(options: Mapping[str, Any]) -> list[str]:
+    """Fields of a target in words, such as `squares 5 x 7` and `square 36 mm`; lists of more than two are left out."""
+    words = []
+    for key, value in options.items():
+        if isinstance(value, list):
+            words += [f"{key} {value[0]} x {value[1]}"] if len(value) == 2 else []
+        elif key.endswith("_m"):
+            words.append(f"{key[:-2]} {round(1e3 * value, 6):g} mm")
+        else:
+            words.append(f"{key.replace('_', ' ')} {value}")
+    return words
+
+
+def _described_target(kind: str, fields: dict[str, Any]) -> Target:
     """The target as a cell.yaml with these fields describes it, checked as one."""
     from basecal.cell.files import cell_from_dict
 
@@ -97,8 +140,7 @@ def _describe_target(kind: str, fields: dict[str, Any]) -> tuple[str, Target]:
     shape = described.targets["target"].target
     if shape is None:
         raise InputError(f"a target of kind {kind!r} has no points to print")
-    options = ", ".join(f"{key} {value}" for key, value in fields.items())
-    return f"{kind}: {options}" if options else kind, shape
+    return shape
 
 
 def _cell_target(folder: Path, name: str | None) -> tuple[str, Target]:
@@ -112,5 +154,4 @@ def _cell_target(folder: Path, name: str | None) -> tuple[str, Target]:
     if chosen not in targets:
         raise FrameNotFound(chosen, list(targets))
     shape = targets[chosen]
-    options = ", ".join(f"{k} {v}" for k, v in shape.options.items() if not isinstance(v, list) or len(v) == 2)
-    return f"{chosen}: {shape.kind}, {options}", shape
+    return ", ".join([f"{chosen}: {shape.kind}", *option_words(shape.options)]), shape

@@ -1,4 +1,4 @@
-"""A target on paper at true scale, with a ruler to check the print, as SVG and PDF."""
+"""A target on paper at true scale, as SVG and PDF, with rulers both ways, sizes, axes and cut marks."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from basecal.cell import Target
 from basecal.cell.format.writing import write_output
+from basecal.cell.sheet import Sheet
 from basecal.errors import InputError
 from basecal.geometry import Array
 from basecal.reporting import pdf
@@ -23,8 +24,13 @@ _PAPERS = {
     "A1": (594.0, 841.0),
     "A0": (841.0, 1189.0),
 }
+LETTER = {"letter": (215.9, 279.4)}
 _MARGIN_MM = 8.0
-_FOOT_MM = 22.0
+_FOOT_MM = 22.0  # below the target, for a ruler and words
+_SIDE_MM = 14.0  # right of it, for a ruler
+_MARK_MM = 4.0  # length of cut marks
+_OFF_MM = 1.5  # between the target and what is drawn beside it
+_AXIS_MM = 10.0
 _RULER_MM = 100.0
 _LIGHT_MM = 5.0
 _CROSS_MM = 8.0
@@ -55,28 +61,48 @@ class PrintedPage:
     texts: tuple[tuple[float, float, str], ...]
 
 
-def printed_pages(target: Target, title: str) -> list[PrintedPage]:
-    """Every sheet of a target, each on the smallest paper that holds it with a ruler below.
+def printed_pages(target: Target, title: str, paper: str | None = None) -> list[PrintedPage]:
+    """Every sheet of a target with what checks the print.
 
     Args:
         target: What is printed; for lights and points a template with crosses is drawn.
-        title: Printed beside the ruler.
+        title: Printed above the ruler.
+        paper: Such as `A4` or `letter`; the smallest that holds the sheet where None.
 
     Raises:
-        InputError: if a template is requested points that do not lie in a plane z = 0.
+        InputError: if the paper is too small, or a template is requested of points off the plane z = 0.
     """
     if not target.sheets:
-        return [_template(target, title)]
+        return [_template(target, title, paper)]
     pages = []
     for sheet in target_drawing(target):
         left, top, right, bottom = 1e3 * sheet.paper
-        paper, size = _paper_for(right - left, bottom - top)
-        shift = np.array([(size[0] - right - left) / 2, (size[1] - _FOOT_MM - bottom - top) / 2])
+        name, size = _paper_for(right - left, bottom - top, paper)
+        shift = np.array([(size[0] - _SIDE_MM - right - left) / 2, (size[1] - _FOOT_MM - bottom - top) / 2])
         discs = 1e3 * sheet.discs
         discs[:, :2] += shift
         rectangles = 1e3 * sheet.rectangles + np.tile(shift, 2)
-        pages.append(PrintedPage(paper, size, rectangles, discs, np.zeros((0, 3)), *_ruler(size, title)))
+        check = f"between the cut marks {right - left:g} x {bottom - top:g} mm; pitch {1e3 * sheet.pitch:g} mm"
+        rulers, texts = _rulers(size, title, check)
+        axes, names = _axes(sheet, shift)
+        lines = np.concatenate([rulers, _cut_marks(1e3 * sheet.paper + np.tile(shift, 2)), axes])
+        pages.append(PrintedPage(name, size, rectangles, discs, np.zeros((0, 3)), lines, (*texts, *names)))
     return pages
+
+
+def largest_pitch_mm(target: Target, paper: str) -> float:
+    """The largest whole pitch at which all sheets of a target fit on a paper; its layout is scaled as a whole.
+
+    Args:
+        target: Of any pitch.
+        paper: Such as `A4` or `letter`.
+    """
+    scales = []
+    for sheet in target.sheets:
+        width, height = 1e3 * (sheet.paper[2:] - sheet.paper[:2])
+        rooms = [(a - 2 * _MARGIN_MM - _SIDE_MM, b - 2 * _MARGIN_MM - _FOOT_MM) for a, b in _orientations(paper)]
+        scales.append(1e3 * sheet.pitch * max(min(a / width, b / height) for a, b in rooms))
+    return float(np.floor(min(scales) + 1e-9))
 
 
 def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
@@ -103,38 +129,86 @@ def write_pages(pages: Sequence[PrintedPage], path: Path) -> list[Path]:
     return names
 
 
-def _template(target: Target, title: str) -> PrintedPage:
+def _template(target: Target, title: str, paper: str | None) -> PrintedPage:
     if np.abs(target.points[:, 2]).max() > 1e-6:
         raise InputError(f"a template is flat and the points of this {target.kind} are not: z must be 0 for all")
     at = 1e3 * target.points[:, :2]
     low, high = at.min(0) - 2 * _CROSS_MM, at.max(0) + 2 * _CROSS_MM
-    paper, size = _paper_for(*(high - low))
-    at = at + (np.array([size[0], size[1] - _FOOT_MM]) - high - low) / 2
-    lines, texts = _ruler(size, title)
+    name, size = _paper_for(float(high[0] - low[0]), float(high[1] - low[1]), paper)
+    at = at + (np.array([size[0] - _SIDE_MM, size[1] - _FOOT_MM]) - high - low) / 2
+    lines, texts = _rulers(size, title, "a cross where each point goes")
     arm = np.array([_CROSS_MM, 0.0])
     crosses = [np.concatenate([p - a, p + a]) for p in at for a in (arm, arm[::-1])]
     named = tuple((p[0] + 4, p[1] - 4, str(number)) for p, number in zip(at, target.ids, strict=True))
     rings = np.column_stack([at, np.full(len(at), _LIGHT_MM / 2)])
     return PrintedPage(
-        paper, size, np.zeros((0, 4)), np.zeros((0, 3)), rings, np.concatenate([lines, crosses]), texts + named
+        name, size, np.zeros((0, 4)), np.zeros((0, 3)), rings, np.concatenate([lines, crosses]), texts + named
     )
 
 
-def _paper_for(width: float, height: float) -> tuple[str, tuple[float, float]]:
-    need = (width + 2 * _MARGIN_MM, height + 2 * _MARGIN_MM + _FOOT_MM)
-    for name, (short, long) in _PAPERS.items():
-        for size in ((short, long), (long, short)):
-            if need[0] <= size[0] and need[1] <= size[1]:
+def _orientations(paper: str) -> list[tuple[float, float]]:
+    short, long = (_PAPERS | LETTER)[paper]
+    return [(short, long), (long, short)]
+
+
+def _paper_for(width: float, height: float, paper: str | None) -> tuple[str, tuple[float, float]]:
+    """A paper's name and its size as it is turned [mm].
+
+    Raises:
+        InputError: if the requested paper is too small.
+    """
+    need = (width + 2 * _MARGIN_MM + _SIDE_MM, height + 2 * _MARGIN_MM + _FOOT_MM)
+    for name in _PAPERS if paper is None else (paper,):
+        for size in _orientations(name):
+            if need[0] <= size[0] + 1e-6 and need[1] <= size[1] + 1e-6:
                 return name, size
-    return "custom", (float(np.ceil(max(need[0], _RULER_MM + 40))), float(np.ceil(need[1])))
+    if paper is not None:
+        raise InputError(f"{width:g} x {height:g} mm and rulers do not fit on {paper}: print it smaller")
+    least = _RULER_MM + 40
+    return "custom", (float(np.ceil(max(need[0], least))), float(np.ceil(max(need[1], least))))
 
 
-def _ruler(size: tuple[float, float], title: str) -> tuple[Array, tuple[tuple[float, float, str], ...]]:
+def _rulers(size: tuple[float, float], title: str, check: str) -> tuple[Array, tuple[tuple[float, float, str], ...]]:
+    """Rulers below and at the right, and the words above the one below."""
     y, x = size[1] - _MARGIN_MM - 6, _MARGIN_MM + 4
-    ticks = [[x + t, y, x + t, y - (4 if t % 50 == 0 else 2.5)] for t in np.arange(0, _RULER_MM + 1, 10)]
-    lines = np.array([[x, y, x + _RULER_MM, y], *ticks])
-    advice = f"{_RULER_MM:g} mm: measure it; print at 100 %, do not fit to the page"
-    return lines, ((x, y + 4, advice), (x, y - 8, title))
+    right = size[0] - _MARGIN_MM - 2
+    lines = [[x, y, x + _RULER_MM, y], [right, y, right, y - _RULER_MM]]
+    for t in np.arange(0, _RULER_MM + 1, 10):
+        tick = 4 if t % 50 == 0 else 2.5
+        lines += [[x + t, y, x + t, y - tick], [right, y - t, right - tick, y - t]]
+    advice = f"both rulers are {_RULER_MM:g} mm: measure them; print at 100 %, do not fit to the page"
+    return np.array(lines), ((x, y + 4, advice), (x, y - 11.5, title), (x, y - 7, check))
+
+
+def _cut_marks(paper: Array) -> Array:
+    """Two lines outwards from each corner of a sheet, whose left, top, right and bottom are given, (8, 4)."""
+    left, top, right, bottom = paper
+    marks = []
+    for x, outwards in ((left, -1), (right, 1)):
+        for y, down in ((top, -1), (bottom, 1)):
+            start, end = _OFF_MM, _OFF_MM + _MARK_MM
+            marks += [[x + outwards * start, y, x + outwards * end, y], [x, y + down * start, x, y + down * end]]
+    return np.array(marks)
+
+
+def _axes(sheet: Sheet, shift: Array) -> tuple[Array, tuple[tuple[float, float, str], ...]]:
+    """Arrows above and left of a sheet, which begin where the target's origin is and go along its x and y."""
+    sheet_from_target = sheet.target_from_sheet.inverse()
+    origin = 1e3 * sheet_from_target.translation[:2] + shift
+    left, top = 1e3 * sheet.paper[:2] + shift - _OFF_MM - 1
+    lines, names = [], []
+    for axis, name in enumerate("xy"):
+        along = np.round(sheet_from_target.rotation[:2, axis], 9)
+        if np.count_nonzero(along) != 1:
+            continue  # a sheet that is not turned by quarters
+        start = np.array([origin[0], top] if along[0] else [left, origin[1]])
+        end, across = start + _AXIS_MM * along, along[::-1]
+        lines.append([*start, *end])
+        lines += [[*end, *(end - 1.5 * along + turn * across)] for turn in (-1, 1)]
+        lines.append([*(start - across), *(start + across)])
+        place = end + 1.5 * along
+        names.append((float(place[0]), float(place[1]) + 1, name))
+    return np.array(lines).reshape(-1, 4), tuple(names)
 
 
 def page_svg(page: PrintedPage) -> str:
