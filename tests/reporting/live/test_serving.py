@@ -51,6 +51,17 @@ def test_only_who_has_the_token_is_served():
         answer(address)
 
 
+def test_what_cannot_be_answered_is_said():
+    """In the words of the error: a page can show them."""
+
+    def fail(query):
+        raise InputError("calibrate again")
+
+    with serving({("GET", "/"): fail}) as address:
+        status, _, words = answer(address)
+    assert (status, words) == (500, "calibrate again\n")
+
+
 def test_a_port_that_is_taken_is_told():
     """In a line."""
     with socket.socket() as line:

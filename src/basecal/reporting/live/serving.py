@@ -12,7 +12,7 @@ from http.server import BaseHTTPRequestHandler
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-from basecal.errors import InputError
+from basecal.errors import BasecalError, InputError
 from basecal.reporting.live.guard import Guard
 
 HOST = "127.0.0.1"
@@ -97,7 +97,10 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(404, Answer("there is no such page\n", "text/plain"))
         else:
             cookie = f"{guard.cookie}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
-            self._send(200, route(query), {"Set-Cookie": cookie})
+            try:
+                self._send(200, route(query), {"Set-Cookie": cookie})
+            except BasecalError as error:
+                self._send(500, Answer(f"{error}\n", "text/plain"))
 
     do_POST = do_GET
 

@@ -2,6 +2,7 @@
 // Samples chosen and left out; the page always asks for the whole choice, and only the answer to the last one counts.
 (() => {
   const run = document.querySelector(".run"), slider = document.querySelector(".slider input");
+  const lost = document.querySelector(".lost");
   const exclude = document.querySelector(".exclude");
   const chips = [...document.querySelectorAll(".samples .chip")];
   const numbers = chips.map((chip) => chip.dataset.number);
@@ -11,8 +12,11 @@
   const ask = async (path, more) => {
     const query = new URLSearchParams({ run: run.value, without: [...without].join(","), ...more });
     const asked = (latest[path] = `${path}?${query}`);
-    const html = await fetch(asked).then((answer) => (answer.ok ? answer.text() : ""), () => "");
-    if (latest[path] === asked) window.putParts(html);
+    const [ok, text] = await fetch(asked).then(async (answer) => [answer.ok, await answer.text()], () => [false, "basecal view has ended."]);
+    if (latest[path] !== asked) return;
+    lost.hidden = ok;
+    if (ok) window.putParts(text);
+    else lost.textContent = text;
     mark();
   };
   const mark = () => {
