@@ -25,15 +25,18 @@ _NAMES: Mapping[str, str] = {
     "new": "command line",
     "report": "page",
     "target": "command line",
+    "completion": "command line",
+    "capture": "capture journal",
     "solver maximum_likelihood": "study, run",
+    "solver closed_form": "study, run",
+    "solver opencv": "study, run",
     "export": "export json",
 }
 """Trials of another name than what they torment."""
 
 _WITHOUT: Mapping[str, frozenset[str]] = {
-    "verbs": frozenset({"completion", "demo", "capture", "fix", "view", "merge"}),
-    "drivers": frozenset(f"driver {kind}" for kind in ("replay", "folder", "typed", "opencv", "ur", "opcua", "ros2")),
-    "solvers": frozenset({"solver closed_form", "solver opencv"}),
+    "verbs": frozenset({"demo"}),
+    "drivers": frozenset(f"driver {kind}" for kind in ("opencv", "ur", "opcua", "ros2")),
 }
 
 

@@ -18,6 +18,7 @@ from basecal.cell.files import (
 )
 from basecal.errors import InputError
 from basecal.reporting.page import page
+from basecal.studies.solvers.registry import SOLVERS
 from basecal.studies.study_file import read_study
 from torment import besides, disks, system_calls
 from torment.cells import KINDS, calibration, cell_text, made, moved_or_good, write
@@ -25,6 +26,7 @@ from torment.damage import HOSTILE_TEXTS, damaged, places
 from torment.exports import EXPORTS
 from torment.foreign import read_damaged_tables
 from torment.numbers import calibrate_strange
+from torment.others import OTHERS
 from torment.outcome import Fell, of_command, of_reader
 from torment.writes import write_fault
 
@@ -75,7 +77,7 @@ def plan_damaged(chance: Random, folder: Path) -> str:
     return of_command([*words, *chance.choice(([], ["--json"]))])[0]
 
 
-_STUDY = {
+_STUDY: dict[str, Any] = {
     "schema": "basecal/study/1",
     "trials": 2,
     "cells": 1,
@@ -86,14 +88,25 @@ _STUDY = {
 
 def study_damaged(chance: Random, folder: Path) -> str:
     """A small study that is damaged, run where it stays small."""
-    data = damaged(_STUDY, chance, faults=2)
+    data = damaged({**_STUDY, "hold": {**_STUDY["hold"], "solver": chance.choice([*SOLVERS])}}, chance, faults=2)
     (folder / "a.yaml").write_text(cell_text(data))
     if isinstance(data, dict) and any(key in data and data[key] != _STUDY[key] for key in ("trials", "cells")):
         return of_reader(lambda: read_study(folder / "a.yaml"))
     return of_command(["study", str(folder / "a.yaml"), "-o", str(folder / "out"), "--workers", "1"])[0]
 
 
-_VERBS = ("calibrate", "report", "new", "simulate", "export", "detect", "target", "import poses", "import pixels", "")
+_VERBS = (
+    "calibrate",
+    "report",
+    "new",
+    "simulate",
+    "export",
+    "detect",
+    "target",
+    "import poses",
+    "import pixels",
+    "",
+)
 _OPTIONS = [
     "--json",
     "--robots",
@@ -158,7 +171,7 @@ def command_line(chance: Random, folder: Path) -> str:
     here = str(folder / "c")
     values = [here, str(made("pose").folder / "cell.yaml"), str(folder / "b.svg"), str(folder / "b.pdf"), *_VALUES]
     values += [text for text in HOSTILE_TEXTS if "\0" not in text and "\ud800" not in text]
-    words = chance.choice([*_VERBS, chance.choice(HOSTILE_TEXTS)]).split()
+    words = chance.choice([*_VERBS, "completion", chance.choice(HOSTILE_TEXTS)]).split()
     words += [here] if chance.random() < 0.9 else []
     for _ in range(chance.randint(0, 4)):
         words += [chance.choice(_OPTIONS), *(chance.choice(values) for _ in range(chance.choice((0, 1, 1, 1, 3))))]
@@ -229,5 +242,6 @@ WHOLE: dict[str, Trial] = {
     "compare": compare_damaged,
     "plan": plan_damaged,
     "study, run": study_damaged,
+    **OTHERS,
     **EXPORTS,
 }

@@ -35,7 +35,7 @@ from basecal.cell.files import (
     write_calibration,
 )
 from basecal.cell.results.calibration_file import read_calibration_data, run_folder
-from basecal.errors import DatasetError, FrameNotFound
+from basecal.errors import DatasetError, FrameNotFound, InputError
 from basecal.geometry import SE3, Camera, PoseEstimate
 
 SEEN = np.ones((3, 6), dtype=bool)
@@ -166,6 +166,14 @@ def test_round_trip(tmp_path: Path) -> None:
     assert_array_equal(found["joint_offsets"].covariance, was["joint_offsets"].covariance)
     assert calibration.residuals.loop_rms_rad == pytest.approx(want.residuals.loop_rms_rad, rel=1e-14)
     assert calibration_to_dict(read_calibration(path.parent))["residuals"] == calibration_to_dict(want)["residuals"]
+
+
+def test_what_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
+    """Such as a noise beyond all pixels: the field is named, and no run is made."""
+    calibration = Calibration("refused", noise={"cameras": {"wrist": {"pixel_px": 2e6}}})
+    with pytest.raises(InputError, match=r"^nothing was written.*wrist\.pixel_px"):
+        write_calibration(calibration, tmp_path)
+    assert run_names(tmp_path) == ()
 
 
 def test_runs_are_kept_apart(tmp_path: Path) -> None:

@@ -40,7 +40,8 @@ def test_strange_choices_are_left_out(viewed: Viewed) -> None:
     assert f"run {RUN}" in html
     everyone = ",".join(str(sample.sample) for sample in viewed.recording.samples)
     assert "no sample is left" in page.answer({"without": everyone})
-    assert "sample 99" in page.sample({"number": "99"})
+    assert "sample 99" in page.sample({"number": "99,4"})
+    assert "sample 0" in page.sample({})
 
 
 @pytest.mark.journey

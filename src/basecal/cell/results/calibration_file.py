@@ -31,9 +31,14 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
     """Path of the `calibration.json` written into a new folder `runs/<UTC time>`.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: if it cannot be written, or what would be written could not be read.
     """
-    text = indent_json(calibration_to_dict(calibration))
+    data = calibration_to_dict(calibration)
+    try:
+        calibration_from_dict(data)
+    except ValueError as error:
+        raise InputError(f"nothing was written, since it could not be read back: {error}") from None
+    text = indent_json(data)
     path = _new_run(Path(cell_folder)) / FILE
     write_atomically(path, text + "\n", within=Path(cell_folder))
     if calibration.scene is not None:

@@ -110,7 +110,7 @@ class ViewPage:
         """A sample's pictures with its points, and how it fits."""
         view, run = self._view, self._run(query)
         calibration, numbers = self._read(run), [sample.sample for sample in view.recording.samples]
-        (number,) = _numbers(query.get("number", "")) or (numbers[0],)
+        number = next(iter((*_numbers(query.get("number", "")), *numbers)), 0)
         lines = sample_words(number, calibration.residuals.per_sample, _excluded_numbers(query))
         drawn = sample_pictures(view.cell, view.recording, calibration, self._points(run), number)
         return environment().from_string(_SAMPLE).render(lines=lines, drawn=drawn)
