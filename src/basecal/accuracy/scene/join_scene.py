@@ -6,7 +6,7 @@ predicts held-out views better.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ _LINEARISATIONS = 2  # of the tracks about the solution: the second is about an 
 
 
 def join_scene(
-    cell: Cell, recording: Recording, solution: Solution, settings: Settings
+    cell: Cell, recording: Recording, solution: Solution, settings: Settings, outlier_samples: Collection[int] = ()
 ) -> tuple[Solution, tuple[Finding, ...], Fingerprint | None]:
     """The solution with the scene in it, findings and its points; as it was, and why, if the scene is of no use.
 
@@ -43,10 +43,12 @@ def join_scene(
         recording: With pictures or tracks.
         solution: Of all else that was seen.
         settings: How to solve.
+        outlier_samples: Numbers of samples whose pictures do not count, as their poses may be wrong.
     """
     report, fit = Report(), None
+    sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
     with settings.stage("features"):
-        pictures = _update_pictures(read_pictures(cell, recording), solution, cell)
+        pictures = _update_pictures(read_pictures(cell, replace(recording, samples=sound)), solution, cell)
     if len(pictures.views):
         stated = [_noise(solution, robot) for robot in pictures.views.robots]
         fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)

@@ -65,7 +65,8 @@ def join_static_scene(case: Case) -> Case:
     from basecal.accuracy.scene.join_scene import join_scene  # it reads images, which most calibrations do not
 
     assert case.robust is not None
-    joined, findings, scene = join_scene(case.cell, case.recording, case.solution, case.settings)
+    outliers = {int(number) for group in case.robust.left_out.groups for number in group.sample}
+    joined, findings, scene = join_scene(case.cell, case.recording, case.solution, case.settings, outliers)
     return replace(case, robust=replace(case.robust, solution=joined), scene=scene).with_findings(findings)
 
 
