@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pinocchio
 import pytest
 
-from basecal.cell import Calibration, Cell, Robot
+from basecal.cell import Calibration, Cell, Robot, RobotParameters
 from basecal.errors import InputError
+from basecal.exchange.exporters import urdf
 from basecal.exchange.exporters.urdf_cell import export_text
 from basecal.exchange.exports.wanted import Wanted
+from basecal.kinematics import read_chain
 from export_example import CALIBRATION, POSE
 
 DATA = Path(__file__).parents[2] / "data" / "urdf"
@@ -46,6 +49,32 @@ def test_urdfs_of_the_cell_are_taken_where_none_is_given():
     own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
     text = export_text(Wanted((), (), CALIBRATION, own, DATA))
     np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
+
+
+def test_bases_and_corrected_arms_are_one_package(tmp_path):
+    """The cell's own URDFs hold what was found of joints; of those given a comment says that they do not."""
+    own = replace(CELL, robots={"eye": EYE, "hand": replace(EYE, name="hand")})
+    chain = read_chain(BOTH[0], "base_link", "tool0")
+    turns = np.array([0.0, 0.01, -0.02, 0.03, 0.0, 0.0])
+    offsets = RobotParameters(chain.joint_names, turns, np.full(6, 1e-3), np.ones(6, dtype=bool))
+    source = f"sha256:{sha256(BOTH[0].read_bytes()).hexdigest()}"
+    found = replace(
+        CALIBRATION, robot_parameters={"joint_offsets": {"hand": offsets}}, inputs={"six_axis.urdf": source}
+    )
+    text = export_text(Wanted((), (), found, own, DATA))
+    assert "its base is the link base_link; joint offsets applied -->" in text
+    np.testing.assert_allclose(stands(text, "hand_base_link", "hand_tool0"), chain.forward(turns).matrix, atol=1e-9)
+    np.testing.assert_allclose(stands(text, "eye_base_link", "eye_tool0"), chain.forward(0 * turns).matrix, atol=1e-9)
+    np.testing.assert_allclose(stands(text, "eye_base_link", "hand_base_link"), POSE.matrix, atol=1e-12)
+    given = export_text(Wanted((), (), found, own, DATA, urdfs=BOTH))
+    assert "; joint offsets are not in it -->" in given
+    np.testing.assert_allclose(
+        stands(given, "hand_base_link", "hand_tool0"), chain.forward(0 * turns).matrix, atol=1e-9
+    )
+    corrected = tmp_path / "corrected.urdf"
+    corrected.write_text(urdf.export_text(Wanted((), (), found, own, DATA, robot="hand")))
+    given = export_text(Wanted((), (), found, own, DATA, urdfs=(BOTH[0], corrected)))
+    assert "corrected.urdf, its base is the link base_link; joint offsets applied -->" in given
 
 
 def test_what_is_missing_is_said():

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from pathlib import Path
 
 import numpy as np
 
 from basecal.bounded_file import read_bounded
+from basecal.cell import Calibration, Cell
 from basecal.cell.results.calibration_dict import program_version
 from basecal.errors import FrameNotFound, InputError
 from basecal.exchange.exports.exporter import Exporter
@@ -33,14 +35,19 @@ def export_text(request: Wanted) -> str:
         raise InputError(f"say whose URDF, with --robot: {', '.join(cell.robots)}")
     if of not in cell.robots:
         raise FrameNotFound(of, list(cell.robots))
-    robot = cell.robots[of]
+    return corrected_text(cell, folder, calibration, of)
+
+
+def corrected_text(cell: Cell, folder: Path, calibration: Calibration, name: str) -> str:
+    """As `export_text`, of a robot of the cell."""
+    robot = cell.robots[name]
     if robot.urdf is None or robot.base_link is None or robot.flange_link is None:
-        raise InputError(f"robot {of!r} has no urdf in cell.yaml: there is nothing to correct")
-    found = calibration.parameters_of_robot(of)
+        raise InputError(f"robot {name!r} has no urdf in cell.yaml: there is nothing to correct")
+    found = calibration.parameters_of_robot(name)
     offsets, links = found.get("joint_offsets"), found.get("link_parameters")
     if offsets is None and links is None:
         raise InputError(
-            f"the latest calibration has no joint offsets of {of!r}: "
+            f"the latest calibration has no joint offsets of {name!r}: "
             "write `joint_offsets: {status: prior, sigma_rad: 0.005}` there in cell.yaml and calibrate again"
         )
     turns = None if offsets is None else np.nan_to_num(offsets.values)
@@ -52,9 +59,14 @@ def export_text(request: Wanted) -> str:
             f"{robot.urdf} is not the file that was calibrated: it may hold the correction already, and twice is "
             "wrong; calibrate again, or put the file back that was calibrated"
         )
-    what = " and ".join(kind for kind in ("joint_offsets", "link_parameters") if kind in found)
-    note = f"made by basecal {program_version()} of {source}: {what.replace('_', ' ')} applied"
+    note = f"made by basecal {program_version()} of {source}: {applied_kinds(calibration, name)} applied"
     return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves, note)
+
+
+def applied_kinds(calibration: Calibration, robot: str) -> str:
+    """What a corrected URDF of a robot contains, in words; empty if nothing was found."""
+    found = calibration.parameters_of_robot(robot)
+    return " and ".join(kind.replace("_", " ") for kind in ("joint_offsets", "link_parameters") if kind in found)
 
 
 EXPORTER = Exporter(

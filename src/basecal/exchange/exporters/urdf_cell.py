@@ -6,6 +6,7 @@ from pathlib import Path
 
 from basecal.bounded_file import read_bounded
 from basecal.errors import InputError
+from basecal.exchange.exporters.urdf import applied_kinds, corrected_text
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import comments
 from basecal.exchange.exports.wanted import Wanted
@@ -15,6 +16,9 @@ from basecal.kinematics.urdf import LARGEST_BYTES, joint_origins
 
 def export_text(request: Wanted) -> str:
     """A URDF made of one for each robot: those given, in the order of cell.yaml, or those that the cell names.
+
+    Bases and what was found of joints and links belong together: URDFs that the cell names are corrected. A comment
+    says which of those given are not.
 
     A robot's base is the `base_link` that cell.yaml gives it, or the base of its `frames`, or the root of its URDF.
 
@@ -31,9 +35,9 @@ def export_text(request: Wanted) -> str:
     if len(paths) != len(cell.robots):
         robots = ", ".join(cell.robots)
         raise InputError(f"{len(paths)} URDFs for {len(cell.robots)} robots: give one each, --urdf for {robots}")
-    parts = {}
+    parts, corrections = {}, {}
     for robot, path in zip(cell.robots.values(), paths, strict=True):
-        text = read_bounded(path, LARGEST_BYTES)
+        text, corrections[robot.name] = _robot_text(request, robot.name, path)
         base_link = robot.base_link or robot.frames.get("base")
         if base_link is None:
             above = joint_origins(text, str(path))
@@ -45,11 +49,29 @@ def export_text(request: Wanted) -> str:
         if cell.base_name(name) not in known:
             raise InputError(f"where {name!r} stands is not known: there is no {cell.base_name(name)}")
     places = {name: known[cell.base_name(name)] for name in others}
-    said = [f"{name}: {Path(part.path).name}, its base is the link {part.base_link}" for name, part in parts.items()]
+    said = [
+        f"{name}: {Path(part.path).name}, its base is the link {part.base_link}{corrections[name]}"
+        for name, part in parts.items()
+    ]
     remarks = [line.strip() for line in comments([*request.remarks, *said], "")]
     return merged_urdf(parts, cell.reference, places, remarks)
 
 
+def _robot_text(request: Wanted, name: str, path: Path) -> tuple[bytes, str]:
+    """A robot's URDF with what was found of its joints and links, and a remark that says so."""
+    cell, folder = request.cell, request.folder
+    assert cell is not None
+    assert folder is not None
+    kinds = applied_kinds(request.calibration, name)
+    if kinds and path not in request.urdfs:
+        return corrected_text(cell, folder, request.calibration, name).encode(), f"; {kinds} applied"
+    text = read_bounded(path, LARGEST_BYTES)
+    is_applied = f"{kinds} applied".encode() in text
+    return text, "" if not kinds else f"; {kinds} applied" if is_applied else f"; {kinds} are not in it"
+
+
 EXPORTER = Exporter(
-    "one URDF of all robots, each where it was found; with --urdf FILE... from these", export_text, takes=("urdf",)
+    "one URDF of all robots, each where it was found and corrected; with --urdf FILE... from these",
+    export_text,
+    takes=("urdf",),
 )
