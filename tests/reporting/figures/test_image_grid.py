@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -33,3 +35,14 @@ def test_points_without_an_image_have_one(pixels):
     grid = image_grid(None, pixels)
     assert np.all(grid.size > 0)
     assert np.all((grid.square >= 0) & (grid.square < grid.shape[0] * grid.shape[1]))
+
+
+def test_a_strip_says_how_large_the_image_is_and_what_shades_mean():
+    """From the faintest to full, between their words, below the image."""
+    grid = image_grid((1280, 720), np.array([[1.0, 2.0]]))
+    strip = "".join(grid.strip("0", "0.5 px"))
+    shades = [float(shade) for shade in re.findall(r'fill-opacity="([0-9.]+)"', strip)]
+    assert shades == sorted(shades)
+    assert (shades[0], shades[-1]) == (0.12, 1.0)
+    assert re.findall(r">([^<]+)</text>", strip) == ["1280 x 720 px", "0", "0.5 px"]
+    assert min(float(y) for y in re.findall(r' y="([0-9.]+)"', strip)) > grid.height

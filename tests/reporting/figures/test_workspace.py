@@ -24,6 +24,9 @@ def test_a_drawing_for_each_height():
     assert re.findall(r'class="tile-number"[^>]*>([^<]+)<', high.svg) == ["1", "1", "1", "2"]
     assert "(1.000, 2.000, 1.000) m: 2 mm and 0.57 deg" in high.svg
     assert "1 to 2 mm in all" in low.caption
+    assert high.svg.count('class="tile worst"') == 1
+    assert high.caption.endswith("Outlined: the worst place, 1.00, 2.00, 1.00 m.")
+    assert "worst" not in low.svg + low.caption
 
 
 def test_one_point():

@@ -10,6 +10,8 @@ from basecal.geometry import Array, IntArray
 from basecal.reporting.svg import element, text
 
 IMAGE_WIDTH = 640.0
+STRIP = 30.0  # below an image, for its size and the bar of its shades
+_BAR_WIDTH, _BAR_STEPS = 160.0, 8
 FAINTEST = 0.12  # shade of a square with least in it, which must be told from one with nothing
 _ACROSS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
 _LARGEST_ASPECT = 8.0  # of what points without an image cover
@@ -55,6 +57,25 @@ class ImageGrid:
         width, height = np.minimum(self.pitch * self.scale, np.array([IMAGE_WIDTH - left, self.height - top]))
         place = {"x": f"{left:.1f}", "y": f"{top:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
         return element("rect", element("title", text(label)), class_="tile", fill_opacity=f"{share:.2f}", **place)
+
+    def strip(self, least: str, most: str) -> list[str]:
+        """Below the image: its size, and a bar from the shade of the least to that of the most."""
+        top, right = self.height + 10, IMAGE_WIDTH - 90
+        step = _BAR_WIDTH / _BAR_STEPS
+        shades = np.linspace(FAINTEST, 1, _BAR_STEPS)
+        place = {"class_": "tile shade", "y": f"{top:.1f}", "width": f"{step:.1f}", "height": 14}
+        bars = [
+            element("rect", fill_opacity=f"{shade:.2f}", x=f"{right - _BAR_WIDTH + k * step:.1f}", **place)
+            for k, shade in enumerate(shades)
+        ]
+        word = {"class_": "tick", "y": f"{top + 12:.1f}"}
+        width, height = (f"{side:.0f}" for side in self.size)
+        return [
+            element("text", text(f"{width} x {height} px"), x=0, **word),
+            *bars,
+            element("text", text(least), x=f"{right - _BAR_WIDTH - 8:.1f}", text_anchor="end", **word),
+            element("text", text(most), x=f"{right + 8:.1f}", **word),
+        ]
 
 
 def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:

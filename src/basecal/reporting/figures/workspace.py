@@ -19,16 +19,19 @@ _GAP = 2.0
 def workspace(found: ErrorMap) -> Iterator[Figure]:
     """Of each height, from the lowest: squares shaded by the error, x to the right and y upwards."""
     low, high = found.length_95_m.min() * 1e3, found.length_95_m.max() * 1e3
+    worst = int(found.length_95_m.argmax())
     across, along = np.unique(found.points_m[:, 0]), np.unique(found.points_m[:, 1])
     for height in np.unique(found.points_m[:, 2]):
         here = np.flatnonzero(found.points_m[:, 2] == height)
-        tiles = [_tile(found, int(k), across, along, high) for k in here]
+        tiles = [_tile(found, int(k), across, along, high, k == worst) for k in here]
         size = _TILE * len(across), _TILE * len(along)
         frame = element("rect", class_="frame", width=f"{size[0]:g}", height=f"{size[1]:g}")
         title = f"at z = {height:.3f} m"
         svg = drawing(*size, f"expected error {title}", frame, *tiles)
         of = found.length_95_m[here] * 1e3
         caption = f"95 % of errors below {of.min():.2g} to {of.max():.2g} mm here, {low:.2g} to {high:.2g} mm in all."
+        if worst in here:
+            caption += f" Outlined: the worst place, {', '.join(f'{x:.2f}' for x in found.points_m[worst])} m."
         yield Figure(title, svg, caption, _ends(across, "x"), _ends(along[::-1], "y"))
 
 
@@ -38,7 +41,7 @@ def _ends(values: Array, axis: str) -> tuple[str, ...]:
     return f"{axis} {values[0]:.2f} m", f"{values[-1]:.2f} m"
 
 
-def _tile(found: ErrorMap, number: int, across: Array, along: Array, highest_mm: float) -> str:
+def _tile(found: ErrorMap, number: int, across: Array, along: Array, highest_mm: float, is_worst: bool) -> str:
     """The square of a point with its error in mm, the darker the larger; pointed at it says all."""
     x, y, z = found.points_m[number]
     mm, degrees = 1e3 * found.length_95_m[number], float(np.degrees(found.angle_95_rad[number]))
@@ -47,7 +50,7 @@ def _tile(found: ErrorMap, number: int, across: Array, along: Array, highest_mm:
     share = mm / highest_mm if highest_mm > 0 else 0.0
     square = element(
         "rect",
-        class_="tile",
+        class_="tile worst" if is_worst else "tile",
         x=f"{_TILE * column + _GAP / 2:g}",
         y=f"{_TILE * row + _GAP / 2:g}",
         width=f"{_TILE - _GAP:g}",
