@@ -299,14 +299,45 @@ FAMILIES: Mapping[str, Callable[[Truth, np.random.Generator], Truth]] = {
     "compliance": lambda truth, rng: _arms(truth, lambda: Arm(compliance=2e-5 * _size(rng))),
     "field": lambda truth, rng: _arms(truth, lambda: _field(rng)),
     "far": lambda truth, rng: _arms(truth, lambda: _off_link(rng)),
+    "fixed mount": lambda truth, rng: truth,
+    "stated sigma": lambda truth, rng: truth,
 }
 """By name what a cell has beside its noise."""
 BY_PLACE = "axis", "link", "compliance", "field", "far"
 """Families in which arms err, where the map counts, not the base."""
 
 
-def written(folder: Path, truth: Truth, joints: tuple[Array, Array], stated: bool, rng: np.random.Generator) -> None:
-    """Write the cell and what was recorded of it."""
+def _off_mount(cell: dict[str, Any], truth: Truth, rng: np.random.Generator) -> str:
+    """State a mount as fixed, 0.5 to 20 mm off; its name."""
+    part, mount, name = (
+        (cell["cameras"]["wrist"], truth.camera, "eye_flange_from_wrist"),
+        (cell["targets"]["board"], truth.board, "hand_flange_from_board"),
+    )[rng.integers(2)]
+    way = rng.normal(size=3)
+    off_m = np.exp(rng.uniform(np.log(5e-4), np.log(2e-2))) * way / np.linalg.norm(way)
+    part["mount"] = {"status": "fixed", "matrix": (mount @ rigid(np.eye(3), off_m)).tolist()}
+    return name
+
+
+def _off_sigma(cell: dict[str, Any], truth: Truth, rng: np.random.Generator) -> str:
+    """State the noise of one arm 10 to 1000 times too large or too small; its name."""
+    robot = ("eye", "hand")[rng.integers(2)]
+    factor = float(np.exp(rng.uniform(np.log(10), np.log(1000)) * rng.choice([-1, 1])))
+    cell["robots"][robot] = {"noise": {"sigma_t_m": truth.arm[0] * factor, "sigma_r_rad": truth.arm[3] * factor}}
+    return robot
+
+
+STATEMENTS: Mapping[str, tuple[str, Callable[[dict[str, Any], Truth, np.random.Generator], str]]] = {
+    "fixed mount": ("fixed-contradicted", _off_mount),
+    "stated sigma": ("poor-fit", _off_sigma),
+}
+"""Families whose cell is stated wrong: the finding that is to name what it is about, and how to state it."""
+
+
+def written(
+    folder: Path, truth: Truth, joints: tuple[Array, Array], stated: bool, rng: np.random.Generator, family: str = ""
+) -> str:
+    """Write the cell and what was recorded of it; the name of what is stated wrong."""
     lens = {"fx": FOCAL_PX, "fy": FOCAL_PX, "cx": CENTRE_PX[0], "cy": CENTRE_PX[1], "distortion": []}
     noise = {"noise": {"sigma_t_m": truth.arm[0], "sigma_r_rad": truth.arm[3]}} if stated else {}
     cell: dict[str, Any] = {
@@ -325,6 +356,7 @@ def written(folder: Path, truth: Truth, joints: tuple[Array, Array], stated: boo
     }
     if stated:
         cell["noise"] = {"pixel_px": truth.pixel_px}
+    wrong = STATEMENTS[family][1](cell, truth, rng) if family in STATEMENTS else ""
     (folder / "cell.yaml").write_text(json.dumps(cell), encoding="utf-8")
     read = [NOMINAL.flange(of) for of in joints]
     true = [
@@ -343,6 +375,7 @@ def written(folder: Path, truth: Truth, joints: tuple[Array, Array], stated: boo
         rows.append(json.dumps({"sample": k, "robots": robots, "observations": [view]}))
     (folder / "recording").mkdir()
     (folder / "recording" / "samples.jsonl").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return wrong
 
 
 def measured(family: str, seed: int, samples: int, stated: bool) -> dict[str, Any]:
@@ -356,7 +389,7 @@ def measured(family: str, seed: int, samples: int, stated: bool) -> dict[str, An
     middle = (truth.base @ poses[1])[:, :3, 3].mean(0)
     point = middle + (FAR_M * _direction(rng) if family == "far" else 0.0)
     with tempfile.TemporaryDirectory() as name:
-        written(Path(name), truth, joints, stated, rng)
+        wrong = written(Path(name), truth, joints, stated, rng, family)
         cell, recording = basecal.read_cell(Path(name)), basecal.read_recording(Path(name))
         found = basecal.calibrate(cell, recording, basecal.Settings(task_point=tuple(point)))
     row: dict[str, Any] = {
@@ -366,6 +399,8 @@ def measured(family: str, seed: int, samples: int, stated: bool) -> dict[str, An
         "stated": stated,
         "verdict": found.verdict,
     }
+    if wrong:
+        row["named"] = any(f.code == STATEMENTS[family][0] and wrong in f.about for f in found.findings)
     row["codes"] = sorted({f"{f.code}:{f.severity}" for f in found.findings})
     row["what"] = [f.message for f in found.findings if f.severity != "info"]
     base = found.transforms.get("eye_base_from_hand_base")
@@ -429,6 +464,7 @@ def shown(rows: Sequence[Mapping[str, Any]]) -> str:
                     sum(m > 1.0 for m in maps),
                     sum(m > 1.68 for m in maps),
                     f"{max(maps, default=0):.2f}",
+                    sum(row["named"] for row in of) if family in STATEMENTS else "",
                 )
             )
     head = (
@@ -443,6 +479,7 @@ def shown(rows: Sequence[Mapping[str, Any]]) -> str:
         "map beyond 95 %",
         "beyond 1.68",
         "most",
+        "named",
     )
     codes = Counter(code for row in rows for code in row["codes"])
     return f"{table(head, lines)}\n\n{dict(codes.most_common())}"
