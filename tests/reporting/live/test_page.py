@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import threading
 import urllib.request
 from dataclasses import replace
 from urllib.parse import urlsplit
@@ -14,6 +16,7 @@ from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
 from basecal.acquisition.watching import End, Watch
 from basecal.cell import RobotState, Unknown
 from basecal.cell.targets.charuco import charuco_target
+from basecal.errors import DriverError
 from basecal.geometry import SE3, Camera
 from basecal.reporting.live import page
 from basecal.vision.draw.render import render
@@ -86,6 +89,26 @@ def test_the_end_is_a_verdict_with_what_to_type_next(cell):
     assert 'class="verdict refused"' in state["html"]
     assert "next: <code>basecal calibrate mycell</code>" in state["html"]
     assert "left, at the pace so far" not in state["html"]
+
+
+def test_a_capture_that_was_stopped_is_seen_to_have_ended(cell, monkeypatch):
+    """The page answers a little longer, also after an error."""
+    monkeypatch.setattr(page, "_REFRESH_S", 0.2)
+    watch, seen = captured(cell), []
+
+    def look(address):
+        seen.append(json.loads(urllib.request.urlopen(address.replace("/?", "/state?"), timeout=20).read()))
+
+    def stop():
+        with page.serve_page(watch, cell, print) as address:
+            watch.end(End("STOPPED", "Stop was pressed on the page."))
+            threading.Timer(0.1, look, [address]).start()
+            raise DriverError("Stop was pressed on the page.")
+
+    with pytest.raises(DriverError):
+        stop()
+    assert [state["over"] for state in seen] == [True]
+    assert "STOPPED" in seen[0]["html"]
 
 
 def test_arms_are_where_they_are_and_where_they_were_sent(cell):

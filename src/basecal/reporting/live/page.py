@@ -62,9 +62,11 @@ def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int 
         ("POST", "/stop"): stop_arms,
     }
     with serving(routes, port) as address:
-        yield address
-        if watch.snapshot.end is not None:
-            time.sleep(2 * _REFRESH_S)  # so that who looks sees the end
+        try:
+            yield address
+        finally:
+            if watch.snapshot.end is not None:
+                time.sleep(2 * _REFRESH_S)  # so that who looks sees the end
 
 
 class LivePage:
