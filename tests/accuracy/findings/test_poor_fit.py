@@ -5,10 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.evidence import evidence_of
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.poor_fit import poor_fit
-from basecal.accuracy.stated_sigmas import ContradictedSigma
+from basecal.accuracy.stated_sigmas import ContradictedSigma, contradicted_sigmas
+from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
 
@@ -80,3 +82,15 @@ def test_a_sigma_typed_in_other_units_is_named_with_what_the_data_show():
     assert (finding.code, finding.about, found.verdict) == ("poor-fit", ("arm",), "doubtful")
     assert finding.what.startswith("The stated noise of arm is 100 mm and 200 mrad; the data show 0.")
     assert found.unobservable == ()
+
+
+def test_arms_in_the_same_views_are_doubted_together():
+    """The noise of one is stated a hundred times too small: that of the other takes up its errors."""
+    made = simulate(Scenario(samples=20, robot_noise=(2e-4, 4e-4)), 0)
+    eye = made.cell.robots["eye"]
+    cell = replace(made.cell, robots={**made.cell.robots, "eye": replace(eye, noise=eye.noise / 100)})
+    solution = solve(cell, made.recording)
+    found = poor_fit(replace(evidence_of(cell, solution), contradicted_sigmas=contradicted_sigmas(solution)))
+    (finding,) = (each for each in found if each.about != ("wrist",))
+    assert finding.about == ("hand", "eye")
+    assert "Residuals of poses of hand or eye are 1." in finding.what

@@ -38,8 +38,8 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
 
 def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     """A warning if stated sigmas are too small, or hid directions; an info if they are too large, or off by little."""
-    whose = f"poses of {sigma.about}" if sigma.of_robot else f"what {sigma.about} saw" if sigma.about else "everything"
-    about = (sigma.about,) if sigma.about else ()
+    about = _robots_alike(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
+    whose = f"poses of {' or '.join(about)}" if sigma.of_robot else f"what {sigma.about} saw" if about else "everything"
     found = evidence.solution.noise.robots.get(sigma.about)
     if found is not None and not sigma.is_too_small:
         stated = evidence.recorded.stops.sigma[[name == sigma.about for name in evidence.recorded.stops.robot]].mean(0)
@@ -55,6 +55,14 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
     severity: Severity = "warning" if sigma.ratio > _LITTLE_RATIO else "info"
     return Finding("poor-fit", severity, about, what, do, why)
+
+
+def _robots_alike(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:
+    """A robot, and if its sigma is too small those in the same views that state theirs, too: either may be off."""
+    recorded = evidence.recorded
+    seen = {robot for group in recorded.groups if sigma.about in group.robots for robot in group.robots}
+    others = sorted(seen - {sigma.about} - set(recorded.unstated)) if sigma.is_too_small else []
+    return (sigma.about, *others)
 
 
 def _noise(sigma: Array) -> str:
