@@ -5,8 +5,8 @@ Command: python -m benchmarks.arrays [--draws 200] [--samples 20].
 
 from __future__ import annotations
 
-import argparse
 import sys
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from scipy.stats import chi2
 import basecal
 from basecal.geometry import SE3
 from basecal.vision.robot_world import METHODS, robot_world
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import by_draws, table
 
 DRAWS, SAMPLES = 200, 20
 HOLD = 0.95
@@ -95,21 +95,17 @@ The 95 % ellipsoid holds {result["held"]:.1%} of the errors. {len(result["not_go
     return f"{about}\n\n{table(('method', 'rms [mm]', '[mrad]'), rows)}"
 
 
-def main(arguments: list[str]) -> None:
-    """Run, print, and write results/arrays.json of as many draws as are usual."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.arrays", description=__doc__)
-    parser.add_argument("--draws", type=int, default=DRAWS)
-    parser.add_argument("--samples", type=int, default=SAMPLES)
-    asked = parser.parse_args(arguments)
-    on_one_core()
-    found = summary([trial(seed, asked.samples, Noise()) for seed in range(asked.draws)])
+def measured(draws: int, samples: int) -> dict[str, Any]:
+    """The summary of so many draws, and their noise."""
+    return {"noise": Noise()._asdict(), **summary([trial(seed, samples, Noise()) for seed in range(draws)])}
+
+
+def shown(found: Mapping[str, Any]) -> str:
+    """A table of the methods' rms, and all else."""
     rows = [(name, f"{1e3 * m:.3f}", f"{1e3 * rad:.3f}") for name, (m, rad) in found["rms"].items()]
-    print(table(("method", "rms mm", "rms mrad"), rows))
     told = {key: value for key, value in found.items() if key != "rms"}
-    print(told)
-    if asked.draws >= DRAWS:
-        write("arrays", {"draws": asked.draws, "samples": asked.samples, "noise": Noise()._asdict(), **found})
+    return f"{table(('method', 'rms mm', 'rms mrad'), rows)}\n{told}"
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    by_draws("arrays", sys.argv[1:], (DRAWS, SAMPLES), measured, shown)

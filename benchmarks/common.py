@@ -108,6 +108,25 @@ class Kept:
         return self._known[key]
 
 
+def by_draws(
+    name: str,
+    arguments: Sequence[str],
+    usual: tuple[int, int],
+    measured: Callable[[int, int], Mapping[str, Any]],
+    shown: Callable[[Mapping[str, Any]], str],
+) -> None:
+    """Measure draws of samples and print; results of at least the usual number of draws are written, too."""
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}")
+    parser.add_argument("--draws", type=int, default=usual[0])
+    parser.add_argument("--samples", type=int, default=usual[1])
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    found = measured(asked.draws, asked.samples)
+    print(shown(found))
+    if asked.draws >= usual[0]:
+        write(name, {"draws": asked.draws, "samples": asked.samples, **found})
+
+
 def cell_by_cell(
     name: str,
     arguments: Sequence[str],

@@ -5,8 +5,8 @@ Command: python -m benchmarks.target_poses [--draws 60] [--samples 20].
 
 from __future__ import annotations
 
-import argparse
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 import cv2
@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 import basecal
 from basecal.geometry import SE3, Array
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import by_draws, table
 
 DRAWS, SAMPLES = 60, 20
 LENS = np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]])
@@ -93,21 +93,16 @@ Of each target {result["draws"]} were drawn."""
     return f"{about}\n\n{table(head, rows)}"
 
 
-def main(arguments: list[str]) -> None:
-    """Run, print, and write results/target_poses.json of as many draws as are usual."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.target_poses", description=__doc__)
-    parser.add_argument("--draws", type=int, default=DRAWS)
-    parser.add_argument("--samples", type=int, default=SAMPLES)
-    asked = parser.parse_args(arguments)
-    on_one_core()
-    rows = []
-    for name, points in TARGETS.items():
-        rows.append(summary(name, [trial(seed, asked.samples, points) for seed in range(asked.draws)]))
-        print(rows[-1], flush=True)
-    print(table(list(rows[0]), [list(row.values()) for row in rows]))
-    if asked.draws >= DRAWS:
-        write("target_poses", {"draws": asked.draws, "samples": asked.samples, "rows": rows})
+def measured(draws: int, samples: int) -> dict[str, Any]:
+    """A row for each target."""
+    trials = {name: [trial(seed, samples, points) for seed in range(draws)] for name, points in TARGETS.items()}
+    return {"rows": [summary(name, of) for name, of in trials.items()]}
+
+
+def shown(found: Mapping[str, Any]) -> str:
+    """All rows as a table."""
+    return table(list(found["rows"][0]), [list(row.values()) for row in found["rows"]])
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    by_draws("target_poses", sys.argv[1:], (DRAWS, SAMPLES), measured, shown)

@@ -131,6 +131,7 @@ def _call_in_parallel(calls: list[Callable[[], None]], most_s: float) -> None:
     """Make calls in threads of their own, each until it returns or the time [s] is over; errors are of no use here."""
 
     def call_silently(call: Callable[[], None]) -> None:
+        """Make one call, whatever it raises."""
         with suppress(Exception):
             call()
 

@@ -175,6 +175,7 @@ def wait_for_picture(
     """
 
     def look() -> _Look:
+        """The next picture, with the targets in it."""
         return _look(wait_for_picture_after(camera, after_s, patience_s, report), targets)
 
     looks = [look()]

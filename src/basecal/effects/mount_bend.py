@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
-from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.effect import Effect, Face
 from basecal.effects.faces.expected_size import ExpectedSize
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
 from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
@@ -47,6 +47,13 @@ def bend(size_rad: float, down_in_flange: Array) -> Array:
     return np.asarray(flange_tangents(down_in_flange[None])[0, :, 2] * size_rad)
 
 
+ABSENT: dict[Face, str] = {
+    "statement": "nobody measures it beforehand",
+    "unknown": "the answer contains it as large as expected, given the data",
+    "map": "flanges meet at the task, not what they carry",
+}
+"""Faces that what gravity does to a mount has not."""
+
 EFFECT = Effect(
     "mount_bend",
     expected=ExpectedSize(3e-4, 3.0, "assumed: brackets of sheet metal and printed plastic bend by 0.1 to 1 mrad"),
@@ -55,9 +62,5 @@ EFFECT = Effect(
     fault=SimulatedFault(
         "mount-bend", "mrad", MILLI, 1.0, "mounts bend by so much where gravity is across z of flanges", move_mount=bend
     ),
-    absent={
-        "statement": "nobody measures it beforehand",
-        "unknown": "the answer contains it as large as expected, given the data",
-        "map": "flanges meet at the task, not what they carry",
-    },
+    absent=ABSENT,
 )

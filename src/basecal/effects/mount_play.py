@@ -17,6 +17,7 @@ from basecal.effects.faces.expected_size import ExpectedSize
 from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
 from basecal.effects.faces.simulated_fault import MILLI, SimulatedFault
 from basecal.effects.faces.views import Views, mount_moves
+from basecal.effects.mount_bend import ABSENT
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix
 
@@ -63,9 +64,5 @@ EFFECT = Effect(
     fault=SimulatedFault(
         "mount-play", "mm", MILLI, 0.5, "mounts slide by so much along x of flanges", move_mount=slide
     ),
-    absent={
-        "statement": "nobody measures it beforehand",
-        "unknown": "the answer contains it as large as expected, given the data",
-        "map": "flanges meet at the task, not what they carry",
-    },
+    absent=ABSENT,
 )

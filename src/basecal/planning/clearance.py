@@ -169,6 +169,7 @@ def _box_gap(capsules: Array, box: KeepOut) -> float:
     middles, reach = _balls(capsules)
 
     def gap(rows: IntArray) -> Array:
+        """Distances of these capsules from the box."""
         starts, ends, radius = np.split(capsules[rows], (3, 6), axis=-1)
         points = starts + np.linspace(0, 1, _SEGMENT_POINTS)[:, None, None] * (ends - starts)
         between = 0.5 * np.linalg.norm(points[1] - points[0], axis=-1)  # by which a point between two may be nearer

@@ -189,6 +189,7 @@ def _kept_alive(robot: Robot) -> Iterator[Callable[[], None]]:
     ended = threading.Event()
 
     def kick() -> None:
+        """Send the heartbeat until it is no longer needed."""
         with suppress(Exception):
             while isinstance(robot, HasWatchdog) and not ended.wait(_HEARTBEAT_S):
                 robot.keep_alive()

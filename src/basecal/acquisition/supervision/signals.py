@@ -28,6 +28,7 @@ def routed_signals(reason: Callable[[], str]) -> Iterator[int]:
     os.set_blocking(write_fd, False)
 
     def raise_reason(number: int, frame: object) -> None:
+        """Interrupt the main thread, if there is a reason."""
         if words := reason():
             raise DriverError(words)
 
