@@ -123,3 +123,13 @@ def test_a_scene_of_few_pictures_is_left_out(tmp_path: Path) -> None:
     assert kept is None
     assert (finding.code, finding.severity) == ("scene-left-out", "info")
     assert "9 pictures of left_eye" in finding.what
+
+
+def test_without_pictures_there_is_no_scene(tmp_path: Path) -> None:
+    """The answer stays as it is, and the missing pictures are named."""
+    cell, recording = board_beside_tracks(tmp_path, made_scene(1, arms=2, count=6, points=60), 1, boards=6)
+    bare = replace(recording, samples=tuple(replace(each, tracks=()) for each in recording.samples))
+    solution = solve(cell, bare, Settings(robot_noise="stated"))
+    found, (finding,), _ = join_scene(cell, bare, solution, Settings())
+    assert found is solution
+    assert "No camera has pictures" in finding.what

@@ -49,7 +49,9 @@ def join_scene(
     sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
     with settings.stage("features"):
         pictures = _update_pictures(read_pictures(cell, replace(recording, samples=sound)), solution, cell)
-    if len(pictures.views):
+    if not len(pictures.views):
+        report.findings.append(Finding("scene-left-out", "error", (), "No camera has pictures or tracks with poses."))
+    else:
         stated = [_noise(solution, robot) for robot in pictures.views.robots]
         fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)
     if fit is None:
