@@ -227,3 +227,22 @@ def test_a_picture_between_stops_is_left_out(tmp_path: Path) -> None:
     for stop, (sample, middle) in enumerate(zip(samples, middles(3), strict=True)):
         assert cv2.imread(str(tmp_path / "c" / sample.images["cam"]), cv2.IMREAD_UNCHANGED).max() == stop
         assert sample.stamp_s == pytest.approx(middle, abs=6 / RATE)
+
+
+def test_a_target_is_described_with_the_bag(tmp_path: Path) -> None:
+    """The target that its pictures show is described by the options that `images` has."""
+    where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (3, 6)))
+    bag = new_bag(tmp_path, "mcap")
+    for time, stop, share in journey(2):
+        moved = {(f"{name}_base_link", f"{name}_tool0"): between(where, stop, share) for name in ("left", "right")}
+        bag.transforms("/tf", time, moved)
+    for time in middles(2):
+        bag.image("/wrist/image_raw", float(time), np.zeros((24, 32), np.uint8))
+    words = ["import", "bag", str(tmp_path / "c"), str(bag.close()), "--on", "wrist=left"]
+    assert main([*words, "--target", "charuco", "--squares", "5x7", "--square", "40mm", "--target-on", "right"]) == 0
+    cell = read_cell(tmp_path / "c")
+    board = cell.targets["board"]
+    assert (board.on, cell.cameras["wrist"].on) == ("right", "left")
+    assert board.target is not None
+    assert board.target.options["square_m"] == 0.04
+    assert cell.robots["left"].frames == {"base": "left_base_link", "flange": "left_tool0"}

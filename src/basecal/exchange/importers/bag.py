@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from basecal.cell import Cell
+from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError
 from basecal.exchange.bags.bag import Bag, Message, fix_of, open_bag
 from basecal.exchange.bags.choice import choose_sources
@@ -16,6 +17,7 @@ from basecal.exchange.bags.rows import make_rows, still_instants, stream_instant
 from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
+from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.known import known_cell
 from basecal.exchange.importing.paired import paired
@@ -36,6 +38,10 @@ def read_bag(
     on: tuple[str, ...] = (),
     tf: bool = False,
     streams: bool = False,
+    target: TargetKindName | None = None,
+    target_on: str | None = None,
+    target_name: str = "board",
+    shape: Shape = UNSAID,
     progress: Progress | None = None,
 ) -> Imported:
     """Make a recording of a bag of ROS 1 (.bag) or ROS 2 (sqlite3, MCAP).
@@ -54,6 +60,8 @@ def read_bag(
         basecal import bag mycell recording --list
         basecal import bag mycell recording --robot left=left_base,left_tool0 \\
             right=right_base,right_tool0 --camera wrist=/wrist/image_raw
+        basecal import bag mycell recording --target charuco --squares 5x7 \\
+            --square 40mm --target-on right
         basecal import bag mycell tags.bag --robot arm=/arm/pose \\
             --view wrist,tag=/tag/pose --on wrist=arm --streams
 
@@ -67,6 +75,10 @@ def read_bag(
         on: NAME=ROBOT or NAME=world: what carries a camera or target that is new.
         tf: Take robots from tf where there are joint states as well.
         streams: Take everything, each device at its own times, instead of one sample for each stop.
+        target: Kind of the target in the pictures, where the cell does not describe it; its sizes are below.
+        target_on: What carries it: a robot (its flange), or `world`.
+        target_name: Its name.
+        shape: Its counts and sizes.
         progress: Called after each message, with how many are read, and of how many.
 
     Raises:
@@ -84,20 +96,35 @@ def read_bag(
         except InputError as error:
             raise InputError("; ".join((f"{there.path}: {error}", *_damage(there)))) from None
         if list:
-            topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(there.topics.values()))
-            would = (f"would take {line}" for line in taken.words)
-            return Imported(
-                str(bag), "what is in it", notes=(*topics, *would), warnings=_damage(there), is_preview=True
-            )
+            return _preview(there, taken)
         beside = next(above for above in Path(cell).absolute().parents if above.exists())
         scratch = TemporaryDirectory(prefix=".bag-", dir=beside)
         try:
             imported = _import_bag(watched, survey, taken, asked, known, Path(scratch.name), streams)
+            imported = _with_target(imported, cell, target, {target_name: target_on}, shape)
         except BaseException:
             scratch.cleanup()
             raise
         notes = tuple(f"taking {line}" for line in taken.words)
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
+
+
+def _preview(bag: Bag, taken: Taken) -> Imported:
+    """What is in a bag, and what would be taken of it."""
+    topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
+    would = (f"would take {line}" for line in taken.words)
+    return Imported(bag.path, "what is in it", notes=(*topics, *would), warnings=_damage(bag), is_preview=True)
+
+
+def _with_target(
+    imported: Imported, folder: str | Path, kind: TargetKindName | None, on: Mapping[str, str | None], shape: Shape
+) -> Imported:
+    """The same with the target that its pictures show, where one is described."""
+    carriers = {name: camera.get("on") for name, camera in imported.cell.get("cameras", {}).items()}
+    camera = next(iter(carriers), "")
+    shown = target_entry(folder, kind, shape, on, {camera: carriers.get(camera)})
+    sections = {key: {**imported.cell.get(key, {}), **entry} for key, entry in shown.items() if key == "targets"}
+    return replace(imported, cell={**imported.cell, **sections})
 
 
 def _damage(bag: Bag) -> tuple[str, ...]:
