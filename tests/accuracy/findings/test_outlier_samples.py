@@ -13,7 +13,7 @@ from tests.ends import end, views
 from tests.shared.real_recordings import data_folder
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.findings.outlier_samples import agreeing_samples, far_stops, outlier_samples
+from basecal.accuracy.findings.outlier_samples import agreeing_samples, agreement_findings, far_stops, outlier_samples
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown
 from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.outliers.left_out import LeftOut
@@ -156,9 +156,11 @@ def test_three_in_a_hundred_may_go(count, severity):
 def test_samples_that_close_the_loop_among_themselves_are_told():
     """Where no answer rests on most of them; else nothing."""
     assert agreeing_samples(robust()) == []
-    (finding,) = agreeing_samples(robust(agreeing=(5, 3, 4), samples=20))
+    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust)
     assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
     assert "Of 20 samples only 3 agree with one another: samples 3 to 5." in finding.message
+    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust, "From sample 6 on it differs.")
+    assert finding.why.startswith("From sample 6 on it differs. Nothing was left out")
 
 
 @pytest.mark.parametrize(("error", "told"), [(5.9, False), (6.1, True), (-6.1, True)])

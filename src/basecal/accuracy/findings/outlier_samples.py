@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.outlier_cause import outlier_causes
 from basecal.accuracy.phrases.sample_list import list_samples
@@ -55,16 +56,21 @@ def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:
 
 def agreeing_samples(evidence: Evidence) -> list[Finding]:
     """A warning if no answer rests on most samples: which of them agree with one another."""
-    return agreement_findings(evidence.robust)
+    robust = evidence.robust
+    changed = changed_frame(evidence.recorded, evidence.cell, robust.agreeing) if robust.agreeing else ""
+    return agreement_findings(robust, changed)
 
 
-def agreement_findings(robust: RobustSolution) -> list[Finding]:
-    """The same of a solution that nothing else is known about."""
+def agreement_findings(robust: RobustSolution, changed: str = "") -> list[Finding]:
+    """The same of a solution that nothing else is known about, but what changed between the samples."""
     numbers = sorted(robust.agreeing)
     if not numbers:
         return []
     what = f"Of {robust.samples} samples only {len(numbers)} agree with one another: {list_samples(numbers)}."
-    why = "Nothing was left out, and the answer is not to be trusted."
+    why = f"{changed} Nothing was left out, and the answer is not to be trusted.".lstrip()
+    if changed:
+        do: tuple[str, ...] = ("Import the samples from there on into a cell of their own, or record them again.",)
+        return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
     do = "Check how poses and views were paired.", "Check whether a robot or a mount was moved between the samples."
     return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
 

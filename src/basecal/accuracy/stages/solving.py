@@ -9,6 +9,7 @@ from basecal.accuracy.findings.unobservable_direction import unobservable_by_pos
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.explaining_offsets import explaining_offsets
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.accuracy.stages.case import Case
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
@@ -86,10 +87,13 @@ def refuse_unexplained(case: Case) -> Case:
     if is_explained(case):
         return case
     assert case.robust is not None
-    last = case.solution
+    last, robust = case.solution, case.robust
+    changed = changed_frame(case.problem, case.cell, robust.agreeing) if robust.agreeing else ""
+    agreement = agreement_findings(robust, changed)
     why = (
         unobservable_by_poses(case.cell, case.problem)
         or explaining_offsets(last.problem, last.state, case.stated_settings)
-        or [hopeless(last.problem, last.state), *agreement_findings(case.robust)]
+        or [replace(each, severity="error") for each in agreement if changed]
+        or [hopeless(last.problem, last.state), *agreement]
     )
     return case.refused([*why, *(finding for finding in case.findings if finding.code != why[0].code)])

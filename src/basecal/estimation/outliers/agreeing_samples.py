@@ -10,8 +10,10 @@ from basecal.estimation.least_squares.studentized import studentize_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 
+CLEAR_GAP = 5.0
+"""Factor in sigmas between neighbours: noise leaves no such gap."""
+
 _FEWEST, _MOST = 0.3, 0.8  # of the samples: a gap outside the middle is the tail of noise
-_CLEAR_GAP = 5.0  # in sigmas, between neighbours: noise leaves no such gap
 _FARTHEST = 1e15  # misfits beyond are alike [sigma]
 
 
@@ -37,7 +39,7 @@ def _parted(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
     order = np.argsort(sigmas, kind="stable")
     ordered = np.clip(sigmas[order], 1.0, _FARTHEST)
     first, last = int(np.ceil(_FEWEST * len(order))), int(_MOST * len(order))
-    gaps = np.flatnonzero(ordered[first : last + 1] > _CLEAR_GAP * ordered[first - 1 : last])
+    gaps = np.flatnonzero(ordered[first : last + 1] > CLEAR_GAP * ordered[first - 1 : last])
     if not len(gaps):
         return np.inf, ()
     count = first + int(gaps[0])

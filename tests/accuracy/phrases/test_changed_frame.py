@@ -1,0 +1,54 @@
+"""What changed between two parts of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from basecal.accuracy.phrases.changed_frame import changed_frame
+from basecal.cell import Recording, RobotState
+from basecal.estimation.problem.build import build_problem
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+SHIFT = SE3.from_rotvec([0.1, -0.2, 0.3], [0.03, 0.02, 0.12])
+MADE = simulate(Scenario(samples=16), 3)
+
+
+def recording(frame: str, since: int) -> Recording:
+    """That of the cell, with the hand's poses from a sample on of another tool or base frame."""
+    samples = []
+    for sample in MADE.recording.samples:
+        pose = sample.robots["hand"].base_from_flange
+        assert pose is not None
+        changed = pose @ SHIFT if frame == "tool" else SHIFT @ pose
+        state = RobotState(changed if sample.sample >= since else pose)
+        samples.append(replace(sample, robots={**sample.robots, "hand": state}))
+    return Recording(tuple(samples))
+
+
+@pytest.mark.parametrize(
+    ("frame", "says"),
+    [
+        ("tool", "the poses of hand are of another tool frame, or board was mounted anew: hand_flange_from_board"),
+        ("base", "the poses of hand are in another base frame, or its base was moved: eye_base_from_hand_base"),
+    ],
+)
+def test_the_one_frame_that_differs_is_named(frame: str, says: str) -> None:
+    """With its first sample and its size; each part closes the loop by itself."""
+    problem, _ = build_problem(MADE.cell, recording(frame, 9))
+    told = changed_frame(problem, MADE.cell, range(9))
+    assert told.startswith(f"From sample 9 on {says} differs by ")
+    millimetres = float(told.split(" differs by ")[1].split(" mm")[0])
+    assert millimetres == pytest.approx(1e3 * np.linalg.norm(SHIFT.translation), abs=3)
+
+
+def test_nothing_is_said_of_other_samples() -> None:
+    """Samples here and there, a part that is too short, and parts that agree have no cause."""
+    problem, _ = build_problem(MADE.cell, recording("tool", 9))
+    assert changed_frame(problem, MADE.cell, (0, 2, 4, 6, 8, 10)) == ""
+    assert changed_frame(problem, MADE.cell, range(14)) == ""
+    sound, _ = build_problem(MADE.cell, MADE.recording)
+    assert changed_frame(sound, MADE.cell, range(9)) == ""
