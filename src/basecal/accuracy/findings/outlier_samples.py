@@ -57,18 +57,18 @@ def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:
 def agreeing_samples(evidence: Evidence) -> list[Finding]:
     """A warning if no answer rests on most samples: which of them agree with one another."""
     robust = evidence.robust
-    changed = changed_frame(evidence.recorded, evidence.cell, robust.agreeing) if robust.agreeing else ""
-    return agreement_findings(robust, changed)
+    cause = changed_frame(evidence.recorded, evidence.cell, robust.agreeing) if robust.agreeing else ""
+    return agreement_findings(robust, cause)
 
 
-def agreement_findings(robust: RobustSolution, changed: str = "") -> list[Finding]:
+def agreement_findings(robust: RobustSolution, cause: str = "") -> list[Finding]:
     """The same of a solution that nothing else is known about, but what changed between the samples."""
     numbers = sorted(robust.agreeing)
     if not numbers:
         return []
     what = f"Of {robust.samples} samples only {len(numbers)} agree with one another: {list_samples(numbers)}."
-    why = f"{changed} Nothing was left out, and the answer is not to be trusted.".lstrip()
-    if changed:
+    why = f"{cause} Nothing was left out, and the answer is not to be trusted.".lstrip()
+    if cause:
         do: tuple[str, ...] = ("Import the samples from there on into a cell of their own, or record them again.",)
         return [Finding("outlier-samples", "warning", tuple(map(str, numbers)), what, do, why)]
     do = "Check how poses and views were paired.", "Check whether a robot or a mount was moved between the samples."

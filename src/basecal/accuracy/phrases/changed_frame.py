@@ -30,20 +30,20 @@ def changed_frame(problem: Problem, cell: Cell, agreeing: Sequence[int]) -> str:
     edges = np.flatnonzero(np.diff(is_agreeing))
     if len(edges) != 1 or min(is_agreeing.sum(), (~is_agreeing).sum()) < _FEWEST_SAMPLES:
         return ""
-    since = int(numbers[edges[0] + 1])
+    first_sample = int(numbers[edges[0] + 1])
     try:
-        before, after = (solve_packed(_part(problem, since, is_later), cell) for is_later in (False, True))
+        before, after = (solve_packed(_part(problem, first_sample, is_later), cell) for is_later in (False, True))
     except NotConverged:
         return ""
     shared = before.transforms.keys() & after.transforms.keys() - before.observability.unobservable
     sigmas = {name: _sigmas(before.transforms[name], after.transforms[name]) for name in shared}
     first, *others = sorted(sigmas, key=lambda name: -sigmas[name]) or [""]
     is_alone = bool(first) and sigmas[first] > CLEAR_GAP * max((sigmas[name] for name in others), default=1.0)
-    return _sentence(first, since, before, after) if is_alone else ""
+    return _sentence(first, first_sample, (before, after)) if is_alone else ""
 
 
-def _part(problem: Problem, since: int, is_later: bool) -> Problem:
-    groups = [group.take(np.flatnonzero((group.sample >= since) == is_later)) for group in problem.groups]
+def _part(problem: Problem, first_sample: int, is_later: bool) -> Problem:
+    groups = [group.take(np.flatnonzero((group.sample >= first_sample) == is_later)) for group in problem.groups]
     return problem.with_groups(group for group in groups if len(group))
 
 
@@ -53,13 +53,13 @@ def _sigmas(first: PoseEstimate, second: PoseEstimate) -> float:
     return float(np.sqrt(spectrum(first.covariance + second.covariance).squared_mahalanobis(off)))
 
 
-def _sentence(name: str, since: int, before: Solution, after: Solution) -> str:
+def _sentence(name: str, first_sample: int, parts: Sequence[Solution]) -> str:
     carrier, _, thing = name.partition("_from_")
-    earlier, later = (part.transforms[name].mean for part in (before, after))
+    earlier, later = (part.transforms[name].mean for part in parts)
     off = earlier.inverse() @ later if thing.endswith("_base") else later @ earlier.inverse()
     size = f"{1e3 * np.linalg.norm(off.translation):.0f} mm and {np.degrees(np.linalg.norm(off.rotvec)):.1f} deg"
     if thing.endswith("_base"):
         what = f"the poses of {thing.removesuffix('_base')} are in another base frame, or its base was moved"
     else:
         what = f"the poses of {carrier.removesuffix('_flange')} are of another tool frame, or {thing} was mounted anew"
-    return f"From sample {since} on {what}: {name} differs by {size}."
+    return f"From sample {first_sample} on {what}: {name} differs by {size}."

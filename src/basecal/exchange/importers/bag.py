@@ -109,22 +109,22 @@ def read_bag(
         return replace(imported, scratch=scratch, notes=notes, warnings=_damage(there))
 
 
-def _preview(bag: Bag, taken: Taken) -> Imported:
+def _preview(bag: Bag, sources: Taken) -> Imported:
     """What is in a bag, and what would be taken of it."""
     topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
-    would = (f"would take {line}" for line in taken.words)
+    would = (f"would take {line}" for line in sources.words)
     return Imported(bag.path, "what is in it", notes=(*topics, *would), warnings=_damage(bag), is_preview=True)
 
 
 def _with_target(
-    imported: Imported, folder: str | Path, kind: TargetKindName | None, on: Mapping[str, str | None], shape: Shape
+    source: Imported, folder: str | Path, kind: TargetKindName | None, carriers: Mapping[str, str | None], shape: Shape
 ) -> Imported:
     """The same with the target that its pictures show, where one is described."""
-    carriers = {name: camera.get("on") for name, camera in imported.cell.get("cameras", {}).items()}
-    camera = next(iter(carriers), "")
-    shown = target_entry(folder, kind, shape, on, {camera: carriers.get(camera)})
-    sections = {key: {**imported.cell.get(key, {}), **entry} for key, entry in shown.items() if key == "targets"}
-    return replace(imported, cell={**imported.cell, **sections})
+    places = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
+    camera = next(iter(places), "")
+    shown = target_entry(folder, kind, shape, carriers, {camera: places.get(camera)})
+    sections = {key: {**source.cell.get(key, {}), **entry} for key, entry in shown.items() if key == "targets"}
+    return replace(source, cell={**source.cell, **sections})
 
 
 def _damage(bag: Bag) -> tuple[str, ...]:
