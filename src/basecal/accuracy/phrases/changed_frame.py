@@ -1,4 +1,4 @@
-"""What changed between two parts of a recording that close the loop each by itself: a tool frame, a base frame."""
+"""What changed between two parts of a recording that each close the loop alone: a tool frame, a base frame."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _part(problem: Problem, first_sample: int, is_later: bool) -> Problem:
 
 
 def _sigmas(first: PoseEstimate, second: PoseEstimate) -> float:
-    """How far two estimates are from one another, in sigmas of both; robots are taken for exact in these."""
+    """How far two estimates are from one another, in sigmas of both, for which robots are assumed exact."""
     off = (first.mean.inverse() @ second.mean).log()
     return float(np.sqrt(spectrum(first.covariance + second.covariance).squared_mahalanobis(off)))
 
