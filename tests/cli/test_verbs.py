@@ -123,7 +123,7 @@ def test_new_explains_every_transform(tmp_path: Path) -> None:
 
 
 def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`new`, `simulate`, `demo` and `import` refuse a folder that holds a cell or a recording, and leave it alone."""
+    """`new`, `simulate` and `demo` refuse a folder that holds a cell; a table of whole rows joins what is recorded."""
     folder = str(tmp_path / "c")
     assert main(["simulate", folder, "--samples", "3"]) == 0
     before = {path: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
@@ -131,6 +131,11 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for words in (["new", folder], ["simulate", folder], ["demo", folder]):
         assert main(words) == 3
         assert "not overwritten" in capsys.readouterr().err
-    assert main(["import", "poses", folder, *options(pose_files(tmp_path)), "--length-unit", "m"]) == 3
-    assert "not overwritten" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()} == before
+    importing = ["import", "poses", folder, *options(pose_files(tmp_path)), "--length-unit", "m"]
+    assert main(importing) == 0
+    count = len(read_recording(folder).samples)
+    assert count == 7
+    assert main(importing) == 3
+    assert "is recorded already" in capsys.readouterr().err
+    assert len(read_recording(folder).samples) == count

@@ -22,6 +22,7 @@ def test_settings_as_plain_values():
         "robot_noise": "estimated",
         "certify": False,
         "against": None,
+        "joins_scene": False,
     }
     assert Settings(stages=Stages()) == DEFAULT
 

@@ -69,11 +69,11 @@ def _at_poses(order: list[int], jitter_m: float = 0.0) -> Problem:
     return build_problem(s.cell, Recording(tuple(samples)))[0]
 
 
-@pytest.mark.parametrize(("jitter_m", "stops"), [(0.0, [0, 0, 1, 1, 0, 2]), (5e-5, [0, 0, 1, 1, 2, 3])])
-def test_a_stop_is_a_place(jitter_m, stops):
-    """Poses that agree within what reading back makes of them are one stop in a row, equal ones wherever they are."""
+@pytest.mark.parametrize("jitter_m", [0.0, 5e-5])
+def test_a_stop_is_a_place(jitter_m):
+    """Poses that agree within what reading back makes of them are one stop, whenever they were taken."""
     (group,) = _at_poses([0, 0, 1, 1, 0, 2], jitter_m).groups
-    assert (group.eye.stop - group.eye.stop[0]).tolist() == stops
+    assert (group.eye.stop - group.eye.stop[0]).tolist() == [0, 0, 1, 1, 0, 2]
     assert len(set(group.hand.stop.tolist())) == 1
     assert set(group.eye.stop.tolist()).isdisjoint(group.hand.stop.tolist())
 
