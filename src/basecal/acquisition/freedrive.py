@@ -36,12 +36,12 @@ def wait_for_led_arms(rig: Rig, states: Mapping[str, RobotState], patience_s: fl
     led = {name: robot for name, robot in rig.robots.items() if robot.is_live and not isinstance(robot, Moves)}
     if not led:
         return {}
-    with _release_arms(led.values()):
+    with release_arms(led.values()):
         wait_until_led(led, states, patience_s, rig.arms.note)
     return {name: robot.state().state for name, robot in led.items()}
 
 
-def _release_arms(robots: Iterable[Robot]) -> ExitStack:
+def release_arms(robots: Iterable[Robot]) -> ExitStack:
     """Lets arms be led, where their drivers can do that, until it is closed."""
     with ExitStack() as held:
         for robot in robots:
@@ -70,7 +70,7 @@ class Led:
         if not live:
             return self._key() != END_KEY
         self._tell("lead the arms to a new place and hold them still, or press space; q ends")
-        with _release_arms(live.values()):
+        with release_arms(live.values()):
             return self._is_due(live)
 
     def _is_due(self, live: Mapping[str, Robot]) -> bool:

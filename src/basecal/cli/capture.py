@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_plan, say_ways
+from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
 from basecal.cli.replanned import Replanned, ShiftsForTask, Task, requested_task
@@ -45,11 +46,13 @@ class Moving:
         speed_limit_deg_s: The fastest that any joint may turn.
         tool_speed_limit: The fastest that any point of an arm, or of what it carries, may move.
         accept_no_watchdog: Move also arms that finish their move if this program or the network fails.
+        touch: Move none: a person leads tips, and each line that is typed is a touch; no camera is needed.
     """
 
     speed_limit_deg_s: Annotated[float, Parameter(validator=validators.Number(gt=0, lte=180))] = 30.0
     tool_speed_limit: str = "250mm/s"
     accept_no_watchdog: bool = False
+    touch: bool = False
 
     @property
     def limits(self) -> SpeedLimits:
@@ -108,6 +111,7 @@ def capture(
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
+    With --touch you lead tips to marks, and type which mark it is.
 
     From the fourth sample on each is compared with those before it. One that
     disagrees is reported, and taken once more at the same place. A disagreement
@@ -125,6 +129,7 @@ def capture(
         basecal capture mycell --plan plan.jsonl --go
         basecal capture mycell --tolerance 0.3mm --task-point 0.8 0.1 0.3 --go
         basecal capture mycell --freedrive --web
+        basecal capture mycell --touch
 
     Args:
         cell: Folder of the cell.
@@ -148,13 +153,13 @@ def capture(
         port: Where the page is served; 0 takes a free one.
         json: Print what was captured as JSON.
     """
-    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
-    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
+    if moving.touch:
+        return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
+    task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
     sketch, count, limits = _sketch(cell), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
-        replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
-        shifts = ShiftsForTask(task, samples) if task and replanned is None else None
+        replanned, shifts = _planners(rig, sketch, cell, task, pattern, plan, samples, seed)
         if not freedrive:
             wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
             wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
@@ -166,6 +171,43 @@ def capture(
         steps = _take_samples(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
         view.end(*_outcome(steps, replanned), f"basecal calibrate {quote_path(cell)}")
     return _summarise(cell, steps, replanned, json)
+
+
+def _checked_task(
+    task_point: Point | None,
+    task_box: Box | None,
+    tolerance: str | None,
+    pattern: str,
+    plan: Path | None,
+    go: bool,
+    dry_run: bool,
+    freedrive: bool,
+    web: bool,
+    port: int,
+) -> Task | None:
+    """The task, if options go together.
+
+    Raises:
+        UsageError: if they do not.
+    """
+    task = requested_task(task_point, task_box, tolerance, may_be_open=pattern == _SHIFTS)
+    _refuse_unused_options(pattern, plan, task, go=go, dry_run=dry_run, freedrive=freedrive, web=web, port=port)
+    return task
+
+
+def _planners(
+    rig: Rig,
+    sketch: Sketch,
+    cell: Path,
+    task: Task | None,
+    pattern: str,
+    plan: Path | None,
+    samples: int | None,
+    seed: int,
+) -> tuple[Replanned | None, ShiftsForTask | None]:
+    """What plans for a task: samples anew after each, or stations of shifts once."""
+    replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
+    return replanned, ShiftsForTask(task, samples) if task and replanned is None else None
 
 
 def _sketch(cell: Path) -> Sketch:

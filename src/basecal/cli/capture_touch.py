@@ -1,0 +1,40 @@
+"""`basecal capture --touch`: a person leads tips to marks."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from basecal.cli.connecting import Connecting, allowed_rig
+from basecal.cli.terminal import print_json, quote_path, say, say_next
+from basecal.errors import UsageError
+
+
+def capture_touches(cell: Path, connecting: Connecting, json: bool, has_others: bool = False) -> int:
+    """Note touches until the person ends; the exit code.
+
+    Raises:
+        UsageError: if `has_others`, options that say how samples are taken otherwise.
+    """
+    from basecal.acquisition.led_touches import take_touches
+    from basecal.cell.files import read_cell
+
+    if has_others:
+        raise UsageError("--touch takes touches alone: leave --go, --dry-run, --freedrive and --web out")
+    described, taken = read_cell(cell), list[int]()
+    with allowed_rig(described, cell, connecting) as rig:
+        for sample in take_touches(rig, described, cell, _typed_line, lambda words: say(words, sys.stderr)):
+            taken.append(sample.sample)
+            for seen in sample.observations if not json else ():
+                say(f"sample {sample.sample}: {seen.camera} at {seen.target}")
+    if json:
+        print_json({"cell": str(cell), "captured": taken})
+    else:
+        say(f"{len(taken)} touches taken")
+        say_next(f"basecal calibrate {quote_path(cell)}")
+    return 0 if taken else 1
+
+
+def _typed_line() -> str | None:
+    line = sys.stdin.readline()
+    return line.rstrip("\n") if line else None
