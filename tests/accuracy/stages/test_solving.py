@@ -94,7 +94,9 @@ def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected)
     monkeypatch.setattr(solving, "explaining_offsets", lambda *given: [])
     monkeypatch.setattr(solving, "hopeless", lambda *given: Finding("poor-fit", "error", (), ""))
     monkeypatch.setattr(solving, "agreement_findings", lambda robust: [Finding("agree", "info", (), "")])
-    before = case(robust=SimpleNamespace(solution=SOLVED), findings=(Finding("poor-fit", "info", (), ""), WARNING))
+    before = case(
+        robust=SimpleNamespace(solution=SOLVED, agreeing=()), findings=(Finding("poor-fit", "info", (), ""), WARNING)
+    )
     found = solving.refuse_unexplained(before)
     assert found.is_ended
     assert [each.code for each in found.calibration.findings] == expected

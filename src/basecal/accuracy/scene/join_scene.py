@@ -50,7 +50,9 @@ def join_scene(
     with settings.stage("features"):
         pictures = _update_pictures(read_pictures(cell, replace(recording, samples=sound)), solution, cell)
     if not len(pictures.views):
-        report.findings.append(Finding("scene-left-out", "error", (), "No camera has pictures or tracks with poses."))
+        do = ("Record pictures of the scene with the robots' poses, or calibrate without --scene.",)
+        what = "No camera has pictures or tracks with poses."
+        report.findings.append(Finding("scene-left-out", "error", (), what, do))
     else:
         stated = [_noise(solution, robot) for robot in pictures.views.robots]
         fit = find_scene(pictures, stated, pictures.views.robots[0], report, settings)
