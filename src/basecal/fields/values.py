@@ -218,3 +218,13 @@ def _point_unknown(entry: UnknownEntry) -> UnknownEntry:
 
 Mount = Annotated[UnknownEntry, AfterValidator(_rigid_unknown), BeforeValidator(empty)]
 PointMount = Annotated[UnknownEntry, AfterValidator(_point_unknown), BeforeValidator(empty)]
+
+
+def _check_path(text: str) -> str:
+    if "\0" in text:
+        raise ValueError(f"{text!r} is no path: it holds the character of number 0")
+    return text
+
+
+PathText = Annotated[str, Field(min_length=1), AfterValidator(_check_path)]
+"""A path as it is typed, of characters that a system takes."""

@@ -17,7 +17,7 @@ from pydantic import Field
 from basecal.acquisition.driver import Picture, Place, checked_options
 from basecal.acquisition.reaching import path_reached
 from basecal.errors import DatasetError, DriverError
-from basecal.fields.values import Entry
+from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
 
 _LOOK_S = 0.02  # between looks into the folder: short beside a motion, long for a disk
@@ -27,7 +27,7 @@ _HALVES = 3  # newest files that are read: some of them may still be written
 class FolderOptions(Entry):
     """`path` of the folder, from the cell's; `wait_s` for the next picture; whether those `existing` count."""
 
-    path: Annotated[str, Field(min_length=1)]
+    path: PathText
     wait_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0
     existing: bool = False
 

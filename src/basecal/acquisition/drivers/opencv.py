@@ -14,14 +14,14 @@ from pydantic import Field
 from basecal.acquisition.driver import Picture, Place, checked_options
 from basecal.acquisition.reaching import path_reached
 from basecal.errors import DriverError
-from basecal.fields.values import Entry
+from basecal.fields.values import Entry, PathText
 from basecal.vision.stream import Stream, open_stream
 
 
 class OpencvOptions(Entry):
     """`source`: the number of a device, a path from the cell's folder, or an address."""
 
-    source: Annotated[int, Field(ge=0)] | Annotated[str, Field(min_length=1)] = 0
+    source: Annotated[int, Field(ge=0)] | PathText = 0
 
 
 class OpencvCamera:

@@ -11,17 +11,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
 from basecal.acquisition.reaching import path_reached
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, DriverError
-from basecal.fields.values import Entry
+from basecal.fields.values import Entry, PathText
 from basecal.geometry import Array
 from basecal.vision.image_file import grey_image, read_bytes
 
@@ -35,7 +33,7 @@ NEEDS_OWN_PROCESS = False
 class ReplayOptions(Entry):
     """`recording`: the folder of the cell that was recorded, from this cell's folder."""
 
-    recording: Annotated[str, Field(min_length=1)]
+    recording: PathText
 
 
 class Tape:
