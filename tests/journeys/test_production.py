@@ -70,7 +70,7 @@ def test_from_pendants_to_a_base_frame(
         "basecal export line4 --to kuka -o base.src",
     )
     printed = capsys.readouterr().out
-    assert "GOOD: expected error " in printed
+    assert "PASS: expected error " in printed
     assert f"\n{NAME} to " in printed
     assert is_within_three_sigmas(tmp_path / "line4", NAME, made.truth["eye_base_from_hand_base"])
     assert is_pasted(pasted_frame((tmp_path / "base.src").read_text()), tmp_path / "line4", NAME)

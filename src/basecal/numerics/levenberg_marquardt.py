@@ -247,7 +247,8 @@ def _has_converged(flight: _Flight[S, L], step: Array, expected_decrease: Array,
     """Whether what is left to go after a step is nothing that the data could show, (b,)."""
     limit = stop.sigmas**2 * _scale(flight)
     shrinks = (flight.expected > 0) & (flight.damping <= _GAUSS_NEWTON_DAMPING)
-    rate = np.where(shrinks, np.minimum(1.0, expected_decrease / np.where(shrinks, flight.expected, 1.0)), 1.0)
+    before = np.where(shrinks, flight.expected, 1.0)
+    rate = np.where(shrinks, np.minimum(before, expected_decrease) / before, 1.0)
     # Refused, or promising no less than the one before it, a step is of rounding.
     is_rounding = (flight.damping > _GAUSS_NEWTON_DAMPING) | (
         (flight.expected > 0) & (expected_decrease > _LEAST_PROMISE * flight.expected)

@@ -17,7 +17,8 @@ def near_bases(evidence: Evidence) -> list[Finding]:
     """An info about each pair of robots whose bases, which were free, are nearer than their feet allow."""
     cell, found = evidence.cell, evidence.solution.state.transforms
     origin = SE3.identity()
-    world_from_base = {name: found.get(cell.base_name(name), origin) for name in evidence.solution.problem.robots}
+    placed = [name for name in evidence.solution.problem.robots if name == cell.reference or name in cell.bases]
+    world_from_base = {name: found.get(cell.base_name(name), origin) for name in placed}
     findings = []
     for first, second in combinations(world_from_base, 2):
         apart_m = float(np.linalg.norm(world_from_base[first].translation - world_from_base[second].translation))

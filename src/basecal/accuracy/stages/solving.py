@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from basecal.accuracy.findings.outlier_samples import agreement_findings
 from basecal.accuracy.findings.unobservable_direction import unobservable_by_poses
 from basecal.accuracy.input_check.conventions import check_conventions
@@ -44,7 +46,11 @@ def leave_outliers_out(case: Case) -> Case:
         exact = solve_robustly(case.plain.problem, case.cell, case.stated_settings, case.plain)
     if noisy is None or not _has_open_noise(noisy) or is_hopeless(exact.solution.problem, exact.solution.state):
         return replace(case, robust=exact)
-    return replace(case, robust=solve_with_noise(case.cell, case.settings, case.plain, noisy, exact))
+    try:
+        robust = solve_with_noise(case.cell, case.settings, case.plain, noisy, exact)
+    except np.linalg.LinAlgError:  # with noise of arms the unknowns go to infinity: it explains nothing
+        robust = exact
+    return replace(case, robust=robust)
 
 
 def _has_open_noise(solution: Solution) -> bool:
