@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import urllib.error
 import urllib.request
 from urllib.parse import urlsplit
@@ -10,7 +11,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from basecal.errors import InputError
-from basecal.reporting.live.serving import HOST, Answer, serving
+from basecal.reporting.live.serving import HOST, PATIENCE_S, Answer, serving
 
 ROUTES = {
     ("GET", "/"): lambda query: Answer(f"hello {query.get('name', '')}"),
@@ -69,3 +70,31 @@ def test_a_port_that_is_taken_is_told():
         line.listen()
         with pytest.raises(InputError, match="cannot be used"), serving(ROUTES, line.getsockname()[1]):
             pass
+
+
+def test_peers_that_freeze_lie_or_die_delay_nobody():
+    """Others are answered while they last, in less than the patience with them, and the page ends at once."""
+    lies = (
+        b"",
+        b"GET / HT",
+        b"POST / HTTP/1.1\r\nContent-Length: 1000000000\r\n\r\n",
+        b"\x16\x03\x01" + bytes(200),
+        b"\n" * 9,
+    )
+    with serving(ROUTES) as address:
+        at = urlsplit(address)
+        frozen = [socket.create_connection((HOST, at.port)) for _ in range(8 * len(lies))]
+        for line, lie in zip(frozen, lies * 8, strict=True):
+            line.sendall(lie)
+        for line in frozen[::2]:  # these die
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            line.close()
+        with urllib.request.urlopen(address, timeout=PATIENCE_S / 2) as found:
+            assert found.status == 200
+        assert answer(f"{at.scheme}://{at.netloc}/{'a' * 70_000}")[0] == 414
+        cookie = {"Cookie": "; ".join(f"c{k}=1" for k in range(5000))}
+        assert answer(address.partition("?")[0], **cookie)[0] in (403, 431)
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection((HOST, at.port)).close()
+    for line in frozen[1::2]:
+        line.close()

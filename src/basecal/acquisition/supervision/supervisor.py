@@ -53,6 +53,7 @@ class _Arm:
 
     @classmethod
     def start(cls, number: int, name: str) -> _Arm:
+        """An arm whose process has just begun, without a link yet."""
         process = subprocess.Popen(
             _ARM_COMMAND,
             stdin=subprocess.PIPE,

@@ -19,7 +19,9 @@ HOST = "127.0.0.1"
 """The only address a page is served on."""
 
 _TOKEN_BYTES = 24
-_PATIENCE_S = 10.0  # with a browser that says nothing more
+PATIENCE_S = 10.0
+"""With a browser that says nothing more [s]."""
+
 _STOP_POLL_S = 0.05
 _HEADERS = {
     "Content-Security-Policy": "frame-ancestors 'none'",  # the rest is in the page itself
@@ -73,6 +75,7 @@ class _Server(socketserver.ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
     block_on_close = False
+    request_queue_size = 64  # connections that wait: of more, peers that freeze would delay the page
     guard: Guard
     routes: Mapping[tuple[str, str], Route]
 
@@ -81,7 +84,7 @@ class _Server(socketserver.ThreadingTCPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    timeout = _PATIENCE_S
+    timeout = PATIENCE_S
     server: _Server
 
     def do_GET(self) -> None:
