@@ -136,7 +136,7 @@ def real() -> Iterator[Case]:
 
 def _moved(cell: Cell, clean: Calibration, other: Calibration) -> bool:
     """Whether anything asked is more than three of its sigmas from the clean answer, or missing."""
-    for name in cell.asked:
+    for name in cell.requested_transforms:
         if name not in clean.transforms:
             continue
         if name not in other.transforms:

@@ -151,7 +151,7 @@ class Fault:
         """The fault as an error of one size, 1 of it is the true one."""
         if self.kind == "joint":
             each = next(c for c in joint_offsets(of) if c.about[0] == self.robot and c.code == "joint-offset")
-            only = each.only(self.joint)
+            only = each.single(self.joint)
             return replace(only, moves=tuple(None if m is None else -self.size * m for m in only.moves))
         name = FRAMES[self.kind]
         shift = (self.world.transform(name, False).inverse() @ self.world.transform(name, True)).log()

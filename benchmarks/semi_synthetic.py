@@ -161,7 +161,7 @@ def drawn(of: Reality, kind: Kind, seed: int) -> Draw:
 
 def _distances(of: Reality, found: Calibration) -> tuple[dict[str, float], dict[str, bool]]:
     nees, held = {}, {}
-    for name in of.cell.asked:
+    for name in of.cell.requested_transforms:
         if name not in found.transforms or found.status[name] == "fixed":
             continue
         width = 3 if name in found.points else 6

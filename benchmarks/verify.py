@@ -138,7 +138,7 @@ def _checked(cell: Cell, calibration: Calibration, later: Recording, seed: int) 
 
 def _moved_mount(cell: Cell, calibration: Calibration, later: Recording, tangent: Array) -> tuple[str, Verification]:
     """A calibration whose mount, or base, is so far off: as if that had moved since, by the opposite."""
-    asked = [name for name in cell.asked if name in calibration.transforms]
+    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
     target = next(iter(cell.targets.values()))
     name = cell.mount_name(target.name) if target.on == WORLD or len(asked) > 1 else asked[0]
     name = name if name in calibration.transforms else asked[0]

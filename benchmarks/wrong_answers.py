@@ -335,7 +335,7 @@ def _off(drawn: Drawn, found: Calibration) -> tuple[float, float, bool]:
     freedoms, and whether it is beyond chance.
     """
     off, worst, beyond = 0.0, 0.0, False
-    for name in drawn.cell.asked:
+    for name in drawn.cell.requested_transforms:
         if name not in found.transforms or drawn.cell.transforms[name].status == "fixed":
             continue
         estimate = found.transforms[name]

@@ -46,8 +46,8 @@ class Made:
         """Of groups by what differs from a hand's views of a target."""
         rng = np.random.default_rng(0)
         self.groups = [_group(**{"sample": np.arange(count)} | group) for group in groups or ({},)]
-        self.estimated, self.chains, self.targets = {}, {}, ()
-        self.samples, self.times, self.timed = 10 * np.arange(count), np.arange(count, dtype=float), True
+        self.estimated_effects, self.chains, self.targets = {}, {}, ()
+        self.samples, self.times, self.has_times = 10 * np.arange(count), np.arange(count, dtype=float), True
         self.robots, self.frames, self.speeds = ("hand",), ("base",), {"hand": rng.standard_normal((count, 6))}
         self.moves = rng.standard_normal((len(self.groups), 2, count, 6, 6))
         vars(self).update(changed)

@@ -33,7 +33,7 @@ def word_set(text: str) -> frozenset[str]:
 
 IRREGULAR = word_set(
     "told said shaken hung seen found kept made drawn taken left held given known chosen heard grown sent built "
-    "put lit fed stood begun gone done learnt meant written shown worn lost shot brought taught understood bent "
+    "put lit fed stood begun gone done learnt meant written shown worn lost brought taught understood bent "
     "risen driven frozen"
 )
 NO_PARTICIPLES = word_set("speed seed need embed feed bed led shed red exceed proceed testbed")
@@ -49,6 +49,7 @@ VAGUE = word_set(
     "rounds steps share margin most least far little enough many settled kept known same tiny nothing tries "
     "passes iterations window depth head order named shown listed best better"
 )
+PUBLIC = word_set("between")  # methods of documented nouns
 REPLACED = word_set("told mended shaken alike door worth anywhere surprise")
 BUILDERS = word_set("with without to from as is has are was needs can read wait leave")
 PHRASES = (
@@ -118,7 +119,7 @@ def names() -> Iterator[Name]:
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 is_finding = place.startswith("src/basecal/accuracy/findings/") and node.name == path.stem
-                yield Name("function", place, node.lineno, node.name, is_finding)
+                yield Name("function", place, node.lineno, node.name, is_finding or node.name in PUBLIC)
                 every = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
                 listed = {arg.arg for arg in every}
                 yield from (
@@ -129,12 +130,13 @@ def names() -> Iterator[Name]:
 
 
 def is_fixed(name: str, function: str, listed: set[str], place: str) -> bool:
-    """Whether a parameter is an option that users type, Python's own `other`, or `left` beside `right`."""
+    """Whether a parameter is an option that users type, one of a documented method, or `left` beside `right`."""
     room, stem = Path(place).parent.name, Path(place).stem
     is_option = (room == "cli" and function == stem) or (room == "importers" and not function.startswith("_"))
     is_switch = name == "on" and function in ("freedrive", "light")  # methods of drivers, which others write
-    is_operand = (name == "other" and function.startswith("__")) or (name == "left" and "right" in listed)
-    return is_option or is_switch or is_operand
+    is_operand = name == "other" and (function.startswith("__") or function in PUBLIC)
+    is_side = name == "left" and "right" in listed
+    return is_option or is_switch or is_operand or is_side
 
 
 def constants(path: Path, place: str) -> Iterator[Name]:

@@ -138,7 +138,7 @@ def __getattr__(name: str) -> object:
     return value
 
 
-def _called(name: str) -> Callable[..., object]:
+def _lazy_function(name: str) -> Callable[..., object]:
     """A public function that is loaded when it is called."""
 
     def call(*arguments: object, **options: object) -> object:
@@ -150,7 +150,7 @@ def _called(name: str) -> Callable[..., object]:
     return call
 
 
-METHODS |= {name: _called(name) for name in ("export", "export_kinds", "html_summary")}
+METHODS |= {name: _lazy_function(name) for name in ("export", "export_kinds", "html_summary")}
 
 
 def __dir__() -> list[str]:

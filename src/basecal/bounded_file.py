@@ -27,7 +27,7 @@ def read_bounded(path: str | Path, largest: int, missing: str = "") -> bytes:
     """
     name = str(path)
     try:
-        number, about = _opened(path)
+        number, about = _open_descriptor(path)
         with os.fdopen(number, "rb") as file:
             is_file, size = stat.S_ISREG(about.st_mode), about.st_size
             data = file.read(largest + 1) if is_file and size <= largest else b""
@@ -49,7 +49,7 @@ def check_regular(path: str | Path) -> None:
         DatasetError: if it is one, is not there, or cannot be read.
     """
     try:
-        number, about = _opened(path)
+        number, about = _open_descriptor(path)
         os.close(number)
     except (OSError, ValueError) as error:
         raise DatasetError(str(path), f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
@@ -57,6 +57,6 @@ def check_regular(path: str | Path) -> None:
         raise DatasetError(str(path), _NO_FILE)
 
 
-def _opened(path: str | Path) -> tuple[int, os.stat_result]:
+def _open_descriptor(path: str | Path) -> tuple[int, os.stat_result]:
     number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     return number, os.fstat(number)

@@ -109,12 +109,12 @@ def _address_space_bytes() -> int:
         return 2**33
 
 
-def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], out: IO[bytes]) -> None:
+def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], output: IO[bytes]) -> None:
     task = import_module(module)
     limit(seconds, most_bytes)
     given = 0
     for frame in task.read_frames(words):
-        given += _write(frame, out)
+        given += _write(frame, output)
         if given > most_bytes:
             raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
 

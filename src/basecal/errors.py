@@ -30,9 +30,9 @@ def sentence(clause: str, names: Iterable[str] = ()) -> str:
     return f"{clause if is_name else clause[:1].upper() + clause[1:]}."
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, names: Iterable[str]) -> str:
     """A hint " (did you mean 'x'?)", or nothing if no known name is near."""
-    close = get_close_matches(name[:_LONGEST], list(islice(known, _LOOKED_AT)), n=1)
+    close = get_close_matches(name[:_LONGEST], list(islice(names, _LOOKED_AT)), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
@@ -68,9 +68,9 @@ class DatasetError(InputError):
 class FrameNotFound(BasecalError, KeyError):
     """A frame or transform that does not exist was requested; the message lists those that do."""
 
-    def __init__(self, name: str, known: Sequence[str]) -> None:
-        self.name, self.known = name, tuple(known)
-        super().__init__(f"no {name!r}{nearest(name, known)}; there are: {list_names(self.known)}")
+    def __init__(self, name: str, names: Sequence[str]) -> None:
+        self.name, self.known = name, tuple(names)
+        super().__init__(f"no {name!r}{nearest(name, names)}; there are: {list_names(self.known)}")
 
     def __str__(self) -> str:
         return str(self.args[0])

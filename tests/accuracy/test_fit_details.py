@@ -15,5 +15,5 @@ def test_details_are_of_the_same_views():
     details = fit_details(made.cell, made.recording, calibrate(made.cell, made.recording))
     (points,), (views,) = details.points, details.views
     assert set(points.sample.tolist()) == set(views.sample.tolist()) == set(range(10))
-    assert [error.transform for error in details.errors] == made.cell.asked
+    assert [error.transform for error in details.errors] == made.cell.requested_transforms
     assert np.all(points.used)

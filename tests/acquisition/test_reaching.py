@@ -6,7 +6,7 @@ import pytest
 
 from basecal.acquisition.driver import DriverKind, Place, Secret
 from basecal.acquisition.drivers.registry import DRIVERS
-from basecal.acquisition.reaching import places_reached, secrets_needed
+from basecal.acquisition.reaching import missing_secrets, reachable_places
 from basecal.cell import Cell, Robot
 
 CELL = Cell("eye", {"eye": Robot("eye")})
@@ -22,7 +22,7 @@ def test_a_driver_of_others_is_stated_with_its_options(tmp_path):
     """One without `reaches` may reach anything; what stays inside is not stated, and nothing twice."""
     place = Place("eye", CELL, tmp_path, {"host": "10.0.0.9"})
     silent, inside = DriverKind(), DriverKind(reaches=lambda place: "")
-    found = places_reached([(silent, place), (inside, place), (silent, place)])
+    found = reachable_places([(silent, place), (inside, place), (silent, place)])
     assert found == ["whatever the driver of 'eye' reaches with host: 10.0.0.9"]
 
 
@@ -31,6 +31,6 @@ def test_secrets_are_needed_if_the_environment_lacks_them(tmp_path, monkeypatch)
     kind = DriverKind(secret=lambda place: Secret("BASECAL_X", "me"))
     place = Place("eye", CELL, tmp_path)
     monkeypatch.delenv("BASECAL_X", raising=False)
-    assert secrets_needed([(kind, place), (DriverKind(), place)]) == [Secret("BASECAL_X", "me")]
+    assert missing_secrets([(kind, place), (DriverKind(), place)]) == [Secret("BASECAL_X", "me")]
     monkeypatch.setenv("BASECAL_X", "")
-    assert secrets_needed([(kind, place)]) == []
+    assert missing_secrets([(kind, place)]) == []

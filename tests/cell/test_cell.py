@@ -55,7 +55,7 @@ def test_a_base_that_is_not_stated_is_free():
 )
 def test_what_is_asked(base, mount, asked):
     """The bases that are not fixed; where all are, the mounts that are not."""
-    assert cell(base, mount).asked == asked
+    assert cell(base, mount).requested_transforms == asked
 
 
 def test_distortion_terms_of_a_camera():

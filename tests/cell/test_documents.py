@@ -27,7 +27,7 @@ def test_cell_and_sample(folder: Path) -> None:
     sample = json.loads(block("json", '{"sample"'))
     sample["robots"]["hand"]["joints_rad"] = [0, 1]
     (folder / "recording" / "samples.jsonl").write_text(json.dumps(sample))
-    assert read_cell(folder).asked == ["eye_base_from_hand_base"]
+    assert read_cell(folder).requested_transforms == ["eye_base_from_hand_base"]
     assert len(read_recording(folder).samples[0].observations) == 3
 
 

@@ -35,7 +35,7 @@ def test_a_clock_that_drifts_is_right_in_the_middle():
 @pytest.mark.parametrize(("count", "timed", "told"), [(6, True, True), (5, True, False), (6, False, False)])
 def test_clocks_drift_over_six_samples_and_more(count, timed, told):
     """From half less at the first to half more at the last, by their stamps."""
-    of = Made(count, timed=timed)
+    of = Made(count, has_times=timed)
     found = list(clock_drifts(of))
     assert [(each.code, each.about, each.unit) for each in found] == (
         [("clock-drift", ("wrist",), "s")] if told else []

@@ -23,9 +23,9 @@ def test_clocks_are_those_of_cameras_and_of_robots_on_paths():
         for one, other in zip(found[name].moves, moves, strict=True):
             assert (one is None) == (other is None)
             assert one is None or np.allclose(one, other, atol=1e-12)
-    of.timed = False
+    of.has_times = False
     assert {each.unit for each in clock_offsets(of)} == {"samples"}
-    of.estimated = {"wrist": {"clock_offset"}, "hand": {"clock_offset"}}
+    of.estimated_effects = {"wrist": {"clock_offset"}, "hand": {"clock_offset"}}
     assert [each.about[0] for each in clock_offsets(of)] == ["other", "eye"]
 
 

@@ -98,7 +98,7 @@ def test_down_is_by_any_one_axis():
     ("by_prior", "how"), [(True, "known from their prior alone"), (False, "that are unobservable")]
 )
 def test_why_compliances_are_not_seen(by_prior, how):
-    assert of.explain_unobserved(Unobserved("joint 1 (a)", (0,), 6, "arm_base", by_prior)) == (
+    assert of.unobserved_reason(Unobserved("joint 1 (a)", (0,), 6, "arm_base", by_prior)) == (
         f"compliances {how}: joint 1 (a): the torque of gravity about them is small in these samples, or the same in "
         "all of them"
     )

@@ -60,7 +60,7 @@ def test_numbers_of_other_shapes_are_refused(key, wrong):
 
 def test_why_an_offset_is_not_seen():
     """The ends by what they hang on, the others by how little they move; and what makes up for them."""
-    ends = of.explain_unobserved(
+    ends = of.unobserved_reason(
         Unobserved(
             "joints 1 (a) and 4 (d)",
             (
@@ -76,9 +76,9 @@ def test_why_an_offset_is_not_seen():
         "joints 1 (a) and 4 (d): the first joint moves the arm as its base does, the last one as the mounts on its "
         "flange do; the sigmas of eye_base and of the mounts contain what they leave open"
     )
-    middle = of.explain_unobserved(Unobserved("joint 2 (b)", (1,), 4, "eye_base", False))
+    middle = of.unobserved_reason(Unobserved("joint 2 (b)", (1,), 4, "eye_base", False))
     assert "fixed at zero as a gauge: joint 2 (b): the samples hardly move the others alone;" in middle
-    chained = of.explain_unobserved(
+    chained = of.unobserved_reason(
         Unobserved(
             "joints 1 (a), 2 (b) and 4 (d)",
             (

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from basecal.reporting.charts import Series, log_chart, scale_over
+from basecal.reporting.charts import Series, fitted_scale, log_chart
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -51,9 +51,9 @@ def test_larger_values_stand_further_right_and_up():
 
 def test_a_scale_is_logarithmic_where_values_reach_far():
     """If it is not said; its ends are beyond the values, and round values lie in it."""
-    assert scale_over([1.0, 100.0], 0.0, 10.0).logarithmic
-    near = scale_over([1.0, 2.0], 0.0, 10.0)
+    assert fitted_scale([1.0, 100.0], 0.0, 10.0).logarithmic
+    near = fitted_scale([1.0, 2.0], 0.0, 10.0)
     assert not near.logarithmic
-    assert 0 < near.at(1.0) < near.at(2.0) < 10
+    assert 0 < near.position(1.0) < near.position(2.0) < 10
     assert near.ticks() == pytest.approx([1.0, 1.2, 1.4, 1.6, 1.8, 2.0])
-    assert scale_over([1.0, 2.0], 0.0, 10.0, logarithmic=True).logarithmic
+    assert fitted_scale([1.0, 2.0], 0.0, 10.0, logarithmic=True).logarithmic

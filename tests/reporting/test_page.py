@@ -130,7 +130,7 @@ def test_refusal_has_a_page() -> None:
     assert walker.faults == []
     word, sentence = text.splitlines()[0].split(": ", 1)
     assert walker.text.index(word) < walker.text.index(sentence) < walker.text.index("Not estimated")
-    assert all(name in walker.text for name in cell.asked)
+    assert all(name in walker.text for name in cell.requested_transforms)
     assert 'class="plot' not in page(cell, recording, calibration)
 
 

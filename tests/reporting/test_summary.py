@@ -100,7 +100,7 @@ def test_no_line_is_too_long(robots: tuple[str, ...], sigma: float, scale: float
     cell = a_cell(*robots)
     message = " ".join(["the poses of", robots[-1], *["are in millimetres: divide them by 1000"] * 6])
     findings = tuple(Finding(code, "warning", (), message) for code in ("length-unit", "poor-fit", "overfit"))
-    transforms = dict.fromkeys(cell.asked, estimate(sigma, sigma, scale))
+    transforms = dict.fromkeys(cell.requested_transforms, estimate(sigma, sigma, scale))
     for verdict, found in (("good", ()), ("doubtful", findings)):
         made = replace(good(), verdict=verdict, transforms=transforms, findings=found)
         lines = summary(cell, made).splitlines()

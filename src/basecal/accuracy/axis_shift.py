@@ -41,7 +41,7 @@ def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findi
     Raises:
         NotObservable: if there is no station, a mount or lens is not known, or several bases are requested.
     """
-    names = [name for name in cell.asked if name in {cell.base_name(r) for r in cell.robots}]
+    names = [name for name in cell.requested_transforms if name in {cell.base_name(r) for r in cell.robots}]
     if len(names) != 1:
         raise NotObservable("the axis-shift method finds the base of one robot from another's camera: ask for one base")
     stations = find_pair_stations(problem, cell)

@@ -110,7 +110,7 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
             except Unfit as why:
                 why_not = str(why)
                 told = {**sample_to_dict(wanted, ""), "why": why_not}
-                append_durably(taker.folder / ABANDONED_FILE, json.dumps(told) + "\n", within=taker.folder)
+                append_durably(taker.folder / ABANDONED_FILE, json.dumps(told) + "\n", base_folder=taker.folder)
             else:
                 append_sample(taker.folder, replace(found, observations=()))
                 captured.add(found)
@@ -178,17 +178,17 @@ class _Captured:
     def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
         """What there is to tell once a sample is taken, or is not and why."""
         waits = is_last or self._by.settings.waits_for_check
-        covered, checked = measure_coverage(self._by.sketch, self.taken), self._check.found(waits)
+        covered, checked = measure_coverage(self._by.sketch, self.taken), self._check.collect(waits)
         return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
-    def repeat_doubtful(self, step: Step, plan: Sequence[Sample], left: Sequence[Sample]) -> list[Sample]:
+    def repeat_doubtful(self, step: Step, plan: Sequence[Sample], remaining_samples: Sequence[Sample]) -> list[Sample]:
         """What is left, after the samples of a step's doubts that are worth taking again."""
         again = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
-        number = max(sample.sample for sample in (*plan, *self.taken, *left)) + 1
+        number = max(sample.sample for sample in (*plan, *self.taken, *remaining_samples)) + 1
         places = [sample for sample in plan if sample.sample in again]
         self._doubted |= again
         self.planned += len(places)
-        return [*(replace(sample, sample=number + k) for k, sample in enumerate(places)), *left]
+        return [*(replace(sample, sample=number + k) for k, sample in enumerate(places)), *remaining_samples]
 
 
 def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Captured:

@@ -70,9 +70,9 @@ def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
     return Coverage(cells, turned)
 
 
-def find_equal_sample(sketch: Sketch, sample: Sample, others: Sequence[Sample], m: float, rad: float) -> int | None:
+def find_equal_sample(sketch: Sketch, sample: Sample, samples: Sequence[Sample], m: float, rad: float) -> int | None:
     """The number of another sample with all arms within so much of this one; None if there is none."""
-    for other in others:
+    for other in samples:
         away = []
         for robot in sketch.movers:
             if robot not in other.robots:

@@ -15,7 +15,7 @@ SECRET = r"^BASECAL_[A-Z0-9_]+$"
 """Names of the environment variables that may hold a secret: no other program's are read."""
 
 
-def places_reached(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
+def reachable_places(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
     """What drivers reach outside of the cell's folder, a line each.
 
     Raises:
@@ -25,7 +25,7 @@ def places_reached(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
     return [line for line in dict.fromkeys(found) if line]
 
 
-def secrets_needed(openers: Iterable[tuple[DriverKind, Place]]) -> list[Secret]:
+def missing_secrets(openers: Iterable[tuple[DriverKind, Place]]) -> list[Secret]:
     """Secrets that drivers sign on with, and the environment does not hold."""
     found = [kind.secret(place) for kind, place in openers if kind.secret is not None]
     return [secret for secret in found if secret is not None and secret.variable not in os.environ]
@@ -36,7 +36,7 @@ def _all_options(place: Place) -> str:
     return f"whatever the driver of {place.name!r} reaches with {options or 'no options'}"
 
 
-def path_reached(folder: Path, path: Path, noun: str) -> str:
+def external_path(folder: Path, path: Path, noun: str) -> str:
     """What a driver reaches by a path: nothing if it stays inside a folder, also by its links."""
     is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
     return "" if is_inside else f"the {noun} {path}"

@@ -191,10 +191,10 @@ def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple
     for camera, shot in shots.items():
         stem = f"recording/images/{camera}/{number:06d}"
         images[camera] = f"{stem}.png"
-        write_atomically(folder / images[camera], png_bytes(shot.grey), within=folder)
+        write_atomically(folder / images[camera], png_bytes(shot.grey), base_folder=folder)
         if shot.background is not None:
             background[camera] = f"{stem}_off.png"
-            write_atomically(folder / background[camera], png_bytes(shot.background), within=folder)
+            write_atomically(folder / background[camera], png_bytes(shot.background), base_folder=folder)
     return images, background
 
 

@@ -328,7 +328,7 @@ class Cell:
         return replace(self, bases={**self.bases, **bases}, cameras=cameras, targets=targets, plates=plates)
 
     @property
-    def asked(self) -> list[str]:
+    def requested_transforms(self) -> list[str]:
         """Names of the transforms the cell is calibrated for: the bases not fixed, else the mounts not fixed."""
         wanted = [name for name, unknown in self.transforms.items() if unknown.status != "fixed"]
         bases = {self.base_name(robot) for robot in self.robots}

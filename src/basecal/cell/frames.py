@@ -17,7 +17,7 @@ _FROM, _BASE = "_from_", "_base"
 
 
 def base_between(
-    transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, robot: str, other: str
+    transforms: Mapping[str, PoseEstimate], order: Sequence[str], joint: Array | None, robot: str, other_robot: str
 ) -> PoseEstimate:
     """`<robot>_base_from_<other>_base` with its covariance; see `frame_between`.
 
@@ -25,10 +25,10 @@ def base_between(
         FrameNotFound: if there is no such robot, or its base was not found.
     """
     bases = {frame for name in transforms for frame in name.split(_FROM) if frame.endswith(_BASE)}
-    for name in (robot, other):
+    for name in (robot, other_robot):
         if name + _BASE not in bases:
             raise FrameNotFound(name, sorted(base.removesuffix(_BASE) for base in bases))
-    return frame_between(transforms, order, joint, robot + _BASE, other + _BASE)
+    return frame_between(transforms, order, joint, robot + _BASE, other_robot + _BASE)
 
 
 def frame_between(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from basecal.cli.detected import detected_recording
+from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import next_command, next_step
 from basecal.cli.page import StoredRun, show_page, write_page
 from basecal.cli.task_point import Box, Point, task_points
@@ -197,7 +197,7 @@ def calibrate_folder(
             calibration = replace(calibration, tolerance=check_tolerance(cell, stored, details.errors))
             stored = replace(stored, tolerance=calibration.tolerance)
             run = write_calibration(calibration, folder).parent
-            write_atomically(run / "report.txt", printable(text_report(cell, calibration)) + "\n", within=folder)
+            write_atomically(run / "report.txt", printable(text_report(cell, calibration)) + "\n", base_folder=folder)
             write_page(cell, stored, StoredRun(run, recording, details, ()))
     if verbose:
         print_stages(stages.seconds)

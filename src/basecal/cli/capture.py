@@ -14,7 +14,7 @@ from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_pla
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
-from basecal.cli.replanned import Replanned, ShiftsForTask, Task, requested_task
+from basecal.cli.replanning import Replanned, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
@@ -223,7 +223,7 @@ def _check_capture(
     plan: Sequence[Sample],
     is_new: bool,
     moving: Moving,
-    replanned: Replanned | None,
+    replanner: Replanned | None,
     *,
     go: bool,
     dry_run: bool,
@@ -241,16 +241,16 @@ def _check_capture(
         check_guarantees(rig, moving.accept_no_watchdog)
     found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     for _ in range(_PLANS):
-        if replanned is None or not found.refusals:
+        if replanner is None or not found.refusals:
             break
         refused = {refusal.sample for refusal in found.refusals}
-        plan = replanned.exclude([sample for sample in plan if sample.sample in refused])
+        plan = replanner.exclude([sample for sample in plan if sample.sample in refused])
         found = checked_plan(rig, sketch, plan, moving.limits, asks_controllers=go or dry_run)
     if not quiet:
         if dry_run:
             say_ways(found)
         if not found.refusals:
-            say_plan(rig, sketch, plan, is_new, found, go, replanned)
+            say_plan(rig, sketch, plan, is_new, found, go, replanner)
     refuse(found, len(plan))
     return plan
 
@@ -323,9 +323,9 @@ def _taker(
     return taker if view is None else replace(taker, tell=view.tell, report=view.report)
 
 
-def _finish_plan(cell: Path, wanted: Sequence[Sample], json: bool) -> int:
+def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
     if json:
-        print_json({"cell": str(cell), "planned": len(wanted), "captured": [], "given_up": []})
+        print_json({"cell": str(cell), "planned": len(samples), "captured": [], "given_up": []})
     return 0
 
 
@@ -350,7 +350,7 @@ def _outcome(steps: Sequence[Step], replanned: Replanned | None) -> tuple[str, s
     return ("DOUBTFUL", f"{counted}; the first missing one: {missing[0].why_not}") if missing else ("GOOD", counted)
 
 
-def _summarise(cell: Path, steps: Sequence[Step], replanned: Replanned | None, json: bool) -> int:
+def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanned | None, json: bool) -> int:
     missing, doubts = _abandoned_steps(steps), _lasting_doubts(steps)
     taken = {step.sample for step in steps if not step.why_not}
     if json:
@@ -365,16 +365,16 @@ def _summarise(cell: Path, steps: Sequence[Step], replanned: Replanned | None, j
                 "covered": None if last is None else last.coverage.share,
                 "sigma": sigma,
                 "doubts": [vars(doubt) for step in steps for doubt in step.doubts],
-                **({} if replanned is None else replanned.as_dict()),
+                **({} if replanner is None else replanner.as_dict()),
             }
         )
     else:
-        if replanned is not None:
-            say(replanned.words())
+        if replanner is not None:
+            say(replanner.words())
         for doubt in doubts:
             say(f"WARNING: {doubt}")
         say(f"{len(taken)} of {len(taken) + len(missing)} samples taken")
         say_next(f"basecal calibrate {quote_path(cell)}")
-    if replanned is not None and not replanned.is_reached:
+    if replanner is not None and not replanner.is_reached:
         return 5
-    return 1 if doubts or (missing and replanned is None) else 0
+    return 1 if doubts or (missing and replanner is None) else 0

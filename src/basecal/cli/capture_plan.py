@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from basecal.acquisition.rig import Rig
     from basecal.cell import Sample
-    from basecal.cli.replanned import Replanned, ShiftsForTask
+    from basecal.cli.replanning import Replanned, ShiftsForTask
     from basecal.planning.plan_check import PlanCheck, SpeedLimits
     from basecal.planning.sketch import Sketch
 
@@ -30,9 +30,9 @@ def capture_plan(
     pattern: str,
     samples: int,
     seed: int,
-    replanned: Replanned | None = None,
+    replanner: Replanned | None = None,
     shifts: ShiftsForTask | None = None,
-    more: bool = True,
+    is_continued: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
     """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import remaining_samples
@@ -40,12 +40,12 @@ def capture_plan(
     from basecal.errors import nearest
     from basecal.planning.feasible import make_feasibility_check
 
-    if replanned is not None:
-        return replanned.samples, True
+    if replanner is not None:
+        return replanner.samples, True
     left = remaining_samples(folder, sketch.cell)
     if left:
         return left, False
-    seed += _finished_count(folder, sketch, samples, more)
+    seed += _finished_count(folder, sketch, samples, is_continued)
     if pattern not in PATTERNS:
         if not Path(pattern).is_file():
             names = ", ".join(PATTERNS)
@@ -56,11 +56,11 @@ def capture_plan(
         raise InputError(f"robot {missing[0]!r} has no `driver` in cell.yaml: nothing can be planned for it")
     home = {name: robot.state().state for name, robot in rig.robots.items()}
     if shifts is not None:
-        return shifts.planned(sketch.cell, folder, home, samples, seed), True
+        return shifts.plan_samples(sketch.cell, folder, home, samples, seed), True
     return PATTERNS[pattern].plan(sketch, home, make_feasibility_check(sketch), samples, seed), True
 
 
-def _finished_count(folder: Path, sketch: Sketch, count: int, more: bool) -> int:
+def _finished_count(folder: Path, sketch: Sketch, count: int, is_continued: bool) -> int:
     """How many samples a finished capture has recorded; 0 if there is none. Other places need another seed.
 
     Raises:
@@ -71,7 +71,7 @@ def _finished_count(folder: Path, sketch: Sketch, count: int, more: bool) -> int
     recorded = finished_count(folder, sketch.cell)
     if recorded is None:
         return 0
-    if not more:
+    if not is_continued:
         samples = f"{recorded} sample{' is' if recorded == 1 else 's are'} recorded"
         raise UsageError(f"The plan is finished: {samples}. Add --more to record {count} more")
     return recorded
@@ -117,7 +117,7 @@ def say_plan(
     is_new: bool,
     plan_check: PlanCheck,
     go: bool,
-    replanned: Replanned | None,
+    replanner: Replanned | None,
 ) -> None:
     """Print what a capture would do, or is about to do."""
     from basecal.acquisition.rig import movers
@@ -134,8 +134,8 @@ def say_plan(
     for name in {way.robot for way in plan_check.ways if way.gaps}:
         for problem in robot_capsules(sketch, name)[1]:
             say(f"WARNING: {name}: {problem}. A line with a radius of 60 mm is checked instead")
-    if replanned is not None:
-        say(replanned.words())
+    if replanner is not None:
+        say(replanner.words())
     if led:
         say(f"{' and '.join(led)} will be led by hand: wherever all stand still anew, a sample is taken")
     if not go:

@@ -60,12 +60,12 @@ def allow_drivers(cell: Cell, folder: Path, connecting: Connecting, name: str | 
         DatasetError: if a driver is not known, or an option is wrong.
         UsageError: if nobody allows it, or a password is missing.
     """
-    from basecal.acquisition.reaching import places_reached, secrets_needed
+    from basecal.acquisition.reaching import missing_secrets, reachable_places
     from basecal.acquisition.rig import openers
 
     found = [opener for opener in openers(cell, folder) if name in (None, opener[1].name)]
-    allow_places(folder, places_reached(found), connecting.yes)
-    for secret in secrets_needed(found):
+    allow_places(folder, reachable_places(found), connecting.yes)
+    for secret in missing_secrets(found):
         os.environ[secret.variable] = _typed_secret(secret)
 
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.detected import counting
+from basecal.cli.detection import counting
 from basecal.cli.terminal import progress, say
 from basecal.errors import BasecalError
 

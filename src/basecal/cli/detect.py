@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.detected import detected_recording
+from basecal.cli.detection import detected_recording
 from basecal.cli.next_step import cameras_without_lens, next_step
 from basecal.cli.terminal import print_json, quote_path, say
 

@@ -86,20 +86,20 @@ def export(
     return 0
 
 
-def _check_usage(to: str | None, given: Mapping[str, object]) -> None:
+def _check_usage(to: str | None, options: Mapping[str, object]) -> None:
     """Whether there is such a kind, and each option given is one of its.
 
     Raises:
         CycloptsError: if not.
     """
-    if to is None and any(value for option, value in given.items() if option != "transform"):
+    if to is None and any(value for option, value in options.items() if option != "transform"):
         raise CycloptsError(msg="without --to only --transform is taken: say for which program, --to")
     if to is None:
         return
     if to not in EXPORTERS:
         raise CycloptsError(msg=f"--to: {FrameNotFound(to, list(EXPORTERS))}")
     takes = EXPORTERS[to].takes
-    for option, value in given.items():
+    for option, value in options.items():
         if value and option not in takes:
             raise CycloptsError(msg=f"--to {to} takes --{' or --'.join(takes)}, not --{option}")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from basecal.cli.calibrate import calibrate_folder, exit_code, show
-from basecal.cli.detected import detected_recording
+from basecal.cli.detection import detected_recording
 from basecal.cli.page import show_page
 from basecal.cli.terminal import is_terminal, say
 from basecal.errors import UsageError

@@ -14,7 +14,7 @@ from cyclopts import App, Parameter
 
 from basecal.accuracy.input_screening.importing import import_into
 from basecal.cli.convention_check import say_conventions
-from basecal.cli.detected import counting
+from basecal.cli.detection import counting
 from basecal.cli.next_step import next_step
 from basecal.cli.terminal import quote_path, say
 from basecal.errors import list_names
@@ -95,26 +95,26 @@ def _option(parameter: Argument) -> Argument:
     return parameter.replace(annotation=kind)
 
 
-def finish_import(folder: Path, imported: Imported, replace: bool = False, session: bool = False) -> int:
+def finish_import(folder: Path, imports: Imported, replace: bool = False, session: bool = False) -> int:
     """The exit code, after all that was read is in the cell and reported; nothing is there if that fails.
 
     Args:
         folder: The cell, or where one is to be made.
-        imported: What was read.
+        imports: What was read.
         replace: Whether it stands in for what is recorded.
         session: Whether it makes samples of its own.
 
     Raises:
         InputError: if it is implausible, does not fit the cell, or would overwrite what is recorded.
     """
-    for note in imported.notes:
+    for note in imports.notes:
         say(note)
-    if imported.is_preview:
+    if imports.is_preview:
         return 0
-    brought = import_into(folder, imported, replace=replace, session=session)
-    for doubt in (*imported.warnings, *brought.doubts):
+    brought = import_into(folder, imports, replace=replace, session=session)
+    for doubt in (*imports.warnings, *brought.doubts):
         say(f"basecal: warning: {doubt}", sys.stderr)
-    for line in (f"read {imported.source}: {imported.what}", *_pairing_lines(brought)):
+    for line in (f"read {imports.source}: {imports.what}", *_pairing_lines(brought)):
         say(line)
     if brought.changed and not brought.is_new_cell:
         say(f"written into cell.yaml: {list_names(brought.changed)}")
@@ -126,24 +126,24 @@ def finish_import(folder: Path, imported: Imported, replace: bool = False, sessi
     return 0
 
 
-def _written_files(folder: Path, brought: Brought) -> str:
+def _written_files(folder: Path, import_result: Brought) -> str:
     """What was written, in words."""
-    if brought.pairing is None:
+    if import_result.pairing is None:
         return f"wrote {folder / 'cell.yaml'}"
-    count = len(brought.recording.samples)
-    told = f"wrote {count} samples" if brought.made == count else f"completed the {count} samples"
-    if 0 < brought.made < count:
-        told += f", {brought.made} of them new,"
-    made = " and cell.yaml" if brought.is_new_cell else ""
-    return f"{told}{made} {'to' if brought.made == count else 'of'} {folder}"
+    count = len(import_result.recording.samples)
+    told = f"wrote {count} samples" if import_result.made == count else f"completed the {count} samples"
+    if 0 < import_result.made < count:
+        told += f", {import_result.made} of them new,"
+    made = " and cell.yaml" if import_result.is_new_cell else ""
+    return f"{told}{made} {'to' if import_result.made == count else 'of'} {folder}"
 
 
-def _pairing_lines(brought: Brought) -> list[str]:
-    pairing = brought.pairing
+def _pairing_lines(import_result: Brought) -> list[str]:
+    pairing = import_result.pairing
     if pairing is None:
         return []
     lines = []
-    joined = sum(number is not None for number in pairing.numbers) - brought.made
+    joined = sum(number is not None for number in pairing.numbers) - import_result.made
     if joined:
         lines.append(f"paired with {joined} samples {_IN_WORDS[pairing.by]}")
     if pairing.unpaired_rows:

@@ -86,14 +86,14 @@ def ros2_cell(
         return NewCell(text, cell_from_dict(data, bag.path, folder), urdfs)
 
 
-def _add_drivers(data: dict[str, Any], taken: Taken, domain: int | None) -> None:
+def _add_drivers(data: dict[str, Any], selection: Taken, domain: int | None) -> None:
     from basecal.exchange.bags.sources import ByFrames
 
     where = {} if domain is None else {"domain": domain}
-    for name, source in taken.robots.items():
+    for name, source in selection.robots.items():
         by = {"frames": [source.parent, source.child]} if isinstance(source, ByFrames) else {"topic": source.topic}
         data["robots"][name] = {**data["robots"].get(name, {}), "driver": {"kind": "ros2", **by, **where}}
-    for name, camera in taken.cameras.items():
+    for name, camera in selection.cameras.items():
         data["cameras"][name]["driver"] = {"kind": "ros2", "topic": camera.topic, **where}
     if len(data["robots"]) > 1:
         data["bases"] = {name: {"status": "free"} for name in data["robots"] if name != data["reference"]}

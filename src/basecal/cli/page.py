@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from basecal.cli.detected import detected_recording
+from basecal.cli.detection import detected_recording
 from basecal.cli.terminal import say
 from basecal.errors import DatasetError
 
@@ -71,33 +71,33 @@ def with_kept_scene(cell: Cell, recording: Recording, calibration: Calibration, 
     return with_scene_as_target(cell, calibration, recording, fingerprint)
 
 
-def write_page(cell: Cell, calibration: Calibration, stored: StoredRun) -> Path:
+def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
     """Path of the page of a run, which is written; where inputs have changed since, the page says so."""
     from basecal.accuracy.fit_details import fit_details
     from basecal.cell.files import read_verifications
     from basecal.cell.format.writing import write_atomically
     from basecal.reporting.page import page
 
-    names = ", ".join(stored.changed)
+    names = ", ".join(run.changed)
     notes = [f"{names} changed since this run: names and picture are as of now. Calibrate again."] if names else []
-    path, cell_name = stored.run / FILE, stored.run.resolve().parents[1].name
+    path, cell_name = run.run / FILE, run.run.resolve().parents[1].name
     described, recording = (
-        (cell, stored.recording) if names else with_kept_scene(cell, stored.recording, calibration, stored.run)
+        (cell, run.recording) if names else with_kept_scene(cell, run.recording, calibration, run.run)
     )
-    details = stored.details if described is cell else fit_details(described, recording, calibration)
+    details = run.details if described is cell else fit_details(described, recording, calibration)
     html = page(
         described,
         recording,
         calibration,
         details,
         title=os.fsencode(cell_name).decode(errors="replace"),
-        time=_run_time(stored.run),
-        run=stored.run.name,
+        time=_run_time(run.run),
+        run=run.run.name,
         notes=notes,
-        outlook=() if stored.changed else _outlook(cell, stored.recording, calibration),
-        verifications=[each for each in read_verifications(stored.run.parent.parent) if each.run == stored.run.name],
+        outlook=() if run.changed else _outlook(cell, run.recording, calibration),
+        verifications=[each for each in read_verifications(run.run.parent.parent) if each.run == run.run.name],
     )
-    write_atomically(path, html, within=stored.run.parent.parent)
+    write_atomically(path, html, within=run.run.parent.parent)
     return path
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.detected import detected_recording
+from basecal.cli.detection import detected_recording
 from basecal.cli.task_point import Box, Point, task_points
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.errors import BasecalError, FrameNotFound, UsageError

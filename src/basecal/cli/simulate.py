@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter, validators
 
 from basecal.cell.targets.registry import TargetKindName
-from basecal.cli.detected import counting
+from basecal.cli.detection import counting
 from basecal.cli.simulated_process import RendererName, run_process
 from basecal.cli.terminal import print_json, progress, quote_path, say
 from basecal.errors import InputError
@@ -135,12 +135,12 @@ def refuse_existing(folder: Path) -> None:
             raise InputError(f"{path} exists and is not overwritten: choose another folder, or remove it first")
 
 
-def write_simulation(folder: Path, made: SimulatedCell, image_seed: int | None = None) -> SimulatedCell:
+def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | None = None) -> SimulatedCell:
     """A simulated cell as it is written, whole or not at all, into a folder, with its recording and its truth.
 
     Args:
         folder: The cell's folder.
-        made: What was simulated.
+        simulation: What was simulated.
         image_seed: Of the noise of images that the recording then names instead of points; no images where None.
     """
     from dataclasses import replace
@@ -151,23 +151,23 @@ def write_simulation(folder: Path, made: SimulatedCell, image_seed: int | None =
 
     with stage_folder(folder) as part:
         if image_seed is not None:
-            made = with_images(made, part, image_seed)
-        write_cell(made.cell, part)
-        write_recording(made.recording, part)
-        for robot in made.cell.robots.values():
+            simulation = with_images(simulation, part, image_seed)
+        write_cell(simulation.cell, part)
+        write_recording(simulation.recording, part)
+        for robot in simulation.cell.robots.values():
             if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
                 text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
                 (part / robot.urdf).write_text(text, encoding="utf-8")
-        offsets = {name: of.of("joint_offsets").tolist() for name, of in made.robots.items()}
-        write_truth(part, made.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
-    return replace(made, recording=replace(made.recording, folder=str(folder)))
+        offsets = {name: of.of("joint_offsets").tolist() for name, of in simulation.robots.items()}
+        write_truth(part, simulation.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
+    return replace(simulation, recording=replace(simulation.recording, folder=str(folder)))
 
 
-def with_images(made: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
+def with_images(simulation: SimulatedCell, folder: Path, seed: int) -> SimulatedCell:
     """A simulated cell whose recording names images, written to its folder, instead of points."""
     from dataclasses import replace
 
     from basecal.simulation.images import render_recording
 
     with counting("rendering") as step:
-        return replace(made, recording=render_recording(made, folder, seed, step=step))
+        return replace(simulation, recording=render_recording(simulation, folder, seed, step=step))

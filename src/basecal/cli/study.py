@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter, validators
 
-from basecal.cli.detected import counting
+from basecal.cli.detection import counting
 from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
@@ -80,7 +80,7 @@ def summary_text(summary: dict[str, Any]) -> str:
     return f"{summary['words']}\ntable: {summary['table']}\npage: {summary['page']}"
 
 
-def try_study(asked: Study, folder: Path, where: WorkerPool) -> dict[str, Any]:
+def try_study(study: Study, folder: Path, workers: WorkerPool) -> dict[str, Any]:
     """The summary of a study, which is tried and written; with its words."""
     from basecal.reporting.sweep.page import sweep_page
     from basecal.reporting.sweep.text import sweep_text
@@ -89,14 +89,14 @@ def try_study(asked: Study, folder: Path, where: WorkerPool) -> dict[str, Any]:
     from basecal.studies.table import write_table
 
     with counting("trying") as step:
-        run_study(asked, folder, where, step)
+        run_study(study, folder, workers, step)
     with progress("writing"):
-        table, summary = write_table(asked, folder), summarise(asked, folder)
-        paths = _write_results(summary, table, sweep_page(summary, asked.text))
+        table, summary = write_table(study, folder), summarise(study, folder)
+        paths = _write_results(summary, table, sweep_page(summary, study.text))
     return {**summary, "folder": str(folder), **paths, "words": sweep_text(summary)}
 
 
-def _fleet(cells: Path, output: Path | None, where: WorkerPool) -> dict[str, Any]:
+def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, Any]:
     """The summary of a folder of cells, which are calibrated."""
     from basecal.reporting.fleet.page import fleet_page
     from basecal.reporting.fleet.text import fleet_text
@@ -105,7 +105,7 @@ def _fleet(cells: Path, output: Path | None, where: WorkerPool) -> dict[str, Any
 
     fleet = make_fleet(cells, Path(f"{cells.resolve().name}_calibrated") if output is None else output)
     with counting("calibrating") as step:
-        run_fleet(fleet, where, step)
+        run_fleet(fleet, workers, step)
     with progress("writing"):
         rows = fleet_rows(fleet)
         table, summary = write_fleet_table(rows, fleet.output), summarise_fleet(fleet, rows)
@@ -120,6 +120,6 @@ def _write_results(summary: dict[str, Any], table: Path, page: str) -> dict[str,
     from basecal.cell.format.writing import write_atomically
 
     folder = table.parent
-    write_atomically(folder / "summary.json", json.dumps(summary, indent=1, allow_nan=False) + "\n", within=folder)
-    write_atomically(folder / "report.html", page, within=folder)
+    write_atomically(folder / "summary.json", json.dumps(summary, indent=1, allow_nan=False) + "\n", base_folder=folder)
+    write_atomically(folder / "report.html", page, base_folder=folder)
     return {"table": str(table), "page": str(folder / "report.html")}

@@ -73,7 +73,7 @@ def target(
     """
     from basecal.cell.targets.fiducials import smallest_dictionary
     from basecal.cell.targets.kind import PrintSizes
-    from basecal.reporting.printed import printed_pages, write_pages
+    from basecal.reporting.target_sheet import printed_pages, write_pages
 
     if cell is not None:
         title, shape = _cell_target(cell, name)
@@ -99,7 +99,7 @@ def _sized_target(
     kind: str, sizes: PrintSizes, field: tuple[str, ...], largest_on: str | None, scales_marker: bool
 ) -> tuple[dict[str, Any], Target]:
     """Lines of cell.yaml and the target they describe, of these sizes or with the largest squares on a paper."""
-    from basecal.reporting.printed import largest_pitch_mm
+    from basecal.reporting.target_sheet import largest_pitch_mm
 
     fields = printed_fields(kind, sizes, field)
     shape = _described_target(kind, fields)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from basecal.cli.detected import counting
+from basecal.cli.detection import counting
 from basecal.cli.page import with_kept_scene
 from basecal.cli.runs import find_run
 from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
@@ -84,8 +84,8 @@ def verify(
     return code
 
 
-def _next_command(place: str, moved: bool | None) -> str:
-    if moved:
+def _next_command(place: str, has_moved: bool | None) -> str:
+    if has_moved:
         return f"look what was bumped or loosened, then record again: basecal capture {place}"
     return f"all verifications so far: basecal verify {place} --history"
 
@@ -146,11 +146,11 @@ def _recalibrate(
     return told, exit_code(made.calibration)
 
 
-def _recalibration_words(told: dict[str, Any] | None) -> str:
-    if told is None:
+def _recalibration_words(result: dict[str, Any] | None) -> str:
+    if result is None:
         return "not calibrated again: samples from before and after something moved are of two cells"
-    count = len(told["added"])
-    return f"calibrated again with {count} new samples, {told['verdict']}: run {told['run']}"
+    count = len(result["added"])
+    return f"calibrated again with {count} new samples, {result['verdict']}: run {result['run']}"
 
 
 def _history(cell: Path) -> tuple[dict[str, Any], str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from basecal.effects.clock_offset import delays, is_late
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.views import Views, elapsed_share
 
 FEWEST_IN_TIME = 6
@@ -16,7 +16,7 @@ FEWEST_IN_TIME = 6
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """The clocks of `clock_offset`, each by so much more at the last sample than at the first."""
-    if not views.timed or len(views.samples) < FEWEST_IN_TIME:
+    if not views.has_times or len(views.samples) < FEWEST_IN_TIME:
         return
     share = elapsed_share(views) - 0.5
     for name, late in delays(views):

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.simulated_fault import SECOND, SimulatedFault
 from basecal.effects.faces.views import Moves, Views, robot_moves
 from basecal.geometry import Array
@@ -17,8 +17,8 @@ from basecal.geometry import Array
 def candidates(views: Views) -> Iterator[Candidates]:
     """Clocks of each camera against all robots, and of each robot against the others, of arms on paths."""
     for name, late in delays(views):
-        if "clock_offset" not in views.estimated.get(name, ()):
-            yield one_candidate("clock-offset", name, "s" if views.timed else "samples", late)
+        if "clock_offset" not in views.estimated_effects.get(name, ()):
+            yield one_candidate("clock-offset", name, "s" if views.has_times else "samples", late)
 
 
 def delays(views: Views) -> Iterator[tuple[str, Moves]]:
@@ -34,7 +34,7 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
         return views.flange_jacobian(k, robot) @ paths[robot][views.rank(groups[k])][..., None]
 
     for camera in sorted({g.camera for g in groups}):
-        arms = [[r for r in paths if g.end_of(r)] if g.camera == camera else [] for g in groups]
+        arms = [[r for r in paths if g.robot_end(r)] if g.camera == camera else [] for g in groups]
         if any(arms):
             late = ([time_jacobian(views, k, r) for r in both] for k, both in enumerate(arms))
             yield camera, tuple(np.sum(each, axis=0) if each else None for each in late)

@@ -14,7 +14,7 @@ from pydantic import field_validator as checks
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_length
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_length
 from basecal.effects.faces.joint_effect import from_dict, moves_by_joint, open_chains, to_dict
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import (
@@ -55,35 +55,37 @@ class Stated(Parameters):
         return value
 
 
-def apply_gravity(chain: SerialChain, stated: Parameters | None) -> SerialChain:
+def apply_gravity(chain: SerialChain, statement: Parameters | None) -> SerialChain:
     """The chain with gravity as it is stated, whether compliances are estimated or not; as it is where it is not."""
-    if not isinstance(stated, Stated) or stated.down is None or chain.masses is None:
+    if not isinstance(statement, Stated) or statement.down is None or chain.masses is None:
         return chain
-    return replace(chain, masses=replace(chain.masses, down=np.array(stated.down)))
+    return replace(chain, masses=replace(chain.masses, down=np.array(statement.down)))
 
 
-def columns(chain: SerialChain, stated: Stated) -> Columns:
+def columns(chain: SerialChain, statement: Stated) -> Columns:
     """A column for each joint."""
     if chain.masses is None:
         raise InputError("needs the masses of its links: give them an <inertial> in its urdf")
-    sigma = None if stated.sigma_rad_per_nm is None else np.full(chain.n, stated.sigma_rad_per_nm)
+    sigma = None if statement.sigma_rad_per_nm is None else np.full(chain.n, statement.sigma_rad_per_nm)
     return Columns(np.eye(chain.n), sigma)
 
 
-def shift(chain: SerialChain, stated: Stated, joints: Array, values: Array) -> Array:
+def shift(chain: SerialChain, statement: Stated, joints: Array, values: Array) -> Array:
     """Compliance times torque."""
-    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(apply_gravity(chain, stated), joints)
-
-
-def derivative(posture: Posture, stated: Stated, values: Array) -> Array:
-    """Of the flange to each compliance."""
-    return (
-        posture.true.joint_derivative
-        * gravity_torques(apply_gravity(posture.chain, stated), posture.recorded)[..., None, :]
+    return (values[..., None, :] if values.ndim > 1 else values) * gravity_torques(
+        apply_gravity(chain, statement), joints
     )
 
 
-def explain_unobserved(case: Unobserved) -> str:
+def derivative(posture: Posture, statement: Stated, values: Array) -> Array:
+    """Of the flange to each compliance."""
+    return (
+        posture.true.joint_derivative
+        * gravity_torques(apply_gravity(posture.chain, statement), posture.recorded)[..., None, :]
+    )
+
+
+def unobserved_reason(case: Unobserved) -> str:
     """Why the data do not hold the compliances of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
     reason = "the torque of gravity about them is small in these samples, or the same in all of them"
@@ -165,7 +167,7 @@ EFFECT = Effect(
         shift=shift,
         scale=0.01,  # [rad/Nm]: 1 rad under 100 Nm
         largest_sigma=3e-3,  # [rad/Nm]
-        unobserved=explain_unobserved,
+        unobserved=unobserved_reason,
     ),
     random=RandomEffect(
         KINEMATICS,

@@ -33,11 +33,11 @@ def _corner_by_terms(camera: Camera) -> Array:
     return np.asarray(np.linalg.norm(by_lens[:, 4:], axis=0))
 
 
-def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
+def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     """By how much it moves the farthest corner."""
-    corner = farthest_corner(stated)
-    bent = stated.with_parameters(np.append(stated.parameters[:4], estimated.parameters[4:]))
-    corner_px = float(np.linalg.norm(bent.project(corner) - stated.project(corner)))
+    corner = farthest_corner(stated_lens)
+    bent = stated_lens.with_parameters(np.append(stated_lens.parameters[:4], estimated_lens.parameters[4:]))
+    corner_px = float(np.linalg.norm(bent.project(corner) - stated_lens.project(corner)))
     return f"the distortion by {corner_px:.2g} px at the corner"
 
 

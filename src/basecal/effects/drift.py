@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from basecal.effects.clock_drift import FEWEST_IN_TIME
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_tangent
 from basecal.effects.faces.views import Views, elapsed_share
 from basecal.geometry import Array
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FIX, FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.found_effect import AGAIN, FIX, FoundEffect, Words, rounded_tangent
 from basecal.effects.faces.views import Views
 from basecal.geometry import Array
 
@@ -15,7 +15,7 @@ CODE = "fixed-contradicted"
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each fixed base and mount, by any tangent."""
-    for name in views.fixed:
+    for name in views.fixed_frames:
         moves = (views.frame_jacobian(k, name) if views.depends(k, name) else None for k in range(len(views.groups)))
         yield one_candidate(CODE, name, "", tuple(moves))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import format_with_sigma
+from basecal.effects.faces.found_effect import format_with_sigma
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.simulated_fault import SimulatedFault
 from basecal.geometry import Array, Camera
@@ -17,10 +17,10 @@ def usual(camera: Camera) -> Array:
     return _USUAL * camera.parameters[:2]
 
 
-def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
+def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     """By how much they are off."""
-    share = 100 / stated.parameters[:2]
-    off = share * (stated.parameters - estimated.parameters)[:2]
+    share = 100 / stated_lens.parameters[:2]
+    off = share * (stated_lens.parameters - estimated_lens.parameters)[:2]
     fx, fy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))
     return f"fx is off by {fx} %, fy by {fy} %"
 

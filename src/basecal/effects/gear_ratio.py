@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.joint_effect import from_dict, joint_candidates, moves_by_joint, open_chains, to_dict
 from basecal.effects.faces.robot_parameter import (
     Columns,
@@ -38,22 +38,22 @@ class Stated(Parameters):
     sigma: Sigma | None = None
 
 
-def columns(chain: SerialChain, stated: Stated) -> Columns:
+def columns(chain: SerialChain, statement: Stated) -> Columns:
     """A column for each joint."""
-    return Columns(np.eye(chain.n), None if stated.sigma is None else np.full(chain.n, stated.sigma))
+    return Columns(np.eye(chain.n), None if statement.sigma is None else np.full(chain.n, statement.sigma))
 
 
-def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array:
+def shift(chain: SerialChain, statement: Parameters, joints: Array, values: Array) -> Array:
     """The share of each recorded angle."""
     return (values[..., None, :] if values.ndim > 1 else values) * joints
 
 
-def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
     """Of the flange to each share."""
     return posture.true.joint_derivative * posture.recorded[..., None, :]
 
 
-def explain_unobserved(case: Unobserved) -> str:
+def unobserved_reason(case: Unobserved) -> str:
     """Why the data do not hold the ratios of some joints."""
     how = "known from their prior alone" if case.by_prior else "that are unobservable"
     return f"gear ratios {how}: {case.joints}: these joints hardly move in these samples, or as a base or mount does"
@@ -112,7 +112,7 @@ EFFECT = Effect(
         entry,
         shift=shift,
         largest_sigma=0.1,
-        unobserved=explain_unobserved,
+        unobserved=unobserved_reason,
     ),
     candidates=candidates,
     words=words,

@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.joint_effect import joint_candidates, moves_by_joint, open_chains
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import (
@@ -51,23 +51,23 @@ class Stated(Parameters):
     sigma_rad: Sigma | None = None
 
 
-def columns(chain: SerialChain, stated: Stated) -> Columns:
+def columns(chain: SerialChain, statement: Stated) -> Columns:
     """A column for each joint."""
-    sigma = None if stated.sigma_rad is None else np.full(chain.n, stated.sigma_rad)
+    sigma = None if statement.sigma_rad is None else np.full(chain.n, statement.sigma_rad)
     return Columns(np.eye(chain.n), sigma)
 
 
-def shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array:
+def shift(chain: SerialChain, statement: Parameters, joints: Array, values: Array) -> Array:
     """The offsets, at any joints."""
     return values[..., None, :] if values.ndim > 1 else values
 
 
-def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
     """Of the flange to each joint."""
     return posture.true.joint_derivative
 
 
-def explain_unobserved(case: Unobserved) -> str:
+def unobserved_reason(case: Unobserved) -> str:
     """Why the data do not hold the offsets of some joints."""
     still = next(
         (row for row in range(case.joint_count) if row not in case.rows), 0
@@ -178,7 +178,7 @@ EFFECT = Effect(
         entry,
         shift=shift,
         largest_sigma=0.3,
-        unobserved=explain_unobserved,
+        unobserved=unobserved_reason,
     ),
     random=RandomEffect(
         KINEMATICS,

@@ -14,7 +14,7 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.views import Views, mount_moves
 from basecal.geometry import SE3, Array
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import Words
+from basecal.effects.faces.found_effect import Words
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import Columns, Posture, RobotParameter, RobotParameters
 from basecal.effects.faces.shared_errors import KINEMATICS, SharedErrors
@@ -37,20 +37,20 @@ def zero(joints: int) -> Array:
     return np.zeros((joints + 1, 6))
 
 
-def columns(chain: SerialChain, stated: Stated) -> Columns:
+def columns(chain: SerialChain, statement: Stated) -> Columns:
     """A column for each number, in its unit."""
-    if stated.sigma_m is not None and stated.sigma_rad is not None:
-        per_axis = np.repeat([stated.sigma_m, stated.sigma_rad], 3)
+    if statement.sigma_m is not None and statement.sigma_rad is not None:
+        per_axis = np.repeat([statement.sigma_m, statement.sigma_rad], 3)
         return Columns(np.eye(6 * (chain.n + 1)), np.tile(per_axis, chain.n + 1))
     return Columns(np.diag(np.tile(np.repeat([_METRES_PER_RADIAN, 1.0], 3), chain.n + 1)), None)
 
 
-def moved(chain: SerialChain, values: Array) -> SerialChain:
+def move_links(chain: SerialChain, values: Array) -> SerialChain:
     """The chain with its origins moved."""
     return chain.perturb_links(values) if np.any(values) else chain
 
 
-def derivative(posture: Posture, stated: Parameters, values: Array) -> Array:
+def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
     """Of the flange to each origin."""
     links = posture.true.link_derivative
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
@@ -123,7 +123,7 @@ EFFECT = Effect(
         from_dict,
         entry,
         zero=zero,
-        moved=moved,
+        moved=move_links,
         is_by_joint=False,
     ),
     random=RandomEffect(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import format_with_sigma
+from basecal.effects.faces.found_effect import format_with_sigma
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.simulated_fault import ONE, SimulatedFault
 from basecal.geometry import Array, Camera
@@ -20,9 +20,9 @@ def usual(camera: Camera) -> Array:
     return np.full(2, _USUAL * width)
 
 
-def words(stated: Camera, estimated: Camera, sigma: Array) -> str:
+def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
     """By how much it is off."""
-    off = (stated.parameters - estimated.parameters)[2:4]
+    off = (stated_lens.parameters - estimated_lens.parameters)[2:4]
     cx, cy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
     return f"cx by {cx} px, cy by {cy} px"
 

@@ -29,7 +29,7 @@ from basecal.effects import (
     target_size,
 )
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import FoundEffect, Words
+from basecal.effects.faces.found_effect import FoundEffect, Words
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameter

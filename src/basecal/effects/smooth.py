@@ -42,9 +42,9 @@ class Modes(NamedTuple):
         return np.asarray(kernel(poses, self.recorded) @ self.weights)
 
 
-def errors(poses: SE3, seen: BoolArray) -> SharedErrors | None:
+def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
     """Errors of each coordinate by modes, at recorded poses."""
-    found = Modes.from_poses(poses[np.flatnonzero(seen)]).sizes(poses)
+    found = Modes.from_poses(poses[np.flatnonzero(is_visible)]).sizes(poses)
     return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
 
 

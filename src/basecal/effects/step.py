@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.found_effect import FoundEffect, Words, rounded_tangent
 from basecal.effects.faces.views import Views
 from basecal.geometry import Array
 

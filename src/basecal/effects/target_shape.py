@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found import Words
+from basecal.effects.faces.found_effect import Words
 from basecal.effects.faces.target_parameter import TargetParameter
 from basecal.geometry import Array
 from basecal.geometry.rotation import cross_matrix

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found import AGAIN, FoundEffect, Words, format_with_sigma
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.views import Views
 from basecal.geometry import Array
 

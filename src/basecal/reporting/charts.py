@@ -33,7 +33,7 @@ class Scale:
     end: float
     logarithmic: bool
 
-    def at(self, value: float) -> float:
+    def position(self, value: float) -> float:
         """Where a value stands on the drawing."""
         value = math.log10(value) if self.logarithmic else value
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
@@ -53,7 +53,7 @@ class Scale:
         return found
 
 
-def scale_over(values: Sequence[float], start: float, end: float, logarithmic: bool | None = None) -> Scale:
+def fitted_scale(values: Sequence[float], start: float, end: float, logarithmic: bool | None = None) -> Scale:
     """The scale that holds these values; logarithmic if it is not said and they reach far."""
     least, most = min(values), max(values)
     if logarithmic is None:
@@ -80,14 +80,14 @@ def log_chart(title: str, x_label: str, y_label: str, series: Sequence[Series]) 
         y_label: With its unit.
         series: At most four lines.
     """
-    x = scale_over([p[0] for s in series for p in s.points], _LEFT, _WIDTH - _RIGHT, True)
-    y = scale_over([p[1] for s in series for p in s.points], _HEIGHT - _BOTTOM, _TOP, True)
+    x = fitted_scale([p[0] for s in series for p in s.points], _LEFT, _WIDTH - _RIGHT, True)
+    y = fitted_scale([p[1] for s in series for p in s.points], _HEIGHT - _BOTTOM, _TOP, True)
     upwards = f"translate(18 {(y.start + y.end) / 2}) rotate(-90)"
     parts = [
         element("style", _STYLE),
         element("rect", width=_WIDTH, height=_HEIGHT, fill="#fff"),
         element("text", text(title), class_="title", x=_LEFT, y=24),
-        *ruled_across(y, x.start, x.end),
+        *horizontal_rules(y, x.start, x.end),
         *(
             element("path", class_="rule", d=f"M{u} {y.start}V{y.end}")
             + element("text", number, class_="tick", x=u, y=y.start + 18, text_anchor="middle")
@@ -101,25 +101,25 @@ def log_chart(title: str, x_label: str, y_label: str, series: Sequence[Series]) 
     return element("svg", "\n".join(parts), **page, role="img", aria_label=title) + "\n"
 
 
-def ruled_across(up: Scale, left: float, right: float) -> list[str]:
+def horizontal_rules(scale: Scale, left: float, right: float) -> list[str]:
     """A rule and its number at each round value of an upward axis."""
     return [
         element("path", class_="rule", d=f"M{left} {y}H{right}")
         + element("text", number, class_="tick", x=left - 6, y=y, text_anchor="end")
-        for y, number in _places(up)
+        for y, number in _places(scale)
     ]
 
 
 def _places(scale: Scale) -> list[tuple[str, str]]:
-    return [(f"{scale.at(tick):.1f}", three_digits(tick)) for tick in scale.ticks()]
+    return [(f"{scale.position(tick):.1f}", three_digits(tick)) for tick in scale.ticks()]
 
 
 def _lines(x: Scale, y: Scale, series: Sequence[Series]) -> list[str]:
     parts = []
     last = -math.inf
-    for k, s in sorted(enumerate(series), key=lambda each: y.at(each[1].points[-1][1])):
-        last = max(y.at(s.points[-1][1]), last + _LABEL_GAP)  # so that no name covers another
-        places = [(f"{x.at(a):.1f}", f"{y.at(b):.1f}") for a, b in s.points]
+    for k, s in sorted(enumerate(series), key=lambda each: y.position(each[1].points[-1][1])):
+        last = max(y.position(s.points[-1][1]), last + _LABEL_GAP)  # so that no name covers another
+        places = [(f"{x.position(a):.1f}", f"{y.position(b):.1f}") for a, b in s.points]
         path = element("path", d="M" + "L".join(f"{u} {v}" for u, v in places), stroke_dasharray=_DASHES[k])
         name = element("text", text(s.name), x=x.end + 10, y=f"{last + 4:.1f}")
         circles = [element("circle", cx=u, cy=v, r=3) for u, v in places]

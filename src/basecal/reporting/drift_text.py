@@ -19,46 +19,45 @@ _TIME_FORMAT = "%Y-%m-%d %H:%M"
 _SHOWN_SAMPLES = 6  # numbers of samples in a line
 
 
-def verification_dict(found: Verification) -> dict[str, Any]:
+def verification_dict(verification: Verification) -> dict[str, Any]:
     """One JSON object; lengths in mm, angles in degrees, null where nothing can be told."""
-    shift = found.shift
+    shift = verification.shift
     return {
-        "moved": found.moved,
-        "frame": shift.frame if shift is not None and found.moved else None,
-        "transform": (shift.transform or None) if shift is not None and found.moved else None,
-        "joint": shift.joint + 1 if shift is not None and found.moved and shift.joint is not None else None,
-        "shift_mm": 1e3 * shift.shift_m if shift is not None and found.moved else None,
-        "shift_deg": math.degrees(shift.shift_rad) if shift is not None and found.moved else None,
-        "alike": [_thing_name(other) for other in found.alike],
-        "p": found.chance,
-        "detectable_mm": None if found.detectable_m is None else 1e3 * found.detectable_m,
+        "moved": verification.moved,
+        "frame": shift.frame if shift is not None and verification.moved else None,
+        "transform": (shift.transform or None) if shift is not None and verification.moved else None,
+        "joint": shift.joint + 1 if shift is not None and verification.moved and shift.joint is not None else None,
+        "shift_mm": 1e3 * shift.shift_m if shift is not None and verification.moved else None,
+        "shift_deg": math.degrees(shift.shift_rad) if shift is not None and verification.moved else None,
+        "alike": [_thing_name(other) for other in verification.alike],
+        "p": verification.chance,
+        "detectable_mm": None if verification.detectable_m is None else 1e3 * verification.detectable_m,
         "power": POWER,
-        "samples": list(found.samples),
-        "outliers": list(found.outliers),
+        "samples": list(verification.samples),
+        "outliers": list(verification.outliers),
     }
 
 
-def verification_text(found: Verification) -> str:
+def verification_text(verification: Verification) -> str:
     """Lines joined by newlines: whether something moved, what, by how much, and what would have been seen."""
-    count = f"{len(found.samples)} sample{'s' if len(found.samples) > 1 else ''}"
-    if found.moved is None or found.shift is None:
+    count = f"{len(verification.samples)} sample{'s' if len(verification.samples) > 1 else ''}"
+    if verification.moved is None or verification.shift is None:
         lines = [
             "CANNOT TELL: these samples do not show whether anything moved: take more of them, of the targets that "
             "were calibrated, with both arms turned, or calibrate from more of them first"
         ]
-    elif not found.moved:
-        lines = [f"NOT MOVED: {count} as calibrated (p = {found.chance:.2g})"]
+    elif not verification.moved:
+        lines = [f"NOT MOVED: {count} as calibrated (p = {verification.chance:.2g})"]
     else:
-        lines = [
-            f"MOVED: {count} are not explained (p = {found.chance:.2g}); most likely {_shift_sentence(found.shift)}"
-        ]
-        if found.alike:
-            others = ", ".join(_thing_name(other) for other in found.alike)
+        likeliest = _shift_sentence(verification.shift)
+        lines = [f"MOVED: {count} are not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
+        if verification.alike:
+            others = ", ".join(_thing_name(other) for other in verification.alike)
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("look what was bumped or loosened there, and calibrate again")
-    if found.detectable_m is not None:
-        lines.append(f"a shift of {1e3 * found.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
-    lines += [f"sample {number} is off alone and was left out" for number in found.outliers[:_SHOWN_SAMPLES]]
+    if verification.detectable_m is not None:
+        lines.append(f"a shift of {1e3 * verification.detectable_m:.2g} mm would be seen with {POWER:.0%} chance")
+    lines += [f"sample {number} is off alone and was left out" for number in verification.outliers[:_SHOWN_SAMPLES]]
     return "\n".join(lines)
 
 
@@ -76,7 +75,7 @@ def _thing_name(shift: Shift) -> str:
     return shift.frame if shift.joint is None else f"joint {shift.joint + 1} of {shift.frame.removesuffix('_flange')}"
 
 
-def history_dict(history: Sequence[PastVerification], found: Sequence[Drift]) -> dict[str, Any]:
+def history_dict(history: Sequence[PastVerification], drifts: Sequence[Drift]) -> dict[str, Any]:
     """One JSON object: what was verified when, and how fast each transform drifts."""
     return {
         "verifications": [
@@ -101,12 +100,12 @@ def history_dict(history: Sequence[PastVerification], found: Sequence[Drift]) ->
                 "sigma_mm_per_day": (1e3 * each.sigma).tolist(),
                 "p": each.chance,
             }
-            for each in found
+            for each in drifts
         ],
     }
 
 
-def history_text(history: Sequence[PastVerification], found: Sequence[Drift]) -> str:
+def history_text(history: Sequence[PastVerification], drifts: Sequence[Drift]) -> str:
     """A line for each verification, and for each transform whether it drifts."""
     if not history:
         return "nothing was verified yet: basecal verify CELL NEW.jsonl"
@@ -115,7 +114,7 @@ def history_text(history: Sequence[PastVerification], found: Sequence[Drift]) ->
         what = {False: "not moved", None: "cannot tell"}.get(each.moved, f"MOVED, {each.frame}")
         shifts = [f"{name} {1e3 * float(np.linalg.norm(s.t_m)):.2f} mm" for name, s in each.shifts.items()]
         lines.append(f"{each.when.strftime(_TIME_FORMAT)}  {what} (p = {each.chance:.2g})  {', '.join(shifts)}")
-    return "\n".join([*lines, *map(drift_sentence, found)])
+    return "\n".join([*lines, *map(drift_sentence, drifts)])
 
 
 def drift_sentence(drift: Drift) -> str:
@@ -126,11 +125,11 @@ def drift_sentence(drift: Drift) -> str:
     return f"{drift.transform} {verb} {rate} over {drift.count} checks (p = {drift.chance:.2g})"
 
 
-def comparison_dict(names: Sequence[str], found: Sequence[Comparison]) -> dict[str, Any]:
+def comparison_dict(names: Sequence[str], comparisons: Sequence[Comparison]) -> dict[str, Any]:
     """One JSON object: every run but the first against the first."""
     return {
         "runs": list(names),
-        "agree": _all_agree(found),
+        "agree": _all_agree(comparisons),
         "differences": [
             {
                 "run": name,
@@ -148,22 +147,22 @@ def comparison_dict(names: Sequence[str], found: Sequence[Comparison]) -> dict[s
                 "inputs": list(each.inputs),
                 "settings": {key: list(values) for key, values in each.settings.items()},
             }
-            for name, each in zip(names[1:], found, strict=True)
+            for name, each in zip(names[1:], comparisons, strict=True)
         ],
     }
 
 
-def _all_agree(found: Sequence[Comparison]) -> bool | None:
-    if any(each.agree is False for each in found):
+def _all_agree(comparisons: Sequence[Comparison]) -> bool | None:
+    if any(each.agree is False for each in comparisons):
         return False
-    return None if any(each.agree is None for each in found) else True
+    return None if any(each.agree is None for each in comparisons) else True
 
 
-def comparison_text(names: Sequence[str], found: Sequence[Comparison]) -> str:
+def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> str:
     """Lines joined by newlines: whether they agree, and what differs."""
-    verdict = {True: "AGREE", False: "DISAGREE", None: "CANNOT TELL: no transform is in both"}[_all_agree(found)]
+    verdict = {True: "AGREE", False: "DISAGREE", None: "CANNOT TELL: no transform is in both"}[_all_agree(comparisons)]
     lines = [verdict]
-    for name, each in zip(names[1:], found, strict=True):
+    for name, each in zip(names[1:], comparisons, strict=True):
         lines.append(f"{name} against {names[0]}")
         for transform, d in each.transforms.items():
             sigmas = "" if d.sigmas is None else f"  {d.sigmas:.1f} sigma (p = {d.chance:.2g})"

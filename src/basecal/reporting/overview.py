@@ -38,7 +38,7 @@ def _answer(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
     """When, and what was requested."""
     if time is not None:
         yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
-    for name in cell.asked:
+    for name in cell.requested_transforms:
         parent, _, child = name.partition("_from_")
         yield "Requested", f"where {child} is, seen from {parent}"
 

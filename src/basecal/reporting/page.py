@@ -141,7 +141,7 @@ def _verification_lines(verifications: Sequence[PastVerification]) -> dict[str, 
 def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, Any]:
     """What came out, for the template."""
     pasted = pasteable(calibration, cell, run)
-    asked = [name for name in cell.asked if name in calibration.transforms]
+    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
     first, tolerance = headline(cell, calibration), calibration.tolerance
     found = sort_by_severity(calibration.findings)
@@ -155,7 +155,7 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
         "components": {
             name: component_figure(name.partition("_from_")[2], calibration[name], asked_m) for name in free
         },
-        "lacking": [name for name in cell.asked if name not in calibration.transforms],
+        "lacking": [name for name in cell.requested_transforms if name not in calibration.transforms],
         "others": [transform_view(name, cell, calibration, pasted) for name in others],
         "lenses": [
             (name, camera.model, lens_parameters(camera, c)) for name, (camera, c) in calibration.cameras.items()
@@ -250,7 +250,7 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
     }
 
 
-def _views(views: Sequence[SampleResidual], excluded: Collection[SampleResidual]) -> list[Views]:
+def _views(views: Sequence[SampleResidual], exclusions: Collection[SampleResidual]) -> list[Views]:
     pairs = dict.fromkeys((view.camera, view.target) for view in views)
     # So many in each figure that the page stays small.
     figure_count = max(len(pairs) * len(QUANTITIES), 1)
@@ -258,7 +258,7 @@ def _views(views: Sequence[SampleResidual], excluded: Collection[SampleResidual]
     shown = []
     for camera, target in pairs:
         own = [view for view in views if (view.camera, view.target) == (camera, target)]
-        figures = [bar_figure(own, quantity, most, excluded) for quantity in QUANTITIES]
+        figures = [bar_figure(own, quantity, most, exclusions) for quantity in QUANTITIES]
         shown.append(Views(f"{target} seen by {camera}", tuple(f for f in figures if f is not None)))
     return [each for each in shown if each.figures]
 

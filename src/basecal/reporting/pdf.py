@@ -41,10 +41,10 @@ def text(x: float, y: float, words: str, size_mm: float) -> str:
     return f"BT /F1 {size_mm:g} Tf 1 0 0 -1 {x:.4f} {y:.4f} Tm <{shown}> Tj ET"
 
 
-def page_content(fills: Iterable[str], stroked: Iterable[str], texts: Iterable[str], width_mm: float) -> str:
+def page_content(fills: Iterable[str], strokes: Iterable[str], texts: Iterable[str], width_mm: float) -> str:
     """The drawing of a page: paths filled black, paths stroked `width_mm` wide, and texts."""
-    strokes = [f"{path} S" for path in stroked]
-    return "\n".join([*(f"{path} f" for path in fills), f"{width_mm:g} w", *strokes, *texts])
+    stroke_lines = [f"{path} S" for path in strokes]
+    return "\n".join([*(f"{path} f" for path in fills), f"{width_mm:g} w", *stroke_lines, *texts])
 
 
 def document(pages: Sequence[tuple[tuple[float, float], str]]) -> bytes:

@@ -33,7 +33,7 @@ def summary(cell: Cell, calibration: Calibration) -> str:
         cell: What was calibrated: it says which transforms are requested.
         calibration: What came out.
     """
-    asked = [name for name in cell.asked if name in calibration.transforms]
+    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
     findings = dict.fromkeys(sort_by_severity(calibration.findings))
     grave = [finding for finding in findings if finding.severity != "info"]
     first = [*_reasons(calibration, grave, asked), *(transform_sentence(name, calibration) for name in asked)]

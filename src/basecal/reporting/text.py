@@ -33,7 +33,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
         cell: What was calibrated: it says which transforms are requested, and names frames for other programs.
         calibration: What came out.
     """
-    asked = [name for name in cell.asked if name in calibration.transforms]
+    asked = [name for name in cell.requested_transforms if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]
     blocks = [[str(headline(cell, calibration))]]
     for name in asked:

@@ -70,14 +70,16 @@ class TransformView:
     ways: tuple[str, ...]
 
 
-def transform_view(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> TransformView:
+def transform_view(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> TransformView:
     """How the page shows a transform that the calibration has, with what is pasted of all transforms."""
     estimate, status = calibration[name], calibration.status.get(name, "free")
     is_point = name in calibration.points
     rows = [_row(row, status == "fixed") for row in transform_rows(name, calibration)]
     parent, _, child = name.partition("_from_")
     drivers = {robot.driver.kind for robot in cell.robots.values() if robot.driver is not None}
-    copies = [] if is_point else sorted(_copies(name, cell, calibration, pasted), key=lambda c: c.kind not in drivers)
+    copies = (
+        [] if is_point else sorted(_copies(name, cell, calibration, clipboard), key=lambda c: c.kind not in drivers)
+    )
     return TransformView(
         name=name,
         status=f"{status}, a point" if is_point else status,
@@ -95,7 +97,7 @@ def _row(row: TransformRow, is_fixed: bool) -> Row:
     return Row(row.name, row.unit, values, None if is_fixed else sigmas)
 
 
-def _copies(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> Iterator[ToCopy]:
+def _copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> Iterator[ToCopy]:
     """What other programs take of a transform: of the same the other way round, too, where it is pasted."""
     estimate = calibration[name]
     parent, _, child = name.partition("_from_")
@@ -106,5 +108,5 @@ def _copies(name: str, cell: Cell, calibration: Calibration, pasted: Pasted) -> 
     yield ToCopy("ros2 run", "publishes on /tf_static", name, published)
     yield ToCopy("covariance", order, name, f"[{covariance}]")
     for way in (name, f"{child}_from_{parent}"):
-        for kind, text in pasted.get(way, {}).items():
+        for kind, text in clipboard.get(way, {}).items():
             yield ToCopy(kind, EXPORTERS[kind].words, way, text.strip("\n"))

@@ -135,7 +135,7 @@ def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    write_atomically(chunk_path(folder, chunk), content, within=folder)
+    write_atomically(chunk_path(folder, chunk), content, base_folder=folder)
 
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:

@@ -73,7 +73,7 @@ def draw_cell(settings: Settings, seed: int, cell: int, transform: str | None) -
         settings, int(np.random.SeedSequence([seed, _CELLS, cell]).generate_state(1, np.uint64)[0] >> 1)
     )
     problem, _ = build_problem(made.cell, made.recording)
-    return DrawnCell(made, problem, transform or made.cell.asked[0])
+    return DrawnCell(made, problem, transform or made.cell.requested_transforms[0])
 
 
 def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int) -> Draws:

@@ -50,6 +50,6 @@ def write(folder: Path, name: str, detection: Detection | None) -> None:
         ids = None if detection.ids is None else detection.ids.tolist()
         found = {"ids": ids, "pixels": detection.pixels.tolist(), "sigma_px": detection.sigma_px.tolist()}
     try:
-        write_atomically(folder / _FOLDER / f"{name}.json", json.dumps(found), within=folder, durable=False)
+        write_atomically(folder / _FOLDER / f"{name}.json", json.dumps(found), base_folder=folder, durable=False)
     except InputError:
         return

@@ -42,7 +42,7 @@ def test_robots_held_to_be_exact_have_one():
     """Errors of 2 mm and 10 mrad that go into the lens: the closed form predicts better, and is far from the answer."""
     made = simulate(NOISY, 3)
     solution = solve(made.cell, made.recording, EXACT)
-    rival = cross_validate(solution, made.cell.asked, EXACT).rival
+    rival = cross_validate(solution, made.cell.requested_transforms, EXACT).rival
     assert rival.ratio > 1.1
     where = solution.problem.columns[MOUNT]
     sigma = np.sqrt(np.diag(solution.covariance_of([MOUNT])))

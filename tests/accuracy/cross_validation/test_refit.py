@@ -61,9 +61,9 @@ def test_folds_of_many_unknowns_go_by_sparse_matrices(monkeypatch):
     """A ring of three robots as if these were many: states, information and spread are those of dense matrices."""
     made = simulate(Scenario(layout="ring", robots=3, samples=36, robot_noise=(1e-4, 1e-4)), 1)
     solution = solve(made.cell, made.recording)
-    dense = cross_validate(solution, made.cell.asked)
+    dense = cross_validate(solution, made.cell.requested_transforms)
     monkeypatch.setattr(sparse_normal_equations, "MANY_COLUMNS", 1)
-    sparse = cross_validate(solution, made.cell.asked)
+    sparse = cross_validate(solution, made.cell.requested_transforms)
     assert dense.spread.mean_square == pytest.approx(sparse.spread.mean_square, rel=1e-6)
     assert dense.spread.freedoms == pytest.approx(sparse.spread.freedoms, rel=1e-6)
     assert dense.summary.rms_px == pytest.approx(sparse.summary.rms_px, rel=1e-6)

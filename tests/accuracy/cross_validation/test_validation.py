@@ -60,7 +60,7 @@ def validated(scenario: Scenario, seed: int, **told) -> tuple[Validation | None,
 def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[Finding, ...]]:
     problem, _ = build_problem(cell, recording)
     solution = solve_packed(problem, cell)
-    found = cross_validate(solution, cell.asked)
+    found = cross_validate(solution, cell.requested_transforms)
     evidence = evidence_of(cell, solution, found)
     return found and found.summary, (*not_validated(evidence), *inconsistent_folds(evidence), *overfit(evidence))
 
@@ -89,7 +89,9 @@ def test_many_robots_are_validated_as_few(monkeypatch):
 
     def checked_ring() -> CrossValidation:
         """Solved and validated."""
-        found = cross_validate(solve_packed(problem, made.cell, Settings(robot_noise="stated")), made.cell.asked)
+        found = cross_validate(
+            solve_packed(problem, made.cell, Settings(robot_noise="stated")), made.cell.requested_transforms
+        )
         assert found is not None
         return found
 

@@ -26,10 +26,10 @@ def test_a_warning_where_the_answer_moves(evidence):
 def test_the_transform_that_moves_most_counts(evidence):
     """To either side, of those asked for that have columns; none at all is an info."""
     made = evidence(lens_structures=of(-2.0))
-    made.cell.asked = ["base", "fixed"]
+    made.cell.requested_transforms = ["base", "fixed"]
     (found,) = lens_model(made)
     assert (found.severity, "moves the answer by 2.0 sigma." in found.message) == ("warning", True)
-    made.cell.asked = ["fixed"]
+    made.cell.requested_transforms = ["fixed"]
     (found,) = lens_model(made)
     assert (found.severity, "moves the answer by 0.0 sigma." in found.message) == ("info", True)
     for moved, severity in ((0.99, "info"), (1.01, "warning")):

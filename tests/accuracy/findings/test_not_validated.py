@@ -35,7 +35,7 @@ def test_no_folds_at_all(evidence):
 def test_only_what_is_estimated_can_be_unobservable(evidence):
     """Of what is asked for."""
     made = evidence(cross_validation=SimpleNamespace(skipped=(4,), summary="any"))
-    made.cell.asked = ["base", "fixed"]
+    made.cell.requested_transforms = ["base", "fixed"]
     (found,) = not_validated(made)
     assert found.message == (
         "Samples 4 could not be held out in cross-validation. Without them base is unobservable. Record more of their "

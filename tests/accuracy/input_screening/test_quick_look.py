@@ -135,7 +135,7 @@ def test_what_is_left_untold(monkeypatch):
     """Where nothing explains the views, no fit is found, a transform is open, or the fit predicts badly."""
     assert looked(monkeypatch, hopeless=True).findings == ("hopeless",)
     assert looked(monkeypatch, fit=None).untold == "leave open what is asked for; turn every arm about two axes or more"
-    name = made().cell.asked[0]
+    name = made().cell.requested_transforms[0]
     assert looked(monkeypatch, unobservable=[name]).untold.startswith("they fit to 0.2 px as they are read, but leave")
     assert looked(monkeypatch, unobservable=["another"]).error == "0.2 px"
     bad = looked(monkeypatch, plausible=False)

@@ -49,7 +49,7 @@ def test_a_pair_tells_how_its_bases_stand(pairs):
     """Solved alone, with the eye's base where it is, the hand's base is the truth within six sigmas an axis."""
     for pair in pairs[:3]:
         found = solve_packed(pair.reading.problem, pair.reading.cell, Settings(robot_noise="stated"))
-        name = pair.reading.cell.asked[0]
+        name = pair.reading.cell.requested_transforms[0]
         estimate = found.transforms[name]
         off = (estimate.mean.inverse() @ RING.truth[name]).log() / np.sqrt(np.diag(estimate.covariance))
         assert np.abs(off).max() < 6

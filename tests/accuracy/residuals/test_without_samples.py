@@ -87,5 +87,5 @@ def test_it_begins_where_the_calibration_is_and_holds_its_noise(made, monkeypatc
     assert not start.stop_errors.any()
     for name in problem.unknowns:
         np.testing.assert_array_equal(start.transforms[name].matrix, calibration[name].mean.matrix)
-    assert set(found.transforms) == set(cell.cell.asked) - {cell.cell.mount_name("wrist")}
+    assert set(found.transforms) == set(cell.cell.requested_transforms) - {cell.cell.mount_name("wrist")}
     assert (found.residuals, found.converged) == ("residuals", False)

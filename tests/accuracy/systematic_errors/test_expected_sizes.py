@@ -15,7 +15,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.cell import RobotState
 from basecal.effects import lens_sag, mount_bend, target_size
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
@@ -132,13 +132,13 @@ def test_a_mount_that_bends_moves_the_answer_to_the_truth():
     far, near = (distance(each) for each in (before, after))
     assert far > 100
     assert near < 16.8  # 99 % of chi-square with 6 freedoms
-    name = QUIET.cell.asked[0]
+    name = QUIET.cell.requested_transforms[0]
     assert np.trace(after.transforms[name].covariance) < 4 * np.trace(before.transforms[name].covariance)
 
 
 def distance(solution):
     """Squared distance of the base from the truth in its sigmas."""
-    name = QUIET.cell.asked[0]
+    name = QUIET.cell.requested_transforms[0]
     off = (solution.transforms[name].mean.inverse() @ QUIET.truth[name]).log()
     return float(off @ np.linalg.solve(solution.transforms[name].covariance, off))
 
@@ -147,7 +147,7 @@ def test_a_clean_answer_stays_nearly_as_sharp():
     """Sigmas that the data tell to be small leave little: below a fifth on the mean of the base's axes."""
     before = solve(QUIET.cell, QUIET.recording, STATED)
     after = with_expected_sizes(QUIET.cell, before, None)
-    name = QUIET.cell.asked[0]
+    name = QUIET.cell.requested_transforms[0]
     wider = np.log([np.diag(each.transforms[name].covariance) for each in (after, before)])
     assert 1.0 <= np.exp(0.5 * np.mean(wider[0] - wider[1])) < 1.2
 

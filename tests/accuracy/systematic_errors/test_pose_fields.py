@@ -90,7 +90,7 @@ def test_an_answer_is_as_wide_as_its_arms_are_wrong():
     for share in (0.0, 5e-3):
         _, solution = about(stretched(share))
         wide, plain = (with_expected_sizes(with_kind(MADE.cell, total), solution, None) for total in (False, True))
-        name = MADE.cell.asked[0]
+        name = MADE.cell.requested_transforms[0]
         ratio = np.diag(wide.transforms[name].covariance) / np.diag(plain.transforms[name].covariance)
         ratios.append(float(np.exp(0.5 * np.log(ratio).mean())))
     assert 1 <= ratios[0] < 1.2

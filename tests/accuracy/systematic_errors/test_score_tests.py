@@ -81,7 +81,7 @@ def test_several_at_once_are_as_each_alone():
     moves = tuple(np.concatenate([m, 2 * m[::-1]], 1) for m in one.moves)
     two = Candidates("", (MOUNT, MOUNT), (None, None), "", moves)
     about = linearised(of.problem, of.state)
-    both, first, second = score(about, two), score(about, two.only(0)), score(about, two.only(1))
+    both, first, second = score(about, two), score(about, two.single(0)), score(about, two.only(1))
     np.testing.assert_allclose(both.statistic, [first.statistic[0], second.statistic[0]], rtol=1e-9)
     np.testing.assert_allclose(both.size[1], second.size[0], rtol=1e-6, atol=1e-12)
 

@@ -16,7 +16,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import widen
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State

@@ -40,7 +40,7 @@ def test_flanges_move_views_as_their_poses_do(robot):
     of = situation(Scenario(samples=8))
     (group,) = of.problem.groups
     tangent = np.array([1e-6, -2e-6, 3e-6, 2e-6, 1e-6, -1e-6])
-    poses = group.end_of(robot).base_from_flange @ SE3.exp(tangent)
+    poses = group.robot_end(robot).base_from_flange @ SE3.exp(tangent)
     moved = (with_eye if robot == "eye" else with_hand)(group, base_from_flange=poses)
     before, after = (of.state.camera_from_target(g, of.problem.stops) for g in (group, moved))
     np.testing.assert_allclose((before.inverse() @ after).log(), of.flange_jacobian(0, robot) @ tangent, atol=1e-10)
@@ -54,10 +54,10 @@ def test_robots_that_move():
 def test_times():
     """Seconds where every sample has a stamp, else the order of the samples."""
     of = situation(Scenario(samples=6), stamps={k: 10.0 + 0.5 * k for k in range(6)})
-    assert of.timed
+    assert of.has_times
     np.testing.assert_allclose(of.times, 10.0 + 0.5 * np.arange(6))
     of = situation(Scenario(samples=6), stamps={0: 1.0})
-    assert not of.timed
+    assert not of.has_times
     np.testing.assert_allclose(of.times, np.arange(6))
 
 
@@ -87,9 +87,9 @@ def test_samples_in_their_order_in_time():
     assert [of.rank(group).tolist() for group in groups] == [[0, 2, 1], [1, 3, 2]]
     partly = recorded(*groups, stamps={7: 0.5, 9: -1.0})
     assert partly.samples.tolist() == [9, 3, 5, 7]
-    assert not partly.timed
-    assert not recorded(*groups, stamps=dict.fromkeys((3, 5, 7, 9), 4.0)).timed
-    assert recorded(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).timed
+    assert not partly.has_times
+    assert not recorded(*groups, stamps=dict.fromkeys((3, 5, 7, 9), 4.0)).has_times
+    assert recorded(*groups, stamps={3: 4.0, 5: 4.0, 7: 4.0, 9: 4.1}).has_times
 
 
 def test_robots_that_stood_in_two_places_whichever_views_tell():

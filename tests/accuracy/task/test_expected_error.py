@@ -112,7 +112,7 @@ def test_errors_of_mounts_are_where_the_target_is():
     calibration = calibrate(made.cell, made.recording)
     details = fit_details(made.cell, made.recording, calibration)
     by_name = {error.transform: error for error in details.errors}
-    assert set(by_name) == set(made.cell.asked)
+    assert set(by_name) == set(made.cell.requested_transforms)
     mount = by_name[made.cell.mount_name("wrist")]
     (views,) = details.views
     assert any(np.allclose(mount.at_m, place) for place in views.camera_from_target.translation)

@@ -20,7 +20,7 @@ PLACES = SOLUTION.problem.ends_of("hand")[0].base_from_flange.translation
 def added(points_m, is_total=False, has_base=True):
     """What the field of the hand adds at its flange; beside the base, which takes up what all samples share."""
     robots = {name: replace(robot, is_total_noise=is_total) for name, robot in MADE.cell.robots.items()}
-    name, cell = MADE.cell.asked[0], replace(MADE.cell, robots=robots)
+    name, cell = MADE.cell.requested_transforms[0], replace(MADE.cell, robots=robots)
     in_world = SOLUTION.state.transforms[name] @ points_m
     meeting = make_meeting(cell, SOLUTION.problem, SOLUTION.state, name, in_world)
     meeting = replace(meeting, places_m={"hand": points_m})

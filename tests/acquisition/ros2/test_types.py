@@ -9,7 +9,7 @@ from types import SimpleNamespace as Message
 import numpy as np
 import pytest
 
-from basecal.acquisition.ros2.types import dds_name, decoded, encoded, fields_of, kind_of_dds, type_hash
+from basecal.acquisition.ros2.types import dds_name, decode, encode, kind_of_dds, message_fields, type_hash
 from basecal.errors import InputError
 
 pytest.importorskip("rosbags")
@@ -44,28 +44,28 @@ def joints(names=("a", "bcd"), effort=(1.0, 2.0)):
 
 def test_a_message_goes_there_and_back():
     """Names, numbers and the order of bytes: least first, and the other is read, too."""
-    data = encoded("sensor_msgs/msg/JointState", joints())
+    data = encode("sensor_msgs/msg/JointState", joints())
     assert data[:12] == b"\x00\x01\x00\x00" + struct.pack("<iI", 3, 5)
-    found = decoded("sensor_msgs/msg/JointState", data)
+    found = decode("sensor_msgs/msg/JointState", data)
     assert (found.header.stamp.sec, found.header.frame_id, found.name) == (3, "base", ["a", "bcd"])
     assert [found.position.tolist(), found.velocity.tolist(), found.effort.tolist()] == [[1.5, -2.5], [], [1.0, 2.0]]
     other = b"\x00\x00\x00\x00" + struct.pack(">iI", 3, 5) + struct.pack(">I", 2) + b"a\x00"
-    header = decoded("std_msgs/msg/Header", other)
+    header = decode("std_msgs/msg/Header", other)
     assert (header.stamp.sec, header.stamp.nanosec, header.frame_id) == (3, 5, "a")
 
 
 def test_damaged_messages_are_told():
     """Cut at any byte, with counts beyond the end, or in another serialisation, it is an error and never a crash."""
     kind = "sensor_msgs/msg/JointState"
-    data = encoded(kind, joints())
+    data = encode(kind, joints())
     for count in range(len(data)):
         with pytest.raises(InputError):
-            decoded(kind, data[:count])
+            decode(kind, data[:count])
     with pytest.raises(InputError, match="not in plain CDR"):
-        decoded(kind, b"\x00\x07" + data[2:])
+        decode(kind, b"\x00\x07" + data[2:])
     for place in range(4, len(data) - 4, 4):
         with suppress(InputError):
-            decoded(kind, data[:place] + struct.pack("<I", 2**31) + data[place + 4 :])
+            decode(kind, data[:place] + struct.pack("<I", 2**31) + data[place + 4 :])
 
 
 def test_names_on_the_wire():
@@ -80,4 +80,4 @@ def test_names_on_the_wire():
 def test_types_that_are_not_known(kind):
     """They are told by their name."""
     with pytest.raises(InputError, match="no definition of the message"):
-        fields_of(kind)
+        message_fields(kind)

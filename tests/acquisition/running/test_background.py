@@ -41,11 +41,11 @@ def test_the_capture_does_not_wait_for_a_slow_check(monkeypatch):
         began = time.monotonic()
         for sample in samples:
             check.add(sample)
-        assert check.found().doubts == ()
+        assert check.collect().doubts == ()
         assert time.monotonic() - began < 5
         check._check.go.set()
-        assert [doubt.sample for doubt in check.found(waits=True).doubts] == [0, 1, 2]
-        assert check.found(waits=True).doubts == ()
+        assert [doubt.sample for doubt in check.collect(waits=True).doubts] == [0, 1, 2]
+        assert check.collect(waits=True).doubts == ()
 
 
 def test_a_check_that_fails_is_told_to_whoever_asks(monkeypatch):
@@ -63,9 +63,9 @@ def test_a_check_that_fails_is_told_to_whoever_asks(monkeypatch):
         for sample in samples:
             check.add(sample)
         with pytest.raises(ValueError, match="no check"):
-            check.found(waits=True)
+            check.collect(waits=True)
         del check._running[0]
-        assert check.found(waits=True).doubts == ()
+        assert check.collect(waits=True).doubts == ()
 
 
 HANGS = """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.acquisition.running.estimate import FEWEST, running_estimate
+from basecal.acquisition.running.estimate import MIN_SAMPLES, running_estimate
 from basecal.cell import Recording, Sample
 from shared.running_samples import BASE, recorded
 
@@ -34,6 +34,6 @@ def test_a_warm_start_ends_where_a_cold_one_does():
 
 def test_few_samples_are_not_estimated():
     """Fewer than four samples in which a target was seen give no estimate, whatever else there is."""
-    cell, samples = recorded(FEWEST - 1)
+    cell, samples = recorded(MIN_SAMPLES - 1)
     assert running_estimate(cell, samples) is None
     assert running_estimate(cell, [*samples, Sample(9, robots=samples[0].robots)]) is None

@@ -92,14 +92,14 @@ def test_links_are_replaced_and_not_followed(tmp_path):
     cell.mkdir()
     (outside / "victim").write_text("mine")
     (cell / "a").symlink_to(outside / "victim")
-    write_atomically(cell / "a", "x", within=cell)
+    write_atomically(cell / "a", "x", base_folder=cell)
     assert not (cell / "a").is_symlink()
     (cell / "runs").symlink_to(outside)
     for path in (cell / "runs" / "b", cell / "runs" / "new" / "b"):
         with pytest.raises(InputError, match="runs is a link; what is written stays in the cell"):
-            write_atomically(path, "x", within=cell)
+            write_atomically(path, "x", base_folder=cell)
     (tmp_path / "named").symlink_to(cell)
-    write_atomically(tmp_path / "named" / "c", "x", within=tmp_path / "named")  # the cell itself may be one
+    write_atomically(tmp_path / "named" / "c", "x", base_folder=tmp_path / "named")  # the cell itself may be one
     assert names(outside) == ["victim"]
     assert (outside / "victim").read_text() == "mine"
 
@@ -175,7 +175,7 @@ def test_what_is_private_only_its_owner_reads(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", synced.append)
     before = os.umask(0)
     try:
-        write_private(tmp_path / "key", "secret", within=tmp_path)
+        write_private(tmp_path / "key", "secret", base_folder=tmp_path)
         write_atomically(tmp_path / "open", "all")
     finally:
         os.umask(before)
@@ -190,7 +190,7 @@ def test_lines_are_appended_and_on_the_disk(tmp_path, monkeypatch):
     synchronised = []
     monkeypatch.setattr(os, "fsync", synchronised.append)
     path = tmp_path / "runs" / "lines"
-    append_durably(path, "one\n", within=tmp_path)
+    append_durably(path, "one\n", base_folder=tmp_path)
     append_durably(path, "two \udcff\n")
     assert path.read_bytes() == b"one\ntwo \\udcff\n"
     assert len(synchronised) == 4  # the file and its folder, each time
@@ -200,7 +200,7 @@ def test_lines_are_appended_and_on_the_disk(tmp_path, monkeypatch):
             append_durably(wrong, "three\n")
     (tmp_path / "elsewhere").symlink_to(tmp_path / "runs")
     with pytest.raises(InputError, match="elsewhere is a link"):
-        append_durably(tmp_path / "elsewhere" / "lines", "three\n", within=tmp_path)
+        append_durably(tmp_path / "elsewhere" / "lines", "three\n", base_folder=tmp_path)
     assert path.read_bytes().count(b"\n") == 2
 
 

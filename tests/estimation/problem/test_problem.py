@@ -178,7 +178,7 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
     moved = replace(state, robots={robot: Kinematics(stated, {"joint_offsets": off})})
     (group,) = problem.groups
     group = group if noise else with_hand(with_eye(group, stop=np.full(5, -1)), stop=np.full(5, -1))
-    poses = stated.forward(group.end_of(robot).joints + off)
+    poses = stated.forward(group.robot_end(robot).joints + off)
     wanted = (with_eye if robot == "eye" else with_hand)(group, base_from_flange=poses)
     np.testing.assert_allclose(
         moved.camera_from_target(group, problem.stops).matrix,

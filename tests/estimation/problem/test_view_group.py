@@ -24,7 +24,7 @@ def test_robots_and_frames_are_those_of_both_ends():
     group = group_of()
     assert group.robots == ("eye", "hand")
     assert group.frames == ("camera mount", "target mount", "hand base")
-    assert (group.end_of("hand"), group.end_of("third")) == (group.hand, None)
+    assert (group.robot_end("hand"), group.robot_end("third")) == (group.hand, None)
     assert with_hand(group, robot=None, base=None).robots == ("eye",)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.reporting.figures.rings import MIDDLE, RADIUS, on_rings, polar_drawing
+from basecal.reporting.figures.rings import MIDDLE, RADIUS, place_on_rings, polar_drawing
 
 
 def test_places():
     """The middle, half way out, and on the outer ring what is beyond."""
-    at = on_rings(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 8.0]]), 2.0)
+    at = place_on_rings(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 8.0]]), 2.0)
     np.testing.assert_allclose(at, [[MIDDLE, MIDDLE], [MIDDLE + RADIUS / 2, MIDDLE], [MIDDLE, MIDDLE + RADIUS]])
 
 

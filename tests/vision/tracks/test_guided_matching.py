@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.vision.tracks.features import Features
-from basecal.vision.tracks.guided_matching import match_guided
+from basecal.vision.tracks.guided_matching import match_predictions
 from scene_pictures import random_looks, unit_rows
 
 RADIUS_PX = 5.0
@@ -24,7 +24,7 @@ def test_predicted_points_are_found() -> None:
     features, looks = grid()
     predicted = features.pixels + np.array([1.6, -1.2])
     predicted[3] = np.nan
-    found = match_guided(features, predicted, looks, RADIUS_PX)
+    found = match_predictions(features, predicted, looks, RADIUS_PX)
     assert dict(zip(found.point.tolist(), found.feature.tolist(), strict=True)) == {
         k: k for k in range(len(looks)) if k != 3
     }
@@ -34,15 +34,17 @@ def test_predicted_points_are_found() -> None:
 def test_near_and_alike_are_both_needed() -> None:
     """A feature that looks alike but is beyond the radius, or is near but looks otherwise, is not found."""
     features, looks = grid()
-    assert len(match_guided(features, features.pixels + 8.0, looks, RADIUS_PX).point) == 0
-    assert len(match_guided(features, features.pixels, looks[::-1], RADIUS_PX).point) == 0
+    assert len(match_predictions(features, features.pixels + 8.0, looks, RADIUS_PX).point) == 0
+    assert len(match_predictions(features, features.pixels, looks[::-1], RADIUS_PX).point) == 0
 
 
 def test_each_feature_is_found_once() -> None:
     """Of two predictions at one feature the more alike one has it."""
     features, looks = grid()
     worse = unit_rows(looks + 0.03 * np.random.default_rng(2).standard_normal(looks.shape))
-    found = match_guided(features, np.tile(features.pixels, (2, 1)), np.concatenate([worse, features.descriptors]), 5.0)
+    found = match_predictions(
+        features, np.tile(features.pixels, (2, 1)), np.concatenate([worse, features.descriptors]), 5.0
+    )
     np.testing.assert_array_equal(np.sort(found.feature), np.arange(len(looks)))
     assert (found.point >= len(looks)).all()
 
@@ -52,7 +54,7 @@ def test_a_picture_that_looks_alike_everywhere_is_chance() -> None:
     rng = np.random.default_rng(3)
     looks = unit_rows(np.ones((4000, 128)) + 0.1 * rng.standard_normal((4000, 128)))
     features = Features(rng.uniform(0, 1, (4000, 2)) * [640, 480], looks)
-    found = match_guided(features, rng.uniform(150, 330, (200, 2)), looks[:200], RADIUS_PX)
+    found = match_predictions(features, rng.uniform(150, 330, (200, 2)), looks[:200], RADIUS_PX)
     assert len(found.point) > 100
     assert found.by_chance > 0.8 * len(found.point)
 
@@ -61,5 +63,5 @@ def test_no_features_give_nothing() -> None:
     """An empty picture, or no prediction inside of it, finds none."""
     features, looks = grid()
     empty = Features(np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32))
-    assert match_guided(empty, features.pixels, looks, RADIUS_PX).by_chance == 0
-    assert len(match_guided(features, np.full((len(looks), 2), np.nan), looks, RADIUS_PX).point) == 0
+    assert match_predictions(empty, features.pixels, looks, RADIUS_PX).by_chance == 0
+    assert len(match_predictions(features, np.full((len(looks), 2), np.nan), looks, RADIUS_PX).point) == 0

@@ -95,7 +95,7 @@ class Innovations:
         groups = self.situation.problem.groups
         if chain is None or not recorded_by_joints(self.situation.problem, robot):
             return None
-        ends = [group.end_of(robot) for group in groups]
+        ends = [group.robot_end(robot) for group in groups]
         joints = [None if end is None else end.joints for end in ends]
         each = [np.zeros((len(g), chain.n)) if q is None else q for g, q in zip(groups, joints, strict=True)]
         return Posture(chain, recorded := np.concatenate(each), chain.posture(recorded))
@@ -104,7 +104,7 @@ class Innovations:
         """Recorded poses of a robot's flange in all views, (n,), and the numbers of its stops, -1 where it has none."""
         groups = self.situation.problem.groups
         poses = [self.situation.recorded_pose(k, robot) for k in range(len(groups))]
-        ends = [(group, group.end_of(robot)) for group in groups]
+        ends = [(group, group.robot_end(robot)) for group in groups]
         stops = [np.full(len(group), -1) if end is None else end.stand for group, end in ends]
         return concatenate(poses), np.concatenate(stops)
 

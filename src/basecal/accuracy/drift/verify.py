@@ -79,7 +79,7 @@ def _verify(cell: Cell, innovations: Innovations) -> Verification:
         return Verification(None, 1.0, None, (), None, samples)
     level = MOVED / len(frames)
     chance = min(1.0, len(frames) * float(np.exp(min(each.log_chance for each in frames))))
-    asked = [each for each in frames if each.transform in cell.asked] or frames
+    asked = [each for each in frames if each.transform in cell.requested_transforms] or frames
     lengths = [detectable_m(each, level, POWER) for each in asked]
     seen = None if None in lengths else max(length for length in lengths if length is not None)
     moved = chance < MOVED

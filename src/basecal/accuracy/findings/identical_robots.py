@@ -34,7 +34,7 @@ def _recorded_poses(inputs: Input, robot: str) -> Array:
     """Distinct poses of a robot in the order of samples, as rows of 16 numbers; none of joints."""
     rows: dict[int, Array] = {}
     for group in inputs.problem.groups:
-        end = group.end_of(robot)
+        end = group.robot_end(robot)
         if end is not None and end.joints is None:
             rows |= dict(zip(group.sample.tolist(), end.base_from_flange.matrix.reshape(-1, 16), strict=True))
     ordered = [rows[number] for number in sorted(rows)]

@@ -17,7 +17,9 @@ def lens_model(evidence: Evidence) -> list[Finding]:
     findings = []
     for found in evidence.lens_structures:
         moves = [
-            _sigmas(evidence, found, name) for name in evidence.cell.asked if name in evidence.solution.problem.columns
+            _sigmas(evidence, found, name)
+            for name in evidence.cell.requested_transforms
+            if name in evidence.solution.problem.columns
         ]
         worst = max(moves, default=0.0)
         severity: Severity = "warning" if worst > _RELEVANT_SIGMAS else "info"

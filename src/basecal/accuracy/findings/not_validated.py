@@ -18,6 +18,8 @@ def not_validated(evidence: Evidence) -> list[Finding]:
         return [Finding("not-validated", "info", (), what, ("Record more samples.",))]
     numbers = tuple(map(str, sorted(found.skipped)))
     shown = ", ".join(numbers[:_SHOWN_SAMPLES]) + (", ..." if len(numbers) > _SHOWN_SAMPLES else "")
-    names = " and ".join(name for name in evidence.cell.asked if name in evidence.solution.problem.columns)
+    names = " and ".join(
+        name for name in evidence.cell.requested_transforms if name in evidence.solution.problem.columns
+    )
     what, why = f"Samples {shown} could not be held out in cross-validation.", f"Without them {names} is unobservable."
     return [Finding("not-validated", "info", numbers, what, ("Record more of their kind.",), why)]

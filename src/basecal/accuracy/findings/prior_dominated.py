@@ -35,7 +35,9 @@ def prior_dominated(evidence: Evidence) -> list[Finding]:
         alone, evidence.solution.state, hessian, evidence.solution.noise.factor
     ).unobservable
     resting = [
-        name for name in evidence.cell.asked if name in unobservable - evidence.solution.observability.unobservable
+        name
+        for name in evidence.cell.requested_transforms
+        if name in unobservable - evidence.solution.observability.unobservable
     ]
     return [finding for name in priors for finding in _dominated_findings(evidence.solution, name, resting)]
 

@@ -19,7 +19,9 @@ def unobservable_directions(evidence: Evidence) -> list[Finding]:
     if by_poses:
         return by_poses
     problem, observability = evidence.solution.problem, evidence.solution.observability
-    severity: Severity = "error" if observability.unobservable.intersection(evidence.cell.asked) else "warning"
+    severity: Severity = (
+        "error" if observability.unobservable.intersection(evidence.cell.requested_transforms) else "warning"
+    )
     moved = motions(problem) if observability.null_space else {}
     together: dict[tuple[str, ...], list[str]] = {}
     advice: dict[tuple[str, ...], tuple[tuple[str, ...], str] | None] = {}

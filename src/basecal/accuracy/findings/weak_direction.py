@@ -15,7 +15,7 @@ _WEAK_SIGMA = 0.15  # [rad], or share of the viewing distance, of one sigma: hal
 def weak_directions(evidence: Evidence) -> list[Finding]:
     """A warning if 1 sigma of a requested transform is above 0.15 rad or 0.15 of the viewing distance on an axis."""
     found, solution = [], evidence.solution
-    for name in evidence.cell.asked if solution.converged else ():
+    for name in evidence.cell.requested_transforms if solution.converged else ():
         if name in solution.observability.unobservable or name not in solution.problem.columns:
             continue
         sigma = np.sqrt(np.diag(solution.covariance_of([name])))

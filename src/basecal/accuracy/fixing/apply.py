@@ -45,7 +45,7 @@ def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
     if text != old:
         write_atomically(path, text)
     if lines is not None:
-        write_atomically(journal, lines, within=folder)
+        write_atomically(journal, lines, base_folder=folder)
     return kept
 
 

@@ -15,7 +15,7 @@ from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predicti
 from basecal.cell import Cell, Finding
 from basecal.cell.calibration import Severity
 from basecal.effects import fixed_transform
-from basecal.effects.faces.found import FIX
+from basecal.effects.faces.found_effect import FIX
 from basecal.errors import sentence
 from basecal.geometry import SE3
 
@@ -60,7 +60,7 @@ def has_tail(fit: HypothesisFit) -> bool:
 
 def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
     """Whether a fit determines all that is asked for."""
-    return not any(name in fit.solution.observability.unobservable for name in cell.asked)
+    return not any(name in fit.solution.observability.unobservable for name in cell.requested_transforms)
 
 
 def decide_hypotheses(
@@ -122,7 +122,7 @@ def _wins(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis) -> bool
 def _moved(cell: Cell, tried: TriedHypothesis, declared: HypothesisFit, scale: HypothesisFit) -> bool:
     """Whether a hypothesis moves the transforms asked for by more than three sigmas of `scale`."""
     ignored = cell.mount_name(tried.hypothesis.about[0]) if tried.hypothesis.code == "board-symmetry" else None
-    for name in cell.asked:
+    for name in cell.requested_transforms:
         if name == ignored and cell.transforms[name].status == "free":
             continue
         off = np.abs(_step(declared, tried.fit, name).log())
@@ -171,7 +171,7 @@ def _named(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis, certai
 
 def _ambiguous(cell: Cell, declared: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
     """One finding for all hypotheses that fit as well as the declared one."""
-    name = cell.asked[0]
+    name = cell.requested_transforms[0]
     moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
         f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"

@@ -104,7 +104,7 @@ def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     if is_hopeless(plain.problem, plain.state):
         return QuickLook(views, (hopeless(plain.problem, plain.state),))
     fit = fit_hypothesis(cell, problem, STATED, plain.state)
-    if fit is None or any(name in plain.observability.unobservable for name in cell.asked):
+    if fit is None or any(name in plain.observability.unobservable for name in cell.requested_transforms):
         return QuickLook(views, untold=_left_open(cell, fit))
     if not plausible(fit):
         return QuickLook(

@@ -57,7 +57,7 @@ def _exchanged_rows(
 
 
 def _recorded_poses(group: ViewGroup, robot: str) -> SE3:
-    end = group.end_of(robot)
+    end = group.robot_end(robot)
     assert end is not None
     return end.base_from_flange
 

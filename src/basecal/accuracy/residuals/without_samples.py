@@ -53,11 +53,11 @@ def without_samples(
         InputError: if no sample is left that the calibration knows the transforms of.
     """
     if not excluded:
-        known = {name: calibration[name] for name in cell.asked if name in calibration.transforms}
+        known = {name: calibration[name] for name in cell.requested_transforms if name in calibration.transforms}
         return WithoutSamples(known, calibration.residuals, True)
     kept = Recording(tuple(s for s in recording.samples if s.sample not in excluded))
     solution, whole = (_solve_again(cell, each, calibration) for each in (kept, recording))
-    seen = {n: solution.transforms[n] for n in cell.asked if n in _observable_names(solution)}
+    seen = {n: solution.transforms[n] for n in cell.requested_transforms if n in _observable_names(solution)}
     for name in seen.keys() & calibration.transforms.keys() & _observable_names(whole):
         before, answer = whole.transforms[name], calibration[name]
         mean = answer.mean @ before.mean.inverse() @ seen[name].mean

@@ -17,7 +17,7 @@ from basecal.estimation.scene.alignment import alignments
 from basecal.estimation.scene.base import Sightings, project_points, refine_transform
 from basecal.geometry import SE3, Array, IntArray
 from basecal.vision.tracks.features import Descriptors
-from basecal.vision.tracks.guided_matching import match_guided
+from basecal.vision.tracks.guided_matching import match_predictions
 from basecal.vision.tracks.matching import match
 
 _MOST_TRANSFORMS = 12  # transforms that are tried
@@ -128,7 +128,7 @@ def _judge_transform(
     for radius_px in _RADII_PX:
         pixels = project_points(points, camera_from_world @ transform, lens)
         guided = [
-            match_guided(pictures.features[row], pixels[k], looks, radius_px) for k, row in enumerate(second.rows)
+            match_predictions(pictures.features[row], pixels[k], looks, radius_px) for k, row in enumerate(second.rows)
         ]
         view = np.repeat(np.arange(len(guided)), [len(each.point) for each in guided])
         point = np.concatenate([each.point for each in guided])

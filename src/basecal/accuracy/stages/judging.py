@@ -21,7 +21,7 @@ from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.sizes_once import sizes_once
 from basecal.accuracy.widening import largest_shift, widen
 from basecal.effects import fixed_transform
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
@@ -66,7 +66,9 @@ def certify_solution(case: Case) -> Case:
 def hold_samples_out(case: Case) -> Case:
     """Predict held-out samples, and test lenses for what their models lack."""
     solution = case.evidence.solution
-    validated = cross_validate(of_some_views(solution, case.stated_settings), case.cell.asked, case.stated_settings)
+    validated = cross_validate(
+        of_some_views(solution, case.stated_settings), case.cell.requested_transforms, case.stated_settings
+    )
     return case.weighing(cross_validation=validated, lens_structures=lens_structures(solution, case.settings))
 
 

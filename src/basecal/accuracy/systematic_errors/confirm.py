@@ -84,7 +84,7 @@ def _in_configuration(situation: Situation) -> IntArray:
     places = np.zeros((len(situation.samples), len(situation.robots), 3))
     for i, robot in enumerate(situation.robots):
         for k, group in enumerate(situation.problem.groups):
-            if group.end_of(robot):
+            if group.robot_end(robot):
                 places[situation.rank(group), i] = situation.recorded_pose(k, robot).translation
     centred = (places - places.mean(0)).reshape(len(places), 3 * len(situation.robots))
     along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))

@@ -21,7 +21,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
 from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED, EFFECTS
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.problem.view_group import ViewGroup

@@ -55,7 +55,7 @@ def _effect_moves(
     for k, group in enumerate(problem.groups):
         parts = []
         for robot, unit in units.items():
-            end = group.end_of(robot)
+            end = group.robot_end(robot)
             still = np.zeros((len(group), 6, unit.shape[-1]))
             parts.append(still if end is None else flange_jacobian(k, robot) @ unit[end.stand])
         moves.append(np.concatenate(parts, axis=-1) if parts else None)

@@ -25,7 +25,7 @@ from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS
 from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
 from basecal.estimation.noise.random_effects import shared_errors

@@ -80,7 +80,7 @@ class Situation:
         return numbers[np.argsort([self.stamps.get(int(n), 0.0) for n in numbers], kind="stable")]
 
     @cached_property
-    def timed(self) -> bool:
+    def has_times(self) -> bool:
         """Whether all samples have a time, and not all the same."""
         times = {self.stamps.get(int(n)) for n in self.samples}
         return None not in times and len(times) > 1
@@ -88,7 +88,7 @@ class Situation:
     @cached_property
     def times(self) -> Array:
         """Of `samples`: their times [s], or their order."""
-        if not self.timed:
+        if not self.has_times:
             return np.arange(len(self.samples), dtype=np.float64)
         return np.array([self.stamps[int(n)] for n in self.samples], dtype=np.float64)
 
@@ -98,7 +98,7 @@ class Situation:
         return self.problem.groups
 
     @cached_property
-    def fixed(self) -> tuple[str, ...]:
+    def fixed_frames(self) -> tuple[str, ...]:
         """Of `frames` those that are stated as fixed."""
         return tuple(name for name in self.frames if self.problem.unknowns[name].status == "fixed")
 
@@ -115,7 +115,7 @@ class Situation:
         return {r: chains[r] for r in self.robots if r in chains and recorded_by_joints(self.problem, r)}
 
     @cached_property
-    def estimated(self) -> dict[str, frozenset[str]]:
+    def estimated_effects(self) -> dict[str, frozenset[str]]:
         """Names of the effects that are estimated as unknowns, by robot or camera."""
         clocks = dict.fromkeys(self.recorded.open_clocks, frozenset({"clock_offset"}))
         models = {robot: self.problem.robot_model(robot) for robot in self.problem.models}
@@ -196,7 +196,7 @@ class Situation:
     def recorded_pose(self, k: int, robot: str) -> SE3:
         """Poses of a robot's flange in a group's views, (n,); identity where it carries nothing there."""
         group = self.problem.groups[k]
-        end = group.end_of(robot)
+        end = group.robot_end(robot)
         return SE3.identity((len(group),)) if end is None else end.base_from_flange
 
     def velocity(self, robot: str) -> Array | None:
@@ -221,7 +221,7 @@ class Situation:
         rotation, translation = np.zeros((len(self.samples), 3, 3)), np.zeros((len(self.samples), 3))
         seen = np.zeros(len(self.samples), dtype=bool)
         for g in self.recorded.groups:
-            end = g.end_of(robot)
+            end = g.robot_end(robot)
             if end is not None:
                 at, poses = self.rank(g), end.base_from_flange
                 rotation[at], translation[at], seen[at] = poses.rotation, poses.translation, True

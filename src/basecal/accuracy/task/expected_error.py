@@ -53,7 +53,7 @@ def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation
         evaluation: The recording at its transforms.
     """
     found = []
-    for name in cell.asked:
+    for name in cell.requested_transforms:
         if name not in calibration.transforms or not np.all(np.isfinite(calibration[name].covariance)):
             continue
         places = np.concatenate([np.zeros((0, 3)), *_places(name, cell, evaluation)])
@@ -73,7 +73,7 @@ def check_tolerance(cell: Cell, calibration: Calibration, errors: Sequence[Expec
     if asked_m is None:
         return None
     lengths, meeting = {each.transform: each.length_m for each in errors}, calibration.meeting
-    is_complete = lengths.keys() == set(cell.asked)
+    is_complete = lengths.keys() == set(cell.requested_transforms)
     if meeting is not None:
         lengths = dict.fromkeys(placed_transforms(cell), meeting.expected_95_m) | {
             name: length for name, length in lengths.items() if name not in placed_transforms(cell)

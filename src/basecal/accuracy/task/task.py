@@ -16,7 +16,7 @@ Box = tuple[float, float, float, float, float, float]
 
 def placed_transforms(cell: Cell) -> list[str]:
     """The requested transforms that place something in the reference's base, as work between robots needs it."""
-    return [name for name in cell.asked if name.startswith(f"{cell.reference}_base_from_")]
+    return [name for name in cell.requested_transforms if name.startswith(f"{cell.reference}_base_from_")]
 
 
 def base_transforms(cell: Cell) -> list[str]:

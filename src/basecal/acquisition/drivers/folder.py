@@ -15,7 +15,7 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, checked_options
-from basecal.acquisition.reaching import path_reached
+from basecal.acquisition.reaching import external_path
 from basecal.errors import DatasetError, DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.image_file import grey_image, read_bytes
@@ -82,7 +82,7 @@ def reaches(place: Place) -> str:
     Raises:
         DatasetError: if an option is wrong.
     """
-    return path_reached(place.folder, place.folder / checked_options(place, FolderOptions).path, "folder")
+    return external_path(place.folder, place.folder / checked_options(place, FolderOptions).path, "folder")
 
 
 def open_camera(place: Place) -> FolderCamera:

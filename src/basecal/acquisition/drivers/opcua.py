@@ -37,13 +37,13 @@ class OpcuaRobot(ReconnectingRobot):
         Raises:
             DriverError: if the server does not answer, refuses, or lacks the nodes.
         """
-        self._session = Session(self.name, self._options, self._found, self._allow_plaintext)
+        self._session = Session(self.name, self._options, self._find_nodes, self._allow_plaintext)
 
     def disconnect(self) -> None:
         """Sign off."""
         self._session.close()
 
-    def _found(self, client: Any) -> Sequence[Any]:
+    def _find_nodes(self, client: Any) -> Sequence[Any]:
         options = self._options
         if options.pose is not None:
             return named_nodes(client, self.name, options.pose)

@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import Field
 
 from basecal.acquisition.driver import Picture, Place, checked_options
-from basecal.acquisition.reaching import path_reached
+from basecal.acquisition.reaching import external_path
 from basecal.errors import DriverError
 from basecal.fields.values import Entry, PathText
 from basecal.vision.stream import Stream, open_stream
@@ -56,7 +56,7 @@ def reaches(place: Place) -> str:
     """
     source = _source(place)
     if isinstance(source, Path):
-        return path_reached(place.folder, source, "film or device")
+        return external_path(place.folder, source, "film or device")
     return f"camera {source} of this computer" if isinstance(source, int) else source
 
 

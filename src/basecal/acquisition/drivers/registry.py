@@ -15,7 +15,7 @@ GROUP = "basecal.drivers"
 """The group of entry points in which other packages offer modules with `open_robot` or `open_camera`."""
 
 
-def _simulated() -> DriverKind:
+def _simulated_driver() -> DriverKind:
     from basecal.acquisition.drivers import simulated as module
 
     return DriverKind(
@@ -37,7 +37,7 @@ def _folder() -> DriverKind:
     return DriverKind(open_camera=module.open_camera, reaches=module.reaches)
 
 
-def _typed() -> DriverKind:
+def _typed_driver() -> DriverKind:
     from basecal.acquisition.drivers import typed as module
 
     return DriverKind(module.open_robot, needs_own_process=module.NEEDS_OWN_PROCESS, reaches=module.reaches)
@@ -68,10 +68,10 @@ def _ros2() -> DriverKind:
 
 
 DRIVERS: Mapping[str, Callable[[], DriverKind]] = {
-    "simulated": _simulated,
+    "simulated": _simulated_driver,
     "replay": _replay,
     "folder": _folder,
-    "typed": _typed,
+    "typed": _typed_driver,
     "opencv": _opencv,
     "ur": _ur,
     "opcua": _opcua,

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from basecal.acquisition.driver import Grey, Picture, Place, Reading, checked_options
-from basecal.acquisition.reaching import path_reached
+from basecal.acquisition.reaching import external_path
 from basecal.cell import Cell, Recording, RobotState, Sample
 from basecal.cell.files import read_cell, read_recording
 from basecal.errors import DatasetError, DriverError
@@ -56,15 +56,15 @@ class Tape:
         self._wanted[robot] = to
         self.at = min(self.samples, key=self._distance)
 
-    def stand(self, needed: Callable[[Sample], bool], name: str) -> Sample:
+    def stand(self, is_suitable: Callable[[Sample], bool], name: str) -> Sample:
         """The sample at which the tape stands, the first one where nobody moved yet.
 
         Raises:
             DriverError: if it lacks what is needed.
         """
         if self.at is None:
-            self.at = next((sample for sample in self.samples if needed(sample)), None)
-        if self.at is None or not needed(self.at):
+            self.at = next((sample for sample in self.samples if is_suitable(sample)), None)
+        if self.at is None or not is_suitable(self.at):
             raise DriverError(f"{name}: the recording has nothing of it in sample {self.at and self.at.sample}")
         return self.at
 
@@ -156,7 +156,7 @@ def reaches(place: Place) -> str:
     Raises:
         DatasetError: if an option is wrong.
     """
-    return path_reached(place.folder, _recording(place), "recording")
+    return external_path(place.folder, _recording(place), "recording")
 
 
 def open_robot(place: Place) -> ReplayRobot:

@@ -24,7 +24,7 @@ from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
 _LAST_DOMAIN = 232
-_DEPTH = 1  # pictures that are kept: the newest
+_QUEUE_SIZE = 1  # pictures that are kept: the newest
 _STOP_S = 3.0  # beyond `reconnect_s`, so that the driver says itself why nothing comes
 
 Name = Annotated[str, Field(min_length=1)]
@@ -154,7 +154,7 @@ def open_camera(place: Place) -> Ros2Camera:
     if options.topic is None or options.frames is not None:
         raise _wrong(place, "cameras", "expected the topic of its pictures, as `topic: /camera/image_raw`")
     domain = choose_domain(options.domain)
-    stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _DEPTH, options.reconnect_s)
+    stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _QUEUE_SIZE, options.reconnect_s)
     size_px = place.cell.cameras[place.name].size_px
     return Ros2Camera(place.name, stream, options.topic, size_px, options.reconnect_s + _STOP_S)
 

@@ -53,7 +53,7 @@ class _Picture(Entry):
     png_base64: str
 
 
-def _understood(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
+def _parse_answer(kind: type[_Answer], answer: dict[str, Any]) -> _Answer:
     """An answer, whoever gave it: any program may listen at a port.
 
     Raises:
@@ -80,7 +80,7 @@ class SimulatedRobot:
         Raises:
             DriverError: if the cell does not answer.
         """
-        answer = _understood(_State, self._cell.ask(do="state", robot=self._name))
+        answer = _parse_answer(_State, self._cell.ask(do="state", robot=self._name))
         return Reading(answer.stamp_s, RobotState(joints_rad=np.array(answer.joints_rad)))
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
@@ -117,7 +117,7 @@ class SimulatedCamera:
         Raises:
             DriverError: if the cell does not answer.
         """
-        answer = _understood(_Picture, self._cell.ask(do="picture", camera=self._name))
+        answer = _parse_answer(_Picture, self._cell.ask(do="picture", camera=self._name))
         try:
             grey = grey_image(base64.b64decode(answer.png_base64), None)
         except ValueError:
@@ -152,7 +152,7 @@ def open_robot(place: Place) -> SimulatedRobot:
         DatasetError: if an option is wrong.
         DriverError: if no cell runs.
     """
-    return SimulatedRobot(place.name, _connected(place))
+    return SimulatedRobot(place.name, _open_connection(place))
 
 
 def open_camera(place: Place) -> SimulatedCamera:
@@ -162,10 +162,10 @@ def open_camera(place: Place) -> SimulatedCamera:
         DatasetError: if an option is wrong.
         DriverError: if no cell runs.
     """
-    return SimulatedCamera(place.name, _connected(place))
+    return SimulatedCamera(place.name, _open_connection(place))
 
 
-def _connected(place: Place) -> Connection:
+def _open_connection(place: Place) -> Connection:
     return connect(_address(place))
 
 

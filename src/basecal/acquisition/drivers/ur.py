@@ -19,7 +19,7 @@ STOP_GUARANTEE: StopGuarantee = "watchdog"
 
 _JOINTS = 6
 _FASTEST_RAD_S = 3.14  # that ur-rtde takes for a joint
-_BEYOND = "the goal is beyond the safety limits of the controller"
+_BEYOND_LIMITS = "the goal is beyond the safety limits of the controller"
 _ENDED = 10  # states in a row that say that the program no longer runs, before it counts as stopped
 
 
@@ -101,9 +101,9 @@ class UrMoved(_WithProgram):
         """
         if to.joints_rad is not None:
             joints = to.joints_rad.tolist()
-            return "" if self._program.ask(lambda line: line.isJointsWithinSafetyLimits(joints)) else _BEYOND
-        pose = _written(to)
-        return "" if self._program.ask(lambda line: line.isPoseWithinSafetyLimits(pose)) else _BEYOND
+            return "" if self._program.ask(lambda line: line.isJointsWithinSafetyLimits(joints)) else _BEYOND_LIMITS
+        pose = _rotation_vector_pose(to)
+        return "" if self._program.ask(lambda line: line.isPoseWithinSafetyLimits(pose)) else _BEYOND_LIMITS
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Begin to go there, the leading joint at this speed, or at the fastest that ur-rtde allows.
@@ -118,7 +118,7 @@ class UrMoved(_WithProgram):
             joints = to.joints_rad.tolist()
             self._check(self._program.ask(lambda line: line.moveJ(joints, *how)), "take the move")
         else:
-            pose = _written(to)
+            pose = _rotation_vector_pose(to)
             self._check(self._program.ask(lambda line: line.moveJ_IK(pose, *how)), "take the move")
 
     def stop(self) -> None:
@@ -143,7 +143,7 @@ class UrLed(_WithProgram):
         self._check(is_taken, f"{'begin' if on else 'end'} freedrive")
 
 
-def _written(to: RobotState) -> list[float]:
+def _rotation_vector_pose(to: RobotState) -> list[float]:
     """A pose as UR controllers take it."""
     assert to.base_from_flange is not None
     return [float(number) for number in CONTROLLERS["ur"].written(to.base_from_flange)]

@@ -138,8 +138,8 @@ class ReconnectingRobot(ABC):
         return f"{_domain_error(self.name, error)}; tried again for {self._reconnect_s:g} s"
 
 
-def _is_same(reading: Reading, other: Reading) -> bool:
-    return np.array_equal(state_vector(reading.state), state_vector(other.state))
+def _is_same(reading: Reading, last: Reading) -> bool:
+    return np.array_equal(state_vector(reading.state), state_vector(last.state))
 
 
 def _domain_error(name: str, error: Exception) -> BasecalError:

@@ -69,7 +69,7 @@ def _children(node: Any) -> dict[str, Any]:
     return {} if node is None else {each.read_browse_name().Name: each for each in node.get_children()}
 
 
-def radians_per_unit(node: Any, name: str, stated: str | None) -> float:
+def radians_per_unit(node: Any, name: str, unit_name: str | None) -> float:
     """How many radians one of a node's numbers is.
 
     Raises:
@@ -81,12 +81,12 @@ def radians_per_unit(node: Any, name: str, stated: str | None) -> float:
         unit = units.read_value()
         code = unit.UnitId.to_bytes(4, "big").lstrip(b"\0") if unit.UnitId > 0 else b""
         said = _RADIANS_OF_UNIT.get(code, _RADIANS_OF_WORD.get(unit.DisplayName.Text or ""))
-    if stated is not None and said is not None and said != _RADIANS_OF_WORD[stated]:
+    if unit_name is not None and said is not None and said != _RADIANS_OF_WORD[unit_name]:
         raise DriverError(
-            f"{name}: the server says that joints are not in {stated}: leave `unit` out, or look at {node}"
+            f"{name}: the server says that joints are not in {unit_name}: leave `unit` out, or look at {node}"
         )
-    if stated is not None:
-        return _RADIANS_OF_WORD[stated]
+    if unit_name is not None:
+        return _RADIANS_OF_WORD[unit_name]
     if said is None:
         raise DriverError(f"{name}: {node} does not say its unit: say `unit: deg` or `unit: rad` in cell.yaml")
     return said

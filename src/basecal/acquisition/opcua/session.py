@@ -77,12 +77,12 @@ class Session:
         """
         return self._values(_answer(self._name, lambda: self._client.read_attributes(self.nodes)))
 
-    def _values(self, given: Sequence[Any]) -> Values:
-        for node, each in zip(self.nodes, given, strict=True):
+    def _values(self, data_values: Sequence[Any]) -> Values:
+        for node, each in zip(self.nodes, data_values, strict=True):
             if not each.StatusCode.is_good() or each.Value is None:
                 raise DriverError(f"{self._name}: the server has no value of {node}: {each.StatusCode.name}")
-        numbers = np.concatenate([np.atleast_1d(np.asarray(each.Value.Value, dtype=float)) for each in given])
-        stamps = [each.SourceTimestamp or each.ServerTimestamp for each in given]
+        numbers = np.concatenate([np.atleast_1d(np.asarray(each.Value.Value, dtype=float)) for each in data_values])
+        stamps = [each.SourceTimestamp or each.ServerTimestamp for each in data_values]
         known = [stamp.timestamp() for stamp in stamps if stamp is not None]
         return Values(max(known) if known else time.time(), numbers)
 

@@ -15,7 +15,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from basecal.acquisition.ros2.types import dds_name, decoded, encoded, fields_of, kind_of_dds, type_hash, typestore
+from basecal.acquisition.ros2.types import dds_name, decode, encode, kind_of_dds, message_fields, type_hash, typestore
 from basecal.errors import InputError, MissingExtra
 
 _TOPIC = "rt/"  # before the name of each topic of ROS 2
@@ -65,14 +65,14 @@ def participant(domain: int) -> Any:
         raise InputError(f"DDS cannot be used in domain {domain}: {error}; look at CYCLONEDDS_URI") from None
 
 
-def choose_domain(stated: int | None) -> int:
+def choose_domain(domain: int | None) -> int:
     """The domain that is stated, else that of the variable ROS_DOMAIN_ID, else 0.
 
     Raises:
         InputError: if the variable is no number of a domain.
     """
-    if stated is not None:
-        return stated
+    if domain is not None:
+        return domain
     said = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not (said.isdecimal() and int(said) <= _LAST_DOMAIN):
         raise InputError(f"ROS_DOMAIN_ID is {said!r}: expected a number from 0 to {_LAST_DOMAIN}")
@@ -148,7 +148,7 @@ class Listener:
         from cyclonedds.sub import DataReader
 
         self._participants = BuiltinDataReader(participant(domain), BuiltinTopicDcpsParticipant)
-        fields_of(offer.kind)  # an error if nobody knows it
+        message_fields(offer.kind)  # an error if nobody knows it
         self._kind = offer.kind
         qos = _qos(offer.is_reliable, offer.is_latched, depth)
         self._reader = DataReader(participant(domain), _topic(domain, offer.name, offer.kind), qos=qos)
@@ -169,7 +169,7 @@ class Listener:
         if not taken and wait_s > 0:
             self._waiting.wait(int(wait_s * 1000) * _MS)
             taken = self._take()
-        return [(each.sample_info.publication_handle, decoded(self._kind, each)) for each in taken]
+        return [(each.sample_info.publication_handle, decode(self._kind, each)) for each in taken]
 
     def publishers(self) -> dict[int, str]:
         """Publishers of the topic now by their numbers: the process and computer of each, or its GUID."""
@@ -210,7 +210,7 @@ class Speaker:
 
     def send(self, message: Any) -> None:
         """Send a message, its fields being attributes."""
-        self.send_bytes(encoded(self._kind, message))
+        self.send_bytes(encode(self._kind, message))
 
     def send_bytes(self, data: bytes) -> None:
         """Send a message that is serialised already."""
@@ -249,38 +249,38 @@ def _bytes_type(kind: str) -> Any:
     """
     made = _struct(kind, {})
 
-    def of(data: bytes) -> Any:
+    def wrap(data: bytes) -> Any:
         """What cyclonedds sends as these bytes."""
         sample = made.__new__(made)
         sample.serialize = lambda **_: data
         return sample
 
     made.deserialize = staticmethod(_Bytes)
-    made.of = staticmethod(of)
+    made.of = staticmethod(wrap)
     return made
 
 
-def _struct(name: str, known: dict[str, Any]) -> Any:
+def _struct(name: str, structs: dict[str, Any]) -> Any:
     from cyclonedds.idl import make_idl_struct
 
-    if name not in known:
-        kinds: Mapping[str, Any] = {key: _annotation(kind, known) for key, kind in fields_of(name)}
-        known[name] = make_idl_struct(name.rpartition("/")[2], dds_name(name), dict(kinds))
-    return known[name]
+    if name not in structs:
+        kinds: Mapping[str, Any] = {key: _annotation(kind, structs) for key, kind in message_fields(name)}
+        structs[name] = make_idl_struct(name.rpartition("/")[2], dds_name(name), dict(kinds))
+    return structs[name]
 
 
-def _annotation(kind: Any, known: dict[str, Any]) -> Any:
+def _annotation(kind: Any, structs: dict[str, Any]) -> Any:
     from rosbags.interfaces import Nodetype
 
     types: Any = import_module("cyclonedds.idl.types")
     node, (within, most) = kind if kind[0] != Nodetype.NAME else (kind[0], (kind[1], 0))
     if node == Nodetype.NAME:
-        return _struct(within, known)
+        return _struct(within, structs)
     if node == Nodetype.BASE:
         plain = {"bool": bool, "string": types.bounded_str[most] if most else str}
         plain |= dict.fromkeys(("char", "byte", "octet"), types.uint8)
         return plain[within] if within in plain else getattr(types, within)
-    inner = _annotation(within, known)
+    inner = _annotation(within, structs)
     if node == Nodetype.ARRAY:
         return types.array[inner, most]
     return types.sequence[inner, most] if most else types.sequence[inner]

@@ -22,7 +22,7 @@ def typestore() -> Any:
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def fields_of(kind: str) -> tuple[tuple[str, Any], ...]:
+def message_fields(kind: str) -> tuple[tuple[str, Any], ...]:
     """Names and kinds of the fields of a message such as `sensor_msgs/msg/JointState`, as rosbags has them.
 
     Raises:
@@ -34,7 +34,7 @@ def fields_of(kind: str) -> tuple[tuple[str, Any], ...]:
     return fields
 
 
-def decoded(kind: str, data: bytes) -> Any:
+def decode(kind: str, data: bytes) -> Any:
     """A message of plain CDR with its fields as attributes; primitives in sequences and arrays are NumPy's.
 
     Raises:
@@ -50,7 +50,7 @@ def decoded(kind: str, data: bytes) -> Any:
         raise InputError("a message ends too early: its type is not the one that it is sent as") from None
 
 
-def encoded(kind: str, message: Any) -> bytes:
+def encode(kind: str, message: Any) -> bytes:
     """A message as bytes of plain CDR; sequences of primitives are NumPy's."""
     return bytes(typestore().serialize_cdr(message, kind))
 

@@ -55,7 +55,7 @@ class BackgroundCheck:
         self._running.append(future)
         self._waiting.put((sample, future))
 
-    def found(self, waits: bool = False) -> Checked:
+    def collect(self, waits: bool = False) -> Checked:
         """What is known by now; of all samples where it `waits`."""
         doubts: list[Doubt] = []
         until = monotonic() + _PATIENCE_S

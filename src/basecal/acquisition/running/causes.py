@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.drift.shifts import SIZE_KIND, Shift
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import describe_effect
 
 _REPORTED = {"base-moved", "robot-model", "length-scale"}
-_MOST = 3  # causes that are named where several explain the samples equally
+_MOST_CAUSES = 3  # causes that are named where several explain the samples equally
 
 
 def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
@@ -22,11 +22,11 @@ def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
         causes: What explains the samples, the likeliest first.
         sample: Number of the first sample that has it.
     """
-    named = list(dict.fromkeys(_moved(each, sample) for each in causes))[:_MOST]
+    named = list(dict.fromkeys(_describe_shift(each, sample) for each in causes))[:_MOST_CAUSES]
     return f"{', or '.join(named)}. Check what was bumped, loosened or exchanged, and capture again."
 
 
-def _moved(cause: Shift, sample: int) -> str:
+def _describe_shift(cause: Shift, sample: int) -> str:
     if cause.joint is not None:
         robot = cause.frame.removesuffix("_flange")
         return f"joint {cause.joint + 1} of {robot} slipped by {np.degrees(cause.shift_rad):.2g} deg at sample {sample}"

@@ -15,10 +15,10 @@ from basecal.accuracy.model_comparison.nested import CONFIRMED
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import describe_effect
 
-_WINDOW = 3  # samples that are compared together, to see what is too small to see in one
+_WINDOW_SAMPLES = 3  # samples that are compared together, to see what is too small to see in one
 _EXPLAINED = 1e-3  # chance of what a cause leaves, above which it explains the samples
 
 
@@ -66,7 +66,7 @@ class RunningCheck:
 
     def _compare(self, sample: Sample) -> tuple[Doubt, ...]:
         """Whether a sample agrees with the estimate before it; it joins the samples that agree, or is held back."""
-        alone = self._against(self.estimate, [sample])
+        alone = self._test(self.estimate, [sample])
         if alone is None or alone.chance > CONFIRMED:
             odd, self._pending = self._pending, []
             self._agreeing.append(sample)
@@ -74,12 +74,12 @@ class RunningCheck:
         self._pending.append(sample)
         if len(self._pending) == 1:
             return (_first(sample, alone),)
-        return self._together(alone)
+        return self._judge_pending(alone)
 
-    def _together(self, alone: Disagreement) -> tuple[Doubt, ...]:
+    def _judge_pending(self, disagreement: Disagreement) -> tuple[Doubt, ...]:
         """What several samples in a row that disagree have in common."""
         held, self._pending = self._pending, []
-        both = self._against(self.estimate, held)
+        both = self._test(self.estimate, held)
         if both is None or both.chance_left < _EXPLAINED:
             self._pending = held[-1:]
             return tuple(map(_odd, held[:-1]))
@@ -88,16 +88,16 @@ class RunningCheck:
 
     def _window(self) -> tuple[Doubt, ...]:
         """Whether the last samples together disagree with the estimate before them."""
-        if len(self._preceding_records) < _WINDOW:
+        if len(self._preceding_records) < _WINDOW_SAMPLES:
             return ()
-        recent = self._agreeing[-_WINDOW:]
-        found = self._against(self._preceding_records[1 - _WINDOW], recent)
+        recent = self._agreeing[-_WINDOW_SAMPLES:]
+        found = self._test(self._preceding_records[1 - _WINDOW_SAMPLES], recent)
         if found is None or found.chance > CONFIRMED or found.chance_left < _EXPLAINED:
             return ()
         return self._lasting(recent[0].sample, found)
 
-    def _lasting(self, sample: int, found: Disagreement) -> tuple[Doubt, ...]:
-        return self._once(("moved",), Doubt(sample, cause_of_shifts(found.causes, sample), is_lasting=True))
+    def _lasting(self, sample: int, shift: Disagreement) -> tuple[Doubt, ...]:
+        return self._report_new(("moved",), Doubt(sample, cause_of_shifts(shift.causes, sample), is_lasting=True))
 
     def _systematic(self) -> tuple[Doubt, ...]:
         """The systematic error that this check and the one before it found."""
@@ -108,15 +108,15 @@ class RunningCheck:
             return ()
         kind = ("moved",) if error.since is not None else before
         last = self._agreeing[-1].sample
-        return self._once(kind, Doubt(error.since or last, cause, is_lasting=True))
+        return self._report_new(kind, Doubt(error.since or last, cause, is_lasting=True))
 
-    def _once(self, kind: tuple[str, ...], doubt: Doubt) -> tuple[Doubt, ...]:
+    def _report_new(self, kind: tuple[str, ...], doubt: Doubt) -> tuple[Doubt, ...]:
         if kind in self._reported:
             return ()
         self._reported.add(kind)
         return (doubt,)
 
-    def _against(self, estimate: RunningEstimate | None, samples: Sequence[Sample]) -> Disagreement | None:
+    def _test(self, estimate: RunningEstimate | None, samples: Sequence[Sample]) -> Disagreement | None:
         if estimate is None or ("moved",) in self._reported:
             return None
         return disagreement(self._cell, estimate.calibration, Recording(tuple(samples)))
@@ -127,11 +127,11 @@ def _name(error: FoundEffect | None) -> tuple[str, ...]:
     return () if error is None else (describe_effect(error).code, error.about)
 
 
-def _first(sample: Sample, alone: Disagreement) -> Doubt:
+def _first(sample: Sample, single: Disagreement) -> Doubt:
     """A sample that disagrees, before another tells why."""
     message = (
-        f"Sample {sample.sample} disagrees with the samples before it (chance {alone.chance:.1g}). Its picture and its "
-        f"pose do not belong together, or {cause_of_shifts(alone.causes, sample.sample)}"
+        f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its picture and "
+        f"its pose do not belong together, or {cause_of_shifts(single.causes, sample.sample)}"
     )
     return Doubt(sample.sample, message, is_lasting=False, repeats=True)
 

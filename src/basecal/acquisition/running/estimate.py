@@ -13,7 +13,7 @@ from basecal.accuracy.systematic_errors.expected_sizes import with_expected_size
 from basecal.accuracy.systematic_errors.search import running_error
 from basecal.accuracy.widening import widen
 from basecal.cell import Calibration, Cell, Recording, Sample
-from basecal.effects.faces.found import FoundEffect
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED
 from basecal.errors import BasecalError
 from basecal.estimation.noise.estimate import NoiseEstimate
@@ -23,7 +23,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import STATED, Settings
 from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode, solve_packed
 
-FEWEST = 4
+MIN_SAMPLES = 4
 """Samples from which on the cell is estimated."""
 
 _OPEN = 0.3  # [m, rad] of a sigma: above, a direction has not been seen
@@ -48,24 +48,24 @@ class RunningEstimate:
 
 
 def running_estimate(
-    cell: Cell, samples: Sequence[Sample], near: RunningEstimate | None = None
+    cell: Cell, samples: Sequence[Sample], previous: RunningEstimate | None = None
 ) -> RunningEstimate | None:
     """The estimate of a cell from its samples.
 
     Args:
         cell: The cell.
         samples: What was taken.
-        near: The estimate of nearly the same samples, to start from.
+        previous: The estimate of nearly the same samples, to start from.
 
     Returns:
         None if the samples are too few, or the solve fails.
     """
-    if sum(bool(sample.observations) for sample in samples) < FEWEST:
+    if sum(bool(sample.observations) for sample in samples) < MIN_SAMPLES:
         return None
     recording = Recording(tuple(samples))
     try:
         problem, _ = build_problem(cell, recording)
-        at_mode, before = _at_mode(cell, problem, near)
+        at_mode, before = _noise_mode(cell, problem, previous)
         solution = integrate_solution(at_mode, is_quick=True, near=before)
         stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
         error = running_error(solution, stamps)
@@ -76,10 +76,12 @@ def running_estimate(
     return RunningEstimate(solution, _calibration(cell, recording, solution), error, _sigma(cell, solution, error))
 
 
-def _at_mode(cell: Cell, problem: Problem, near: RunningEstimate | None) -> tuple[Solution, NoiseEstimate | None]:
+def _noise_mode(
+    cell: Cell, problem: Problem, previous: RunningEstimate | None
+) -> tuple[Solution, NoiseEstimate | None]:
     """The optimum with the most likely noise, and the noise that was near it."""
-    if near is not None and _structure(near.solution.problem) == _structure(problem):
-        start, noise = without_errors(problem, near.solution.state), near.solution.noise
+    if previous is not None and _structure(previous.solution.problem) == _structure(problem):
+        start, noise = without_errors(problem, previous.solution.state), previous.solution.noise
         found = solve_at_mode(problem, start, _ESTIMATED, near=noise)
         if found.converged:
             return found, noise
@@ -107,7 +109,7 @@ def _calibration(cell: Cell, recording: Recording, solution: Solution) -> Calibr
 
 
 def _sigma(cell: Cell, solution: Solution, error: FoundEffect | None) -> tuple[float, float] | None:
-    name = next(iter(cell.asked), "")
+    name = next(iter(cell.requested_transforms), "")
     if name not in solution.problem.columns or name in solution.observability.unobservable:
         return None
     solution = with_expected_sizes(cell, solution, error)

@@ -87,22 +87,22 @@ class ArmProcess:
         elif frame.kind == Kind.CLOSE:
             self._end()
 
-    def _judge(self, now: float) -> None:
-        if now - self._beat_s > HEARTBEAT_S:
-            self._beat_s = now
+    def _judge(self, now_s: float) -> None:
+        if now_s - self._beat_s > HEARTBEAT_S:
+            self._beat_s = now_s
             self._channel.send(Kind.ALIVE, bytes([self._is_moving]))
         if self._robot is None or self._must_stop:
             return
         if self._is_moving and not getattr(self._robot, "is_connected", True):
             self._report(f"{self._name}: its connection was closed while it moved")
-        if self._goal is not None and now - self._changed_s > HOLD_S:
+        if self._goal is not None and now_s - self._changed_s > HOLD_S:
             self._report(
                 f"{self._name}: it stands still, but not where it was sent. Look for an obstacle, a paused program "
                 f"or a speed slider at zero"
             )
-        if self._robot.is_live and now - self._read_s > self._patience_s:
+        if self._robot.is_live and now_s - self._read_s > self._patience_s:
             self._report(f"{self._name}: no state came for {self._patience_s:g} s: its link is lost")
-        if now - self._supervisor_s > SILENCE_LIMIT_S:
+        if now_s - self._supervisor_s > SILENCE_LIMIT_S:
             self._stop()
 
     @property

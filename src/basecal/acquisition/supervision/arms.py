@@ -217,12 +217,12 @@ class Arms:
             interrupt_main_thread()
 
 
-def stop_report(reason: str, names: list[str], unconfirmed: list[str]) -> str:
+def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
     """Why all arms were stopped, which of them were told, and what to do."""
-    told = [name for name in names if name not in unconfirmed]
+    told = [name for name in names if name not in missing_arms]
     words = [f"{reason.rstrip('.')}."]
     words += [f"{_join_names(told)} told to stop."] if told else []
-    words += [f"{_join_names(unconfirmed)} not ordered to stop: look at the arm."] if unconfirmed else []
+    words += [f"{_join_names(missing_arms)} not ordered to stop: look at the arm."] if missing_arms else []
     words += ["Find the cause, then start again; what was recorded is kept."]
     return " ".join(words)
 

@@ -174,33 +174,33 @@ class Supervisor:
         elif frame.kind == Kind.STOPPED:
             arm.has_stopped = True
 
-    def _judge(self, now: float) -> None:
+    def _judge(self, now_s: float) -> None:
         is_moving = any(arm.is_moving for arm in self._arms)
         for arm in self._arms:
             arm.channel.flush()
             if (
                 arm.is_open
                 and not arm.is_gone
-                and now - arm.heard_s > (SILENCE_LIMIT_S if is_moving else REST_HANG_LIMIT_S)
+                and now_s - arm.heard_s > (SILENCE_LIMIT_S if is_moving else REST_HANG_LIMIT_S)
             ):
                 self.stop(f"{arm.name}: its driver hangs")
-            if is_moving and arm.read_s is not None and now - arm.read_s > STALE_S:
+            if is_moving and arm.read_s is not None and now_s - arm.read_s > STALE_S:
                 self.stop(f"{arm.name}: no state came for {STALE_S:g} s while an arm moved: its link is lost")
-        if is_moving and now - self._parent_heard_s > PARENT_SILENCE_LIMIT_S:
+        if is_moving and now_s - self._parent_heard_s > PARENT_SILENCE_LIMIT_S:
             self.stop("the capture hangs while an arm moves")
-        if now - self._beat_s > HEARTBEAT_S:
-            self._beat_s = now
+        if now_s - self._beat_s > HEARTBEAT_S:
+            self._beat_s = now_s
             for channel in (self._parent, *(arm.channel for arm in self._arms)):
                 channel.send(Kind.ALIVE)
-        self._report(now)
-        self._end(now)
+        self._report(now_s)
+        self._end(now_s)
 
-    def _report(self, now: float) -> None:
+    def _report(self, now_s: float) -> None:
         """Report to the capture why arms were stopped, once all confirmed it or their time is over."""
         if self._stopped_s is None or self._is_reported:
             return
         waiting = [arm for arm in self._arms if not (arm.has_stopped or arm.is_gone)]
-        if waiting and now - self._stopped_s < STOP_S:
+        if waiting and now_s - self._stopped_s < STOP_S:
             return
         for arm in waiting:
             self._drop(arm)
@@ -213,11 +213,11 @@ class Supervisor:
         self._parent.send(Kind.EVENT, json.dumps(event).encode())
         self._is_reported = True
 
-    def _end(self, now: float) -> None:
-        if self._forced_s is not None and now - self._forced_s > FORCED_END_S and not self._has_parent_ended:
+    def _end(self, now_s: float) -> None:
+        if self._forced_s is not None and now_s - self._forced_s > FORCED_END_S and not self._has_parent_ended:
             with suppress(OSError):
                 os.kill(self._parent_pid, signal.SIGKILL)
-        if self._closed_s is not None and now - self._closed_s > CLOSE_S:
+        if self._closed_s is not None and now_s - self._closed_s > CLOSE_S:
             for arm in self._arms:
                 self._drop(arm)
 

@@ -17,12 +17,12 @@ _LARGEST = 2**22  # bytes
 
 def is_allowed(folder: Path, place: str) -> bool:
     """Whether the user allowed a cell to reach a place, named in the words in which it was asked."""
-    return place in _allowed().get(os.path.realpath(folder), [])
+    return place in _allowed_places().get(os.path.realpath(folder), [])
 
 
 def allow(folder: Path, places: Iterable[str]) -> None:
     """Remember that the user allows a cell to reach places; it is asked again if that cannot be written."""
-    known, cell = _allowed(), os.path.realpath(folder)
+    known, cell = _allowed_places(), os.path.realpath(folder)
     known[cell] = sorted({*known.get(cell, []), *places})
     with suppress(InputError, RuntimeError):
         write_private(_file(), json.dumps(known) + "\n")
@@ -30,7 +30,7 @@ def allow(folder: Path, places: Iterable[str]) -> None:
 
 def withdraw(folder: Path, place: str) -> None:
     """Forget that the user allowed a place."""
-    known, cell = _allowed(), os.path.realpath(folder)
+    known, cell = _allowed_places(), os.path.realpath(folder)
     left = [each for each in known.pop(cell, []) if each != place]
     with suppress(InputError, RuntimeError):
         write_private(_file(), json.dumps({**known, cell: left} if left else known) + "\n")
@@ -46,7 +46,7 @@ def _file() -> Path:
     return Path(state) / "basecal" / "allowed.json"
 
 
-def _allowed() -> dict[str, list[str]]:
+def _allowed_places() -> dict[str, list[str]]:
     """Allowed places by cell."""
     try:
         found = json.loads(read_bounded(_file(), _LARGEST))

@@ -29,5 +29,5 @@ def keep_originals(folder: Path, paths: Iterable[Path], note: Mapping[str, str])
     for path in paths:
         if path.exists():
             shutil.copy2(path, kept / path.name)
-    write_atomically(kept / "change.json", json.dumps(dict(note), indent=1) + "\n", within=folder)
+    write_atomically(kept / "change.json", json.dumps(dict(note), indent=1) + "\n", base_folder=folder)
     return kept

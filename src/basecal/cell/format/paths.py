@@ -28,26 +28,22 @@ def inside(folder: str, relative_to: str = "") -> Callable[[str], str]:
     root = os.path.realpath(folder)
     links: dict[str, frozenset[str]] = {}
 
-    def path_in_cell(written: str) -> str:
+    def path_in_cell(text: str) -> str:
         """A path as written, from the cell's folder."""
-        if any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in written.split("/")):
-            raise InputError(
-                f"{written[:_SHOWN_LENGTH]!r}... is longer than a file's name may be, {_LONGEST_NAME} bytes"
-            )
-        if len(written) > _LONGEST_PATH:
-            raise InputError(
-                f"{written[:_SHOWN_LENGTH]!r}... has more than {_LONGEST_PATH} characters; move the file up"
-            )
-        path = posixpath.normpath(posixpath.join(relative_to, written))
-        if not written or not written.isprintable() or "\\" in written or ":" in written[:2] or written.startswith("/"):
-            raise InputError(f"{written!r} is not a relative path with forward slashes, of letters that can be shown")
+        if any(len(part.encode("utf-8", "surrogatepass")) > _LONGEST_NAME for part in text.split("/")):
+            raise InputError(f"{text[:_SHOWN_LENGTH]!r}... is longer than a file's name may be, {_LONGEST_NAME} bytes")
+        if len(text) > _LONGEST_PATH:
+            raise InputError(f"{text[:_SHOWN_LENGTH]!r}... has more than {_LONGEST_PATH} characters; move the file up")
+        path = posixpath.normpath(posixpath.join(relative_to, text))
+        if not text or not text.isprintable() or "\\" in text or ":" in text[:2] or text.startswith("/"):
+            raise InputError(f"{text!r} is not a relative path with forward slashes, of letters that can be shown")
         if path == ".." or path.startswith("../"):
-            raise InputError(f"{written!r} leaves the cell; copy the file into it")
+            raise InputError(f"{text!r} leaves the cell; copy the file into it")
         parent, _, name = path.rpartition("/")
         if parent not in links:
             links[parent] = _leaving(os.path.join(root, parent), root)
         if name in links[parent] or "" in links[parent]:
-            raise InputError(f"{written!r} leaves the cell by a link; copy the file into it")
+            raise InputError(f"{text!r} leaves the cell by a link; copy the file into it")
         return path
 
     return path_in_cell

@@ -17,14 +17,14 @@ _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY
 
 
 def write_atomically(
-    path: Path, content: str | bytes, *, within: Path | None = None, durable: bool = True, mode: int = 0o666
+    path: Path, content: str | bytes, *, base_folder: Path | None = None, durable: bool = True, mode: int = 0o666
 ) -> None:
     """Write a file so that a reader sees the old one or the new one, never a half, whenever this is cut off.
 
     Args:
         path: The file; a link of that name is replaced, not followed.
         content: What it holds then; text as UTF-8.
-        within: A folder above it, below which no folder may be a link.
+        base_folder: A folder above it, below which no folder may be a link.
         durable: Whether it is on the disk when this returns, and survives a loss of power.
         mode: Who may do what with it, less what the user's mask takes away.
 
@@ -33,7 +33,7 @@ def write_atomically(
     """
     part = temporary_path(path)
     try:
-        make_folder(path.parent, within)
+        make_folder(path.parent, base_folder)
         with open_new(part, mode) as file:
             file.write(content if isinstance(content, bytes) else content.encode("utf-8", "backslashreplace"))
             file.flush()
@@ -48,23 +48,23 @@ def write_atomically(
         raise InputError(f"{path} cannot be written: {error.strerror}") from None
 
 
-def write_private(path: Path, text: str, *, within: Path | None = None) -> None:
+def write_private(path: Path, text: str, *, base_folder: Path | None = None) -> None:
     """Write a file that only its owner may read, whole or not at all; see `write_atomically`.
 
     Raises:
         InputError: if it cannot be written.
     """
-    write_atomically(path, text, within=within, durable=False, mode=0o600)
+    write_atomically(path, text, base_folder=base_folder, durable=False, mode=0o600)
 
 
-def append_durably(path: Path, text: str, *, within: Path | None = None) -> None:
+def append_durably(path: Path, text: str, *, base_folder: Path | None = None) -> None:
     """Append to a file, which is made where it is not there; when this returns the disk has it.
 
     Raises:
         InputError: if it cannot be written.
     """
     try:
-        make_folder(path.parent, within)
+        make_folder(path.parent, base_folder)
         with open_own(path, "ab") as file:
             file.write(text.encode("utf-8", "backslashreplace"))
             file.flush()
@@ -125,20 +125,20 @@ def stage_folder(folder: Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def make_folder(folder: Path, within: Path | None = None) -> None:
+def make_folder(folder: Path, base_folder: Path | None = None) -> None:
     """Make a folder and those above it.
 
     Args:
         folder: The folder.
-        within: A folder above it, below which none may be a link.
+        base_folder: A folder above it, below which none may be a link.
 
     Raises:
         InputError: if one of them is a link.
         OSError: if it cannot be made.
     """
-    if within is not None:
-        below = within
-        for part in folder.relative_to(within).parts:
+    if base_folder is not None:
+        below = base_folder
+        for part in folder.relative_to(base_folder).parts:
             below /= part
             if below.is_symlink():
                 raise InputError(f"{below} is a link; what is written stays in the cell: put a folder there")

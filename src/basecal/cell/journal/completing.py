@@ -52,26 +52,26 @@ def completed_recording_text(folder: str | Path, samples: Iterable[Sample], repl
     return "".join([*lines, *map(sample_line, waiting.values())])
 
 
-def _join_data(data: dict[str, Any], added: dict[str, Any], place: Where | None) -> dict[str, Any]:
+def _join_data(data: dict[str, Any], addition: dict[str, Any], place: Where | None) -> dict[str, Any]:
     """The data of a line with what is added to it; a time that it has stays.
 
     Without a place for errors, what is added stands in for what is there.
     """
-    out = {"stamp_s": added["stamp_s"]} | data if "stamp_s" in added else dict(data)
+    out = {"stamp_s": addition["stamp_s"]} | data if "stamp_s" in addition else dict(data)
     for key in ("robots", "images", "background"):
-        held, more = out.get(key, {}), added.get(key, {})
+        held, more = out.get(key, {}), addition.get(key, {})
         twice = sorted(name for name in held.keys() & more.keys() if held[name] != more[name])
         if twice and place is not None:
             raise _there_already(place, f"{key}.{twice[0]}")
-        if key in added:
+        if key in addition:
             out[key] = {**held, **more}
-    again = {_view(each) for each in added.get("observations", [])}
+    again = {_view(each) for each in addition.get("observations", [])}
     for observation in out.get("observations", []):
         if _view(observation) in again and place is not None:
             raise _there_already(place, f"observation of {' and '.join(_view(observation))}")
-    if "observations" in added:
+    if "observations" in addition:
         others = [each for each in out.get("observations", []) if _view(each) not in again]
-        out["observations"] = [*others, *added["observations"]]
+        out["observations"] = [*others, *addition["observations"]]
     return {"sample": out.pop("sample"), **out}
 
 

@@ -60,4 +60,4 @@ def write_plan(samples: Iterable[Sample], path: Path, folder: Path) -> None:
     Raises:
         InputError: if it cannot be written.
     """
-    write_atomically(path, "".join(map(sample_line, samples)), within=folder)
+    write_atomically(path, "".join(map(sample_line, samples)), base_folder=folder)

@@ -84,7 +84,7 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
     path = Path(folder) / FOLDER / FILE
     if path.exists() and path.stat().st_size:
         raise InputError(f"{path} exists; a recording is never rewritten: choose another folder, or append samples")
-    write_atomically(path, "".join(map(sample_line, recording.samples)), within=Path(folder))
+    write_atomically(path, "".join(map(sample_line, recording.samples)), base_folder=Path(folder))
     return path
 
 
@@ -166,9 +166,9 @@ def _recording(text: bytes, path: str, context: Context) -> Recording:
     return Recording(tuple(samples), tuple(findings if cut is None else [*findings, cut]))
 
 
-def _cut_finding(path: str, line: int, done: str) -> Finding:
+def _cut_finding(path: str, line: int, action: str) -> Finding:
     what = f"{path}:{line}: the last line was cut off while it was written."
-    return Finding("dropped-sample", "info", (), what, why=f"{done[0].upper()}{done[1:]}.")
+    return Finding("dropped-sample", "info", (), what, why=f"{action[0].upper()}{action[1:]}.")
 
 
 def _is_whole(tail: bytes) -> bool:

@@ -44,23 +44,35 @@ def _paths(paths: Mapping[str, str], folder: str) -> dict[str, str]:
     return {camera: posixpath.relpath(path, folder) for camera, path in paths.items()}
 
 
-def _observation(seen: Observation) -> dict[str, Any]:
-    if isinstance(seen, TouchObservation):
-        sigmas = {"sigma_m": seen.sigma_m, "sigma_rad": seen.sigma_rad}
-        what = {"clamp": seen.tip} if seen.kind == "clamp" else {seen.kind: seen.mark, "tip": seen.tip}
+def _observation(observation: Observation) -> dict[str, Any]:
+    if isinstance(observation, TouchObservation):
+        sigmas = {"sigma_m": observation.sigma_m, "sigma_rad": observation.sigma_rad}
+        what = (
+            {"clamp": observation.tip}
+            if observation.kind == "clamp"
+            else {observation.kind: observation.mark, "tip": observation.tip}
+        )
         return {**what, **{key: sigma for key, sigma in sigmas.items() if sigma is not None}}
-    data: dict[str, Any] = {"camera": seen.camera, "target": seen.target}
-    match seen:
+    data: dict[str, Any] = {"camera": observation.camera, "target": observation.target}
+    match observation:
         case PixelObservation():
-            data |= {"ids": seen.ids.tolist(), "pixels": numbers(seen.pixels), **_sigma("sigma_px", seen.sigma_px)}
+            data |= {
+                "ids": observation.ids.tolist(),
+                "pixels": numbers(observation.pixels),
+                **_sigma("sigma_px", observation.sigma_px),
+            }
         case CandidateObservation():
-            data |= {"candidates": numbers(seen.pixels), **_sigma("sigma_px", seen.sigma_px)}
+            data |= {"candidates": numbers(observation.pixels), **_sigma("sigma_px", observation.sigma_px)}
         case PoseObservation():
-            sigma = {} if seen.sigma is None else sigma_dict(seen.sigma)
-            data["camera_from_target"] = pose_dict(seen.camera_from_target) | sigma
+            sigma = {} if observation.sigma is None else sigma_dict(observation.sigma)
+            data["camera_from_target"] = pose_dict(observation.camera_from_target) | sigma
         case PointObservation():
-            points = numbers(seen.points_in_camera)
-            data |= {"ids": seen.ids.tolist(), "points_in_camera_m": points, **_sigma("sigma_m", seen.sigma_m)}
+            points = numbers(observation.points_in_camera)
+            data |= {
+                "ids": observation.ids.tolist(),
+                "points_in_camera_m": points,
+                **_sigma("sigma_m", observation.sigma_m),
+            }
     return data
 
 

@@ -8,15 +8,15 @@ from basecal.cell.calibration import Finding
 from basecal.cell.journal.sample_line import Dropped
 
 
-def unknown_points(dropped: Sequence[Dropped], path: str) -> list[Finding]:
+def unknown_points(drops: Sequence[Dropped], path: str) -> list[Finding]:
     """What is said of samples that were dropped for the ids of their points, in the order of the file.
 
     Args:
-        dropped: The samples.
+        drops: The samples.
         path: The file they stand in.
     """
     by_target: dict[str, list[Dropped]] = {}
-    for each in dropped:
+    for each in drops:
         by_target.setdefault(each.reason.target, []).append(each)
     findings = []
     for of in by_target.values():

@@ -36,7 +36,7 @@ def calibration_to_dict(calibration: Calibration) -> dict[str, Any]:
     of_robots: dict[str, Any] = {}
     for name, each in ROBOT_PARAMETERS.items():
         of_robots |= each.to_dict(calibration.robot_parameters.get(name, {}))
-    data = _data(_FILE, CalibrationFile.of(calibration))
+    data = _data(_FILE, CalibrationFile.from_calibration(calibration))
     findings = [finding_to_dict(finding) for finding in calibration.findings]
     first = {key: data.pop(key) for key in ("verdict", "transforms", "intrinsics")}
     head = {"schema": SCHEMA, "version": program_version()}
@@ -87,24 +87,30 @@ def calibration_from_dict(data: Any) -> Calibration:
 def _read(data: dict[str, Any]) -> Calibration:
     file: CalibrationFile = _FILE.validate_python(data)
     of_robots = {name: _parameters(each.from_dict(data), name) for name, each in ROBOT_PARAMETERS.items()}
-    return file.checked().calibration({kind: found for kind, found in of_robots.items() if found})
+    return file.check_fields().calibration({kind: found for kind, found in of_robots.items() if found})
 
 
-def _other_field(data: Any, written: Any, loc: Loc) -> Problem | None:
+def _other_field(data: Any, expected_data: Any, loc: Loc) -> Problem | None:
     """The first field that is not there, or is there and is not known, by what would be written."""
     parts: list[tuple[str | int, Any, Any]] = []
-    if isinstance(data, list) and isinstance(written, list) and written and isinstance(written[0], dict):
-        parts = [(k, *both) for k, both in enumerate(zip(data, written, strict=True))]
-    elif isinstance(data, dict) and isinstance(written, dict):
+    if (
+        isinstance(data, list)
+        and isinstance(expected_data, list)
+        and expected_data
+        and isinstance(expected_data[0], dict)
+    ):
+        parts = [(k, *both) for k, both in enumerate(zip(data, expected_data, strict=True))]
+    elif isinstance(data, dict) and isinstance(expected_data, dict):
         for name in data:
-            if name not in written:
+            if name not in expected_data:
                 return Problem(
-                    (*loc, name), f"unknown field{nearest(name, written)}; known: {list_names(list(written))}"
+                    (*loc, name),
+                    f"unknown field{nearest(name, expected_data)}; known: {list_names(list(expected_data))}",
                 )
-        for name in written:
+        for name in expected_data:
             if name not in data:
                 return Problem((*loc, name), "missing; add it")
-        parts = [(name, data[name], written[name]) for name in written]
+        parts = [(name, data[name], expected_data[name]) for name in expected_data]
     problems = (_other_field(one, other, (*loc, part)) for part, one, other in parts)
     return next((problem for problem in problems if problem is not None), None)
 
@@ -130,8 +136,8 @@ def _plain(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def _parameters(found: dict[str, RobotParameters], kind: str) -> dict[str, RobotParameters]:
-    for robot, of in found.items():
+def _parameters(parameters: dict[str, RobotParameters], kind: str) -> dict[str, RobotParameters]:
+    for robot, of in parameters.items():
         if not of.values.shape == of.sigma.shape == of.seen.shape or not all(isinstance(j, str) for j in of.joints):
             raise InputError(f"{kind} of {robot!r}: expected a value, a sigma and whether it is seen of each")
-    return found
+    return parameters

@@ -65,7 +65,7 @@ class _WrittenTransform(WrittenPose):
     status: Status | None
     verdict: Verdict
 
-    def known(self) -> _Known:
+    def transform_entry(self) -> _Known:
         """The transform, with a covariance (6, 6)."""
         size, full = len(self.covariance), np.zeros((6, 6))
         if size not in (3, 6):
@@ -74,9 +74,9 @@ class _WrittenTransform(WrittenPose):
         return _Known(PoseEstimate(self.transform(), full), size, self.status, self.verdict)
 
 
-def _transform_data(known: _Known) -> dict[str, Any]:
-    covariance = known.estimate.covariance[: known.size, : known.size] + 0.0
-    return pose_data(known.estimate.mean) | {"covariance": covariance, "status": known.status, "verdict": known.verdict}
+def _transform_data(entry: _Known) -> dict[str, Any]:
+    covariance = entry.estimate.covariance[: entry.size, : entry.size] + 0.0
+    return pose_data(entry.estimate.mean) | {"covariance": covariance, "status": entry.status, "verdict": entry.verdict}
 
 
 class _WrittenLens(BaseModel):
@@ -130,7 +130,7 @@ class _WrittenSettings(BaseModel):
         return self.model_dump(exclude_unset=True)
 
 
-_Transform = Annotated[_Known, as_written(_WrittenTransform, _WrittenTransform.known, _transform_data)]
+_Transform = Annotated[_Known, as_written(_WrittenTransform, _WrittenTransform.transform_entry, _transform_data)]
 _Lens = Annotated[tuple[Camera, Array], as_written(_WrittenLens, _WrittenLens.lens, _lens_data)]
 _Settings = Annotated[Mapping[str, Any], as_written(_WrittenSettings, _WrittenSettings.plain, dict)]
 _TimeSigma = Annotated[Seconds, Field(ge=0)]
@@ -166,7 +166,7 @@ class CalibrationFile:
     inputs: Mapping[str, str]
     versions: Mapping[str, str]
 
-    def checked(self) -> Self:
+    def check_fields(self) -> Self:
         """The file itself, if its fields go together.
 
         Raises:
@@ -188,12 +188,12 @@ class CalibrationFile:
         return self
 
     @classmethod
-    def of(cls, calibration: Calibration) -> Self:
+    def from_calibration(cls, calibration: Calibration) -> Self:
         """What the file of a calibration holds."""
         joint = calibration.joint_covariance
         clocks, lines = calibration.clocks, calibration.line_times
         return cls(
-            transforms={name: _known(name, calibration) for name in calibration.transforms},
+            transforms={name: _transform_entry(name, calibration) for name in calibration.transforms},
             intrinsics=calibration.cameras,
             clock_offset_s={name: clock.offset_s for name, clock in clocks.items()} or None,
             clock_sigma_s={name: clock.sigma_s for name, clock in clocks.items()} or None,
@@ -201,7 +201,7 @@ class CalibrationFile:
             line_time_sigma_s={name: line.sigma_s for name, line in lines.items()} or None,
             joint=None if joint is None else _Joint(calibration.order, joint),
             observability=_Observability(calibration.condition, calibration.unobservable),
-            **{name: getattr(calibration, name) for name in _SAME},
+            **{name: getattr(calibration, name) for name in _SHARED_FIELDS},
         )
 
     def calibration(self, robot_parameters: Mapping[str, Mapping[str, RobotParameters]]) -> Calibration:
@@ -220,14 +220,14 @@ class CalibrationFile:
             joint_covariance=None if joint is None else joint.covariance,
             condition=self.observability.condition,
             unobservable=self.observability.unobservable,
-            **{name: getattr(self, name) for name in _SAME},
+            **{name: getattr(self, name) for name in _SHARED_FIELDS},
         )
 
 
-_SAME = CalibrationFile.__dataclass_fields__.keys() & Calibration.__dataclass_fields__.keys() - {"transforms"}
+_SHARED_FIELDS = CalibrationFile.__dataclass_fields__.keys() & Calibration.__dataclass_fields__.keys() - {"transforms"}
 
 
-def _known(name: str, calibration: Calibration) -> _Known:
+def _transform_entry(name: str, calibration: Calibration) -> _Known:
     return _Known(
         calibration.transforms[name],
         3 if name in calibration.points else 6,

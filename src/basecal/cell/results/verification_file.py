@@ -22,9 +22,9 @@ FILE = "verifications.jsonl"
 _LARGEST_BYTES = 2**26  # 64 MB: a verification every minute of some months
 
 
-def _to_utc(when: datetime) -> datetime:
+def _to_utc(instant: datetime) -> datetime:
     """An instant in UTC, which it counts in if it names no zone."""
-    return when.replace(tzinfo=UTC) if when.tzinfo is None else when.astimezone(UTC)
+    return instant.replace(tzinfo=UTC) if instant.tzinfo is None else instant.astimezone(UTC)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def append_verification(folder: str | Path, entry: PastVerification) -> None:
         InputError: if it cannot be written.
     """
     line = _LINE.dump_json(entry, by_alias=True, warnings=False).decode()
-    append_durably(Path(folder) / FILE, line + "\n", within=Path(folder))
+    append_durably(Path(folder) / FILE, line + "\n", base_folder=Path(folder))
 
 
 def read_verifications(folder: str | Path) -> tuple[PastVerification, ...]:

@@ -104,7 +104,7 @@ class RobotEntry(Entry):
         return value
 
     @checks_whole(mode="after")
-    def _urdf_whole(self) -> RobotEntry:
+    def _check_urdf(self) -> RobotEntry:
         parts = (self.urdf, self.base_link, self.flange_link)
         if any(parts) and not all(parts):
             raise ValueError("urdf, base_link and flange_link go together; give all three")

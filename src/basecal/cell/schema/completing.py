@@ -18,21 +18,21 @@ _WIDTH = 4096  # characters before a line is broken: none that a hand wrote is
 
 
 def completed_cell_text(
-    text: str | None, added: Mapping[str, Any], path: str, replaced: Collection[Loc] = ()
+    text: str | None, additions: Mapping[str, Any], path: str, replacements: Collection[Loc] = ()
 ) -> tuple[str, tuple[str, ...]]:
     """The text with all that is added, and the places that are new or other in it.
 
     Args:
-        text: The `cell.yaml` there is; None if there is none, then `added` is all of it but its schema.
-        added: Plain data of a `cell.yaml`; what stands there already with the same value stays as it is written.
+        text: The `cell.yaml` there is; None if there is none, then `additions` is all of it but its schema.
+        additions: Plain data of a `cell.yaml`; what stands there already with the same value stays as it is written.
         path: What to call it in an error.
-        replaced: Places whose value is given up for the added one.
+        replacements: Places whose value is given up for the added one.
 
     Raises:
         DatasetError: if it is not YAML, or states another value at a place that is not replaced.
     """
     if text is None:
-        data = {"schema": SCHEMA, **added}
+        data = {"schema": SCHEMA, **additions}
         return yaml_text(data), tuple(key for key in data if key != "schema")
     lines = parse_yaml(text, path).lines
     yaml = YAML(typ="rt", pure=True)
@@ -41,7 +41,7 @@ def completed_cell_text(
     if not isinstance(data, dict):
         raise DatasetError(path, f"expected a mapping that starts with `schema: {SCHEMA}`, got {shorten(data)}")
     changed: list[Loc] = []
-    for loc, value in _conflicts(data, added, (), frozenset(replaced), changed):
+    for loc, value in _conflicts(data, additions, (), frozenset(replacements), changed):
         stated = f"states {_value_text(value[0])}, imported data say {_value_text(value[1])}: correct the wrong one"
         raise DatasetError(path, stated, lines.get(loc), field_name(loc))
     if not changed:
@@ -52,17 +52,17 @@ def completed_cell_text(
 
 
 def _conflicts(
-    data: dict[str, Any], added: Mapping[str, Any], within: Loc, replaced: frozenset[Loc], changed: list[Loc]
+    data: dict[str, Any], additions: Mapping[str, Any], place: Loc, replacements: frozenset[Loc], changes: list[Loc]
 ) -> list[tuple[Loc, tuple[Any, Any]]]:
-    """Places where both state something else; all others are added to `data`, and named in `changed`."""
+    """Places where both state something else; all others are added to `data`, and named in `changes`."""
     found = []
-    for key, value in added.items():
-        loc = (*within, key)
-        if (loc in replaced and data.get(key) != value) or data.get(key) is None:
+    for key, value in additions.items():
+        loc = (*place, key)
+        if (loc in replacements and data.get(key) != value) or data.get(key) is None:
             data[key] = _as_written(value)
-            changed.append(loc)
+            changes.append(loc)
         elif isinstance(value, Mapping) and isinstance(data[key], dict):
-            found += _conflicts(data[key], value, loc, replaced, changed)
+            found += _conflicts(data[key], value, loc, replacements, changes)
         elif data[key] != value:
             found.append((loc, (data[key], value)))
     return found

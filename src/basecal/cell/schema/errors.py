@@ -134,8 +134,8 @@ def _fields(schema: Any) -> dict[str, Any]:
     return {field.get("validation_alias", name): field["schema"] for name, field in named}
 
 
-def _bare(schema: Any, shared: Mapping[str, Any]) -> Any:
+def _bare(schema: Any, definitions: Mapping[str, Any]) -> Any:
     """A schema without what is wrapped around it: defaults, checks, `| None`."""
     while "schema" in schema or schema["type"] == "definition-ref":
-        schema = shared[schema["schema_ref"]] if schema["type"] == "definition-ref" else schema["schema"]
+        schema = definitions[schema["schema_ref"]] if schema["type"] == "definition-ref" else schema["schema"]
     return schema

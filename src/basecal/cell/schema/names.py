@@ -65,6 +65,6 @@ def _unknown_robots(data: dict[str, Any]) -> Iterator[Problem]:
             yield Problem(("bases", name), f"the base of the reference {name!r} is `world` itself; remove it")
 
 
-def _no_robot(name: str, known: list[str]) -> str:
-    listed = ", ".join(map(str, known)) or "none"
-    return f"no robot {shorten(name)}{nearest(str(name)[:SHORT_LENGTH], known)}; there are: {listed}"
+def _no_robot(name: str, robots: list[str]) -> str:
+    listed = ", ".join(map(str, robots)) or "none"
+    return f"no robot {shorten(name)}{nearest(str(name)[:SHORT_LENGTH], robots)}; there are: {listed}"

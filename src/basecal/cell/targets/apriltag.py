@@ -54,7 +54,7 @@ class TagEntry(PoseEntry):
     size_m: Length
 
     @checks_whole(mode="after")
-    def _posed(self) -> TagEntry:
+    def _check_pose(self) -> TagEntry:
         if given_fields(self):
             full_pose(self)
         return self

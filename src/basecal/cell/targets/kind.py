@@ -84,15 +84,15 @@ class TargetKind:
     another: Callable[[Fields, int], Fields] = lambda fields, _: fields
 
 
-def choose_dictionary(usual: Sequence[str], said: str, place: int) -> str:
+def choose_dictionary(usual: Sequence[str], first: str, place: int) -> str:
     """The one at a place among what is usual, that which was said being the first; the last where there are fewer."""
-    ordered = [said, *(name for name in usual if name != said)]
+    ordered = [first, *(name for name in usual if name != first)]
     return ordered[min(place, len(ordered) - 1)]
 
 
-def is_indistinguishable(kind: TargetKind, one: Fields, other: Fields) -> bool:
+def is_indistinguishable(kind: TargetKind, first: Fields, second: Fields) -> bool:
     """Whether no picture determines which of two of a kind it shows."""
-    marks, others = kind.marks(one), kind.marks(other)
+    marks, others = kind.marks(first), kind.marks(second)
     return bool(marks & others) or not (marks or others)
 
 

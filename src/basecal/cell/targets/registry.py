@@ -53,7 +53,7 @@ def _tag(entry: type[TargetEntry]) -> str:
     return f"<{entry.__name__}>"
 
 
-def _tag_of(data: Any) -> str:
+def _entry_tag(data: Any) -> str:
     """Which model reads an entry."""
     name = data.get("kind") if isinstance(data, dict) else None
     if name is None:
@@ -66,7 +66,7 @@ def _tag_of(data: Any) -> str:
 
 def _union() -> Any:
     tagged = [Annotated[entry, Tag(tag)] for tag, entry in _entries().items()]
-    return Annotated[reduce(or_, tagged), Discriminator(_tag_of)]
+    return Annotated[reduce(or_, tagged), Discriminator(_entry_tag)]
 
 
 AnyTargetEntry = Annotated[TargetEntry, GetPydanticSchema(lambda _, handler: handler.generate_schema(_union()))]

@@ -33,13 +33,13 @@ class Candidates:
         """How many sizes each has."""
         return int(next(m.shape[-1] for m in self.moves if m is not None))
 
-    def only(self, which: int) -> Candidates:
+    def single(self, index: int) -> Candidates:
         """One of them."""
-        moves = tuple(None if m is None else m[:, which : which + 1].copy() for m in self.moves)
-        joint = self.joint[which : which + 1]
-        return Candidates(self.code, (self.about[which],), (self.since[which],), self.unit, moves, joint)
+        moves = tuple(None if m is None else m[:, index : index + 1].copy() for m in self.moves)
+        joint = self.joint[index : index + 1]
+        return Candidates(self.code, (self.about[index],), (self.since[index],), self.unit, moves, joint)
 
 
-def one_candidate(code: str, about: str, unit: str, moves: tuple[Array | None, ...]) -> Candidates:
+def one_candidate(code: str, subject: str, unit: str, moves: tuple[Array | None, ...]) -> Candidates:
     """A candidate alone, whose moves are (n, 6, q) by group."""
-    return Candidates(code, (about,), (None,), unit, tuple(None if m is None else m[:, None] for m in moves))
+    return Candidates(code, (subject,), (None,), unit, tuple(None if m is None else m[:, None] for m in moves))

@@ -12,7 +12,7 @@ from typing import Literal
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.expected_size import ExpectedSize
-from basecal.effects.faces.found import FoundEffect, Words
+from basecal.effects.faces.found_effect import FoundEffect, Words
 from basecal.effects.faces.lens_parameter import LensParameter
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import RobotParameter

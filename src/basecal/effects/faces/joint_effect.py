@@ -19,7 +19,9 @@ ByJoints = Callable[[SerialChain, Array], Array]
 
 def open_chains(views: Views, name: str) -> Iterator[tuple[str, SerialChain]]:
     """Robots that are recorded by joints and whose parameters of a name are not estimated, with their chains."""
-    return ((robot, chain) for robot, chain in views.chains.items() if name not in views.estimated.get(robot, ()))
+    return (
+        (robot, chain) for robot, chain in views.chains.items() if name not in views.estimated_effects.get(robot, ())
+    )
 
 
 def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints) -> Moves:
@@ -28,7 +30,7 @@ def moves_by_joint(views: Views, robot: str, chain: SerialChain, turn: ByJoints)
     def group_moves(k: int) -> Array | None:
         """Moves of a group, (n, 6, joints); None if the robot carries nothing there."""
         group = views.groups[k]
-        end = group.end_of(robot)
+        end = group.robot_end(robot)
         if end is None:
             return None
         if end.joints is None:

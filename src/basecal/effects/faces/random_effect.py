@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from basecal.effects.faces.found import Words
+from basecal.effects.faces.found_effect import Words
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import SE3, Array, BoolArray

@@ -71,7 +71,7 @@ class Unobserved(NamedTuple):
     by_prior: bool
 
 
-def no_shift(chain: SerialChain, stated: Parameters, joints: Array, values: Array) -> Array | float:
+def no_shift(chain: SerialChain, statement: Parameters, joints: Array, values: Array) -> Array | float:
     """The shift of joints by parameters that change the chain alone."""
     return 0.0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from basecal.effects.faces.found import Words
+from basecal.effects.faces.found_effect import Words
 from basecal.geometry import Array
 
 

@@ -49,7 +49,7 @@ class Group(Protocol):
     def frames(self) -> tuple[str, ...]:
         """Names of the transforms that the views depend on: mounts and bases."""
 
-    def end_of(self, robot: str) -> End | None:
+    def robot_end(self, robot: str) -> End | None:
         """The end that a robot carries; None if it carries neither camera nor target."""
 
     def __len__(self) -> int:
@@ -72,7 +72,7 @@ class Views(Protocol):
         """Names of the transforms that views depend on: mounts and bases."""
 
     @property
-    def fixed(self) -> tuple[str, ...]:
+    def fixed_frames(self) -> tuple[str, ...]:
         """Of `frames` those that are stated as fixed."""
 
     @property
@@ -84,7 +84,7 @@ class Views(Protocol):
         """Kinematics as stated, by robot that was recorded by joints."""
 
     @property
-    def estimated(self) -> Mapping[str, frozenset[str]]:
+    def estimated_effects(self) -> Mapping[str, frozenset[str]]:
         """Names of the effects that are estimated as unknowns, by robot, camera or target."""
 
     @property
@@ -96,7 +96,7 @@ class Views(Protocol):
         """Of `samples`: their times [s], or their order if `timed` is false."""
 
     @property
-    def timed(self) -> bool:
+    def has_times(self) -> bool:
         """Whether all samples have a time, and not all the same."""
 
     @property
@@ -133,7 +133,7 @@ class Views(Protocol):
 
 def robot_moves(views: Views, robot: str, move: Callable[[Views, int, str], Array]) -> Moves:
     """Moves of the groups whose camera or target a robot carries."""
-    return tuple(move(views, k, robot) if g.end_of(robot) else None for k, g in enumerate(views.groups))
+    return tuple(move(views, k, robot) if g.robot_end(robot) else None for k, g in enumerate(views.groups))
 
 
 def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Moves:
@@ -149,7 +149,7 @@ def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Mov
     """
     robot = views.mounts[mount]
     downs = {k: views.down_in_flange(k, robot) for k, g in enumerate(views.groups) if mount in g.frames}
-    about = 0.0 if mount in views.fixed else np.concatenate(list(downs.values())).mean(0)
+    about = 0.0 if mount in views.fixed_frames else np.concatenate(list(downs.values())).mean(0)
     return tuple(
         views.flange_jacobian(k, robot) @ move(downs[k] - about) if k in downs else None
         for k in range(len(views.groups))

@@ -50,7 +50,7 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
     carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:
-        few, own = some_views(problem.with_groups(g for g in problem.groups if g.end_of(robot)), state, _MOST_VIEWS)
+        few, own = some_views(problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS)
         base = next((end.base for end in few.ends_of(robot)), None)  # None of the reference
         yield Neighbourhood(
             robot,

@@ -102,7 +102,7 @@ class ViewGroup:
         """Names of the transforms that the views depend on: mounts and bases."""
         return tuple(name for end in self.ends for name in (end.mount, end.base) if name is not None)
 
-    def end_of(self, robot: str) -> End | None:
+    def robot_end(self, robot: str) -> End | None:
         """The end that a robot carries; None if it carries neither."""
         return next((end for end in self.ends if end.robot == robot), None)
 

@@ -29,7 +29,7 @@ def chosen_transforms(
     if name is not None:
         return (_find_transform(calibration, cell, name),)
     if cell is not None:
-        asked = list(cell.asked)
+        asked = list(cell.requested_transforms)
     else:
         estimated = [each for each in calibration.transforms if calibration.status.get(each) != "fixed"]
         bases = [each for each in estimated if all(frame.endswith("_base") for frame in each.split("_from_"))]

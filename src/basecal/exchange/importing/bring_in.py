@@ -98,9 +98,9 @@ def add_to_cell(
                 write_atomically(path, text)
             named = {**names, **_named_samples(imported.rows, pairing, samples)}
             if named != names:
-                write_atomically(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", within=folder)
+                write_atomically(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", base_folder=folder)
             if samples:
-                write_atomically(journal_path, journal, within=folder)
+                write_atomically(journal_path, journal, base_folder=folder)
     made = len({sample.sample for sample in samples} - {sample.sample for sample in recorded.samples})
     return Brought(cell, recording, pairing, made, changed, old is None, doubts)
 

@@ -11,7 +11,7 @@ from basecal.geometry import SE3, Array
 from basecal.reporting.cell_view.scene import Arm, Body, Scene
 from basecal.reporting.svg import dots, drawing, element, segments, text
 
-_WIDTH, _HEIGHT, _MARGIN = 640.0, 440.0, 44.0
+_WIDTH, _HEIGHT, _MARGIN_PX = 640.0, 440.0, 44.0
 _ELEVATION_RAD = 0.45
 _AXIS_SHARE = 0.09
 _COLOURS = 4
@@ -66,7 +66,7 @@ def _projection(scene: Scene, sample: int) -> Project:
             places.append(placed @ np.concatenate([body.lines.reshape(-1, 3), body.points]))
     flat = np.concatenate(places) @ axes.T
     low, high = flat.min(0), flat.max(0)
-    room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN
+    room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN_PX
     scale = float(np.min(room / np.maximum(high - low, 1e-9)))
     shift = np.array([_WIDTH, _HEIGHT]) / 2 - scale * (low + high) / 2
     return lambda points: scale * (points @ axes.T) + shift

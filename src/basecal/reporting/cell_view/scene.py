@@ -106,7 +106,7 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
     numbers = tuple(sample.sample for sample in shown)
     means = {**calibration.known_transforms(cell), cell.base_name(cell.reference): SE3.identity()}
     robots = [robot for robot in cell.robots.values() if cell.base_name(robot.name) in means]
-    sure = {name: _semi_axes(name, calibration) for name in cell.asked}
+    sure = {name: _semi_axes(name, calibration) for name in cell.requested_transforms}
     arms = tuple(_arm(robot, cell.base_name(robot.name), means, shown, sure) for robot in robots)
     size = _size(arms)
     placed = {WORLD, *(arm.name for arm in arms)}

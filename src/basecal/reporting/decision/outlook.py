@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from basecal.reporting.charts import ruled_across, scale_over
+from basecal.reporting.charts import fitted_scale, horizontal_rules
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element, text
@@ -14,18 +14,18 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 20.0, 14.0, 30.0
 _LABELLED = 8  # places along the line, at most: more numbers would cover one another
 
 
-def outlook_figure(outlook: Sequence[tuple[int, float]], recorded: int, tolerance_m: float | None) -> Figure:
+def outlook_figure(outlook: Sequence[tuple[int, float]], recorded_count: int, tolerance_m: float | None) -> Figure:
     """A line over the samples recorded and so many more planned ones, (count, error [m]) each."""
-    points = [(recorded + count, length) for count, length in outlook]
+    points = [(recorded_count + count, length) for count, length in outlook]
     return error_curve("expected error at the task, 95 %, with more samples", points, tolerance_m)
 
 
 def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: float | None) -> Figure:
     """A line over numbers of samples, (count, error [m]) each, with the tolerance."""
     limits = [] if tolerance_m is None else [1e3 * tolerance_m]
-    across = scale_over([count for count, _ in points], _LEFT, _WIDTH - _RIGHT, logarithmic=False)
-    up = scale_over([*(1e3 * length for _, length in points), *limits], _HEIGHT - _BOTTOM, _TOP)
-    parts = ruled_across(up, _LEFT, _WIDTH - _RIGHT)
+    across = fitted_scale([count for count, _ in points], _LEFT, _WIDTH - _RIGHT, logarithmic=False)
+    up = fitted_scale([*(1e3 * length for _, length in points), *limits], _HEIGHT - _BOTTOM, _TOP)
+    parts = horizontal_rules(up, _LEFT, _WIDTH - _RIGHT)
     places = [(across.at(count), up.at(1e3 * length)) for count, length in points]
     parts.append(element("path", class_="median", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in places)))
     step = -(-len(points) // _LABELLED)

@@ -33,7 +33,7 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
         tolerance = calibration.tolerance
         bar = "" if tolerance is None else tolerance_bar(expected_m, tolerance.asked_m)
         yield Tile(f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %", bar)
-    known = [name for name in cell.asked if name in calibration.transforms]
+    known = [name for name in cell.requested_transforms if name in calibration.transforms]
     for name in known[:1]:
         sigma_m, sigma_rad = calibration[name].sigma_norms
         yield Tile(_short(sigma_m, None if name in calibration.points else sigma_rad), f"1 sigma of {name}")
@@ -56,7 +56,7 @@ def expected_error_m(cell: Cell, calibration: Calibration, details: FitDetails) 
         return calibration.tolerance.expected_95_m
     if calibration.meeting is not None:
         return calibration.meeting.expected_95_m
-    complete = {each.transform for each in details.errors} >= set(cell.asked)
+    complete = {each.transform for each in details.errors} >= set(cell.requested_transforms)
     return max((each.length_m for each in details.errors), default=None) if complete else None
 
 
@@ -84,7 +84,7 @@ def tolerance_bar(expected_m: float, asked_m: float) -> str:
 def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> Iterator[str]:
     """Sentences below the verdict: how sound the data are, where the error comes from, what more samples bring."""
     count = Counter[str](finding.severity for finding in calibration.findings)
-    errors, warnings, notes = (_counted(count[severity], severity) for severity in _SEVERITIES)
+    errors, warnings, notes = (_count_words(count[severity], severity) for severity in _SEVERITIES)
     yield f"{errors.capitalize()}, {warnings}, {notes.replace('info', 'note')}."
     for entry in (calibration.budget or ())[:1]:
         yield f"{100 * entry.share:.0f} % of the error at the task is {entry.source}."
@@ -93,5 +93,5 @@ def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> I
         yield f"{more} more samples would leave {two_digits(1e3 * expected_m)} mm (95 %)."
 
 
-def _counted(count: int, name: str) -> str:
+def _count_words(count: int, name: str) -> str:
     return f"{count or 'no'} {name}{'' if count == 1 else 's'}"

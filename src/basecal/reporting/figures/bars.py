@@ -30,16 +30,16 @@ QUANTITIES = (
 
 
 def bar_figure(
-    views: Sequence[SampleResidual], quantity: Quantity, most: int, left_out: Collection[SampleResidual] = ()
+    views: Sequence[SampleResidual], quantity: Quantity, max_count: int, left_out: Collection[SampleResidual] = ()
 ) -> Figure | None:
-    """A bar for each view by sample, of more than `most` the largest; None if no view has the quantity.
+    """A bar for each view by sample, of more than `max_count` the largest; None if no view has the quantity.
 
     Those left out are marked; they are in no mean, and their bars end with the figure.
     """
     given = [view for view in views if getattr(view, quantity.field) is not None]
     if not given:
         return None
-    largest = sorted(range(len(given)), key=lambda k: -getattr(given[k], quantity.field))[:most]
+    largest = sorted(range(len(given)), key=lambda k: -getattr(given[k], quantity.field))[:max_count]
     shown = [given[k] for k in sorted(largest)]
     value = {id(view): getattr(view, quantity.field) * quantity.factor for view in given}
     used = [value[id(view)] for view in given if view not in left_out] or list(value.values())

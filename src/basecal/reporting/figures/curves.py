@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from basecal.reporting.charts import Scale, ruled_across, scale_over
+from basecal.reporting.charts import Scale, fitted_scale, horizontal_rules
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.svg import drawing, element, text
 
@@ -45,10 +45,10 @@ def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
         lines: All with the same values of the axis.
     """
     places = [band.at for band in lines[0].bands]
-    along = _along(places)
+    along = _axis_positions(places)
     values = [value for line in lines for band in line.bands for value in (band.low, band.high) if value is not None]
-    up = scale_over(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
-    parts = ruled_across(up, _LEFT, _WIDTH - _RIGHT)
+    up = fitted_scale(values or [1.0], _HEIGHT - _BOTTOM, _TOP)
+    parts = horizontal_rules(up, _LEFT, _WIDTH - _RIGHT)
     labelled = -math.inf
     for place in sorted(set(places), key=along.__getitem__):
         x, label = f"{along[place]:.1f}", f"{place:g}" if isinstance(place, float) else str(place)
@@ -63,17 +63,17 @@ def curves(title: str, axis: str, unit: str, lines: Sequence[Line]) -> Figure:
     return Figure(title, svg, caption)
 
 
-def _along(places: Sequence[float | str]) -> dict[float | str, float]:
+def _axis_positions(places: Sequence[float | str]) -> dict[float | str, float]:
     """Where each value of the axis stands: by its size where all are numbers, else one after the other."""
     numbers = [place for place in places if isinstance(place, int | float) and not isinstance(place, bool)]
     start, end = _LEFT, _WIDTH - _RIGHT
     if len(numbers) == len(places):
-        scale = scale_over(numbers, start, end)
-        return {place: scale.at(place) for place in numbers}
+        scale = fitted_scale(numbers, start, end)
+        return {place: scale.position(place) for place in numbers}
     return {place: start + (k + 0.5) * (end - start) / len(places) for k, place in enumerate(places)}
 
 
-def _line(number: int, line: Line, along: dict[float | str, float], up: Scale) -> str:
+def _line(number: int, line: Line, positions: dict[float | str, float], scale: Scale) -> str:
     """A line and its band; broken where there is no answer."""
     kind = f"line-{number % COLOURS}"
     parts: list[str] = []
@@ -85,7 +85,10 @@ def _line(number: int, line: Line, along: dict[float | str, float], up: Scale) -
         elif runs[-1]:
             runs.append([])
     for run in [run for run in runs if run]:
-        ends = [(along[at], up.at(low), up.at(middle), up.at(high)) for at, low, middle, high in run]
+        ends = [
+            (positions[at], scale.position(low), scale.position(middle), scale.position(high))
+            for at, low, middle, high in run
+        ]
         edge = [f"{x:.1f} {high:.1f}" for x, _, _, high in ends]
         back = [f"{x:.1f} {low:.1f}" for x, low, _, _ in reversed(ends)]
         parts.append(element("path", class_="band", d=f"M{'L'.join([*edge, *back])}Z"))

@@ -29,13 +29,13 @@ class Figure:
     y: tuple[str, ...] = ()
 
 
-def bar(left: float, width: float, share: float, label: str, sample: int | None = None, kind: str = "view") -> str:
+def bar(x: float, width: float, share: float, label: str, sample: int | None = None, kind: str = "view") -> str:
     """A bar that fills a share of the height, at most all of it, and says what it is; one of a sample can be chosen."""
     height = min(max(HEIGHT * share, 0.5), HEIGHT)
     title = element("title", text(label))
-    place = {"x": f"{left + 0.05 * width:.2f}", "width": f"{0.9 * width:.2f}"}
+    place = {"x": f"{x + 0.05 * width:.2f}", "width": f"{0.9 * width:.2f}"}
     shown = element("rect", class_="bar", y=f"{HEIGHT - height:.2f}", height=f"{height:.2f}", **place)
     if sample is None:
         return element("g", title, shown)
-    whole = element("rect", class_="hit", x=f"{left:.2f}", y=0, width=f"{width:.2f}", height=f"{HEIGHT:g}")
+    whole = element("rect", class_="hit", x=f"{x:.2f}", y=0, width=f"{width:.2f}", height=f"{HEIGHT:g}")
     return element("g", title, whole, shown, class_=kind, data_sample=sample)

@@ -12,7 +12,7 @@ from basecal.cell import MeasuredShift, PastVerification
 from basecal.reporting.figures.curves import COLOURS, Band, Line, curves
 from basecal.reporting.figures.figure import Figure
 
-_MOST = 40  # verifications that are told apart on a page
+_MOST_VERIFICATIONS = 40  # verifications that are told apart on a page
 _UNITS = (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0))  # of time, with how many seconds each has
 _MANY_UNITS = 10.0  # of which tenths tell times apart
 _FEWEST_UNITS = 2.0  # from the first to the last, or a smaller unit tells them apart
@@ -21,7 +21,7 @@ _SIGMAS = 2.0
 
 def history_figure(history: Sequence[PastVerification]) -> Figure | None:
     """A line for each transform, of the run that was verified last; None if there is none."""
-    mine = [each for each in history if each.run == history[-1].run][-_MOST:]
+    mine = [each for each in history if each.run == history[-1].run][-_MOST_VERIFICATIONS:]
     names = list(dict.fromkeys(name for each in mine for name in each.shifts))[:COLOURS]
     if not names:
         return None

@@ -12,15 +12,15 @@ from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, STRIP, i
 from basecal.reporting.svg import drawing, element
 
 
-def image_coverage(camera: str, size_px: tuple[int, int] | None, seen: Sequence[PointResiduals]) -> Figure:
+def image_coverage(camera: str, size_px: tuple[int, int] | None, views: Sequence[PointResiduals]) -> Figure:
     """Squares shaded by how many points were seen in them.
 
     Args:
         camera: Its name.
         size_px: Its image; where not known, as far as points were seen.
-        seen: Its points, at least one.
+        views: Its points, at least one.
     """
-    pixels = np.concatenate([each.pixels for each in seen])
+    pixels = np.concatenate([each.pixels for each in views])
     grid = image_grid(size_px, pixels)
     count = grid.sums(np.ones(len(pixels))).astype(np.int64)
     some = np.flatnonzero(count)

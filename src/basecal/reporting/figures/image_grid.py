@@ -13,7 +13,7 @@ IMAGE_WIDTH = 640.0
 STRIP = 30.0  # below an image, for its size and the bar of its shades
 _BAR_WIDTH, _BAR_STEPS = 160.0, 8
 FAINTEST = 0.12  # shade of a square with least in it, which must be told from one with nothing
-_ACROSS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
+_COLUMNS = 16  # squares along the longer side: enough to see a lens's pattern, each with points of several views
 _LARGEST_ASPECT = 8.0  # of what points without an image cover
 
 
@@ -86,7 +86,7 @@ def image_grid(size_px: tuple[int, int] | None, pixels: Array) -> ImageGrid:
         extent = np.ptp(pixels, axis=0)
         extent = np.maximum(extent, max(float(extent.max()), 1.0) / _LARGEST_ASPECT)
         low, size = pixels.min(0) - 0.05 * extent, 1.1 * extent
-    pitch = float(size.max()) / _ACROSS
+    pitch = float(size.max()) / _COLUMNS
     columns, rows = (max(1, round(float(side) / pitch + 0.49)) for side in size)
     at = np.clip(np.floor((pixels - low) / pitch).astype(np.int64), 0, [columns - 1, rows - 1])
     return ImageGrid(low, size, pitch, (columns, rows), at[:, 1] * columns + at[:, 0])

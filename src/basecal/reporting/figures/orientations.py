@@ -6,10 +6,10 @@ import numpy as np
 
 from basecal.accuracy.residuals.view_poses import ViewPoses
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.rings import MIDDLE, on_rings, polar_drawing
+from basecal.reporting.figures.rings import MIDDLE, place_on_rings, polar_drawing
 from basecal.reporting.svg import element, text
 
-_MOST = 400  # views drawn
+_MOST_VIEWS = 400  # views drawn
 _RINGS_DEG = (30.0, 60.0, 90.0, 180.0)
 _TICK = 6.0  # half the length of a mark on the drawing
 _FEWEST_FOR_FACE = 0.5  # share of the views from one side, which then is the target's face
@@ -21,7 +21,7 @@ def orientation_figure(views: ViewPoses) -> Figure:
     Args:
         views: Of one camera and target, at least one.
     """
-    shown = slice(None, None, -(-len(views.sample) // _MOST))
+    shown = slice(None, None, -(-len(views.sample) // _MOST_VIEWS))
     target_from_camera = views.camera_from_target[shown].inverse()
     away = target_from_camera.translation
     away = away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-12)
@@ -29,7 +29,7 @@ def orientation_figure(views: ViewPoses) -> Figure:
     tilt = np.degrees(np.arccos(np.clip(face * away[:, 2], -1, 1)))
     top = next(ring for ring in _RINGS_DEG if tilt.max() <= ring)
     flat = away[:, :2] / np.maximum(np.linalg.norm(away[:, :2], axis=-1, keepdims=True), 1e-12)
-    at = on_rings(flat * tilt[:, None], top)
+    at = place_on_rings(flat * tilt[:, None], top)
     along = target_from_camera.rotation[:, :2, 0]
     along = _TICK * along / np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-12)
     marks = [

@@ -14,18 +14,18 @@ from basecal.reporting.svg import drawing, element, nice_ceiling, segments, text
 
 _ARROW_SHARE = 0.8  # of a square, for an arrow as long as the ruler
 _FEWEST_POINTS = 3  # whose mean is drawn: of fewer it is the noise of single points
-_HEAD = 4.0
+_ARROWHEAD_PX = 4.0
 
 
-def residual_map(camera: str, size_px: tuple[int, int] | None, seen: Sequence[PointResiduals]) -> Figure:
+def residual_map(camera: str, size_px: tuple[int, int] | None, views: Sequence[PointResiduals]) -> Figure:
     """Squares shaded by the rms of their residuals, with arrows from where points were seen towards where predicted.
 
     Args:
         camera: Its name.
         size_px: Its image; where not known, as far as points were seen.
-        seen: Its points, at least one of them used; the others are not drawn.
+        views: Its points, at least one of them used; the others are not drawn.
     """
-    pixels, off = (np.concatenate([getattr(each, name)[each.used] for each in seen]) for name in ("pixels", "off_px"))
+    pixels, off = (np.concatenate([getattr(each, name)[each.used] for each in views]) for name in ("pixels", "off_px"))
     grid = image_grid(size_px, pixels)
     count = grid.sums(np.ones(len(pixels)))
     some = np.flatnonzero(count)
@@ -70,10 +70,10 @@ def _arrows(foot: Array, tip: Array) -> str:
     """Lines, (n, 2) to (n, 2), with heads where they are long enough to have one."""
     along = tip - foot
     length = np.linalg.norm(along, axis=-1, keepdims=True)
-    long = length[:, 0] > 2 * _HEAD
+    long = length[:, 0] > 2 * _ARROWHEAD_PX
     unit, end = along[long] / length[long], tip[long]
     across = np.stack([-unit[:, 1], unit[:, 0]], -1)
-    back = end - _HEAD * unit
-    left, right = back + 0.5 * _HEAD * across, back - 0.5 * _HEAD * across
+    back = end - _ARROWHEAD_PX * unit
+    left, right = back + 0.5 * _ARROWHEAD_PX * across, back - 0.5 * _ARROWHEAD_PX * across
     heads = np.concatenate([np.stack([left, end], 1), np.stack([right, end], 1)])
     return segments(np.stack([foot, tip], 1)) + segments(heads)

@@ -8,29 +8,29 @@ import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.rings import on_rings, polar_drawing
+from basecal.reporting.figures.rings import place_on_rings, polar_drawing
 from basecal.reporting.svg import dots, element, nice_ceiling
 
-_MOST = 1500  # dots: more only cover one another
+_MOST_DOTS = 1500  # dots: more only cover one another
 _RANGE_RMS = 2.5  # of the length: of normal residuals one in five hundred is longer
 _HALF, _MOST_OF = 50, 95  # percent of residuals within
 
 
-def residual_polar(camera: str, seen: Sequence[PointResiduals]) -> Figure:
+def residual_polar(camera: str, views: Sequence[PointResiduals]) -> Figure:
     """A dot for each point, from where it was seen in the middle to where it is predicted.
 
     Args:
         camera: Its name.
-        seen: Its points, at least one of them used.
+        views: Its points, at least one of them used.
     """
-    used = np.concatenate([each.used for each in seen])
-    every = np.concatenate([each.off_px for each in seen])
+    used = np.concatenate([each.used for each in views])
+    every = np.concatenate([each.off_px for each in views])
     off, left_out = every[used], every[~used]
     length = np.linalg.norm(off, axis=-1)
     top = nice_ceiling(_RANGE_RMS * float(np.sqrt(np.mean(length**2))))
-    shown = off[:: -(-len(off) // _MOST)]
-    cloud = element("path", class_="cloud", d=dots(on_rings(shown, top)))
-    strangers = element("path", class_="left-out", d=dots(on_rings(left_out[:_MOST], top)))
+    shown = off[:: -(-len(off) // _MOST_DOTS)]
+    cloud = element("path", class_="cloud", d=dots(place_on_rings(shown, top)))
+    strangers = element("path", class_="left-out", d=dots(place_on_rings(left_out[:_MOST_DOTS], top)))
     rings = [(share, f"{share * top:.3g} px") for share in (0.5, 1.0)]
     svg = polar_drawing(f"reprojection errors of {camera} by direction", rings, cloud, strangers)
     half, most = np.percentile(length, [_HALF, _MOST_OF])

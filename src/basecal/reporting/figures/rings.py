@@ -10,11 +10,11 @@ from basecal.geometry import Array
 from basecal.reporting.svg import drawing, element, text
 
 RADIUS = 150.0
-_MARGIN = 16.0
-MIDDLE = RADIUS + _MARGIN
+_MARGIN_PX = 16.0
+MIDDLE = RADIUS + _MARGIN_PX
 
 
-def on_rings(xy: Array, top: float) -> Array:
+def place_on_rings(xy: Array, top: float) -> Array:
     """Places on the drawing, (n, 2), of points whose length is `top` on the outermost ring; longer ones stand on it."""
     length = np.linalg.norm(xy, axis=-1, keepdims=True)
     shown: Array = MIDDLE + RADIUS * xy / np.maximum(length, top)

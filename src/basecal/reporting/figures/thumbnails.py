@@ -16,7 +16,7 @@ from basecal.reporting.svg import dots, drawing, element, nice_ceiling, segments
 from basecal.vision.image_file import read_bytes
 from basecal.vision.thumbnail import thumbnail
 
-_MOST, _MOST_LEFT_OUT = 18, 6  # pictures of views that were used, and of those left out: some rows of each
+_MOST_USED, _MOST_LEFT_OUT = 18, 6  # pictures of views that were used, and of those left out: some rows of each
 _WIDTH = 360  # [px]: twice what a picture takes on the page, for screens that are fine
 _MOST_BYTES = 700_000  # of all pictures, so that a page stays below 3 MB
 _MOST_POINTS = 300  # drawn in a picture
@@ -60,19 +60,19 @@ class _View:
     used: BoolArray
 
     @property
-    def left_out(self) -> bool:
+    def is_unused(self) -> bool:
         """Whether nothing of it was used."""
         return not np.any(self.used)
 
     @property
     def rms_px(self) -> float:
         """Per coordinate, of the points that were used, or else of all."""
-        off = self.off_px if self.left_out else self.off_px[self.used]
+        off = self.off_px if self.is_unused else self.off_px[self.used]
         return float(np.sqrt(np.mean(off**2)))
 
 
 def thumbnails(
-    cell: Cell, recording: Recording, calibration: Calibration, seen: Sequence[PointResiduals]
+    cell: Cell, recording: Recording, calibration: Calibration, residuals: Sequence[PointResiduals]
 ) -> Thumbnails | None:
     """Pictures of the views that fit worst and of some that were left out; None if no images are recorded.
 
@@ -80,13 +80,13 @@ def thumbnails(
         cell: What was calibrated.
         recording: Its images are read.
         calibration: What came out.
-        seen: The points of all views.
+        residuals: The points of all views.
     """
     images = {sample.sample: sample for sample in recording.samples if sample.images}
-    if recording.folder is None or not images or not seen:
+    if recording.folder is None or not images or not residuals:
         return None
-    views = sorted(_views(seen, images), key=lambda view: -view.rms_px)
-    chosen = [view for view in views if not view.left_out][:_MOST]
+    views = sorted(_views(residuals, images), key=lambda view: -view.rms_px)
+    chosen = [view for view in views if not view.left_out][:_MOST_USED]
     chosen += [view for view in views if view.left_out][:_MOST_LEFT_OUT]
     rms = calibration.residuals.rms_px or max((view.rms_px for view in chosen), default=0.0)
     longest_px = nice_ceiling(2 * rms)
@@ -124,7 +124,7 @@ def sample_pictures(
         size_px = cell.cameras[camera].size_px
         jpeg = _jpeg(Path(recording.folder) / found[0].images[camera], size_px, _LARGE_WIDTH)
         if jpeg is not None and size_px is not None:
-            drawn.append(_drawn(view, jpeg, size_px, longest_px))
+            drawn.append(_drawing(view, jpeg, size_px, longest_px))
     return drawn
 
 
@@ -133,10 +133,10 @@ def _jpeg(path: Path, size_px: tuple[int, int] | None, width: int) -> bytes | No
     return None if isinstance(data, str) or size_px is None else thumbnail(data, size_px, width)
 
 
-def _views(seen: Sequence[PointResiduals], images: dict[int, Sample]) -> Iterator[_View]:
+def _views(residuals: Sequence[PointResiduals], images: dict[int, Sample]) -> Iterator[_View]:
     """What each camera saw in each sample that has its image."""
-    for camera in dict.fromkeys(each.camera for each in seen):
-        of_camera = [each for each in seen if each.camera == camera]
+    for camera in dict.fromkeys(each.camera for each in residuals):
+        of_camera = [each for each in residuals if each.camera == camera]
         sample, pixels, off_px, used = (
             np.concatenate([getattr(each, name) for each in of_camera])
             for name in ("sample", "pixels", "off_px", "used")
@@ -160,10 +160,10 @@ def _pictures(
         room -= len(jpeg)
         state = ", left out" if view.left_out else ""
         words = f"{view.camera}, {view.rms_px:.3g} px rms{state}"
-        yield Thumbnail(_drawn(view, jpeg, size_px, longest_px), view.sample, words, view.left_out)
+        yield Thumbnail(_drawing(view, jpeg, size_px, longest_px), view.sample, words, view.left_out)
 
 
-def _drawn(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:
+def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:
     """The picture with its points."""
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale

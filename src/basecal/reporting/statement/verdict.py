@@ -135,7 +135,9 @@ def sort_by_severity(findings: Iterable[Finding]) -> list[Finding]:
 def _answer(cell: Cell, calibration: Calibration) -> str:
     if at_work := work_sentences(calibration):
         return at_work[0]
-    known = [transform_sentence(name, calibration) for name in cell.asked if name in calibration.transforms]
+    known = [
+        transform_sentence(name, calibration) for name in cell.requested_transforms if name in calibration.transforms
+    ]
     answer = "; ".join(known) or "no transform is requested, all are fixed"
     errors = held_out_errors(calibration.validation)[:1]
     return "; ".join([answer, *(f"cross-validation error, rms: {error}" for error in errors)])

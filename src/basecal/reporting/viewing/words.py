@@ -12,9 +12,9 @@ from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
 
 
-def sample_words(number: int, residuals: Sequence[SampleResidual], excluded: Collection[int]) -> list[str]:
+def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: Collection[int]) -> list[str]:
     """How a sample fits, a line for each view of it."""
-    lines = [f"sample {number}{', left out' if number in excluded else ''}"]
+    lines = [f"sample {number}{', left out' if number in exclusions else ''}"]
     for each in residuals:
         if each.sample != number:
             continue

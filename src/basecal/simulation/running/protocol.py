@@ -60,7 +60,7 @@ def write_address(folder: Path, address: Address) -> Path:
     Raises:
         InputError: if it cannot be written.
     """
-    write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", within=folder)
+    write_private(folder / ADDRESS_FILE, json.dumps(address.model_dump()) + "\n", base_folder=folder)
     allow(folder, [place_words(address)])
     return folder / ADDRESS_FILE
 

@@ -37,7 +37,7 @@ def write_world(world: World, folder: Path) -> None:
     for robot in world.cell.robots.values():
         if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
             text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
-            write_atomically(folder / robot.urdf, text, within=folder)
+            write_atomically(folder / robot.urdf, text, base_folder=folder)
     write_world_truth(world, folder)
     write_cell(world.cell, folder)
 

@@ -126,7 +126,7 @@ def _row(name: str, cell: Cell, recording: Recording, calibration: Calibration) 
     worst = sorted(calibration.findings, key=lambda finding: _WORST_FIRST[finding.severity])
     bad = [finding for finding in worst if finding.severity != "info"]
     valid = calibration.validation
-    found = next((each for each in cell.asked if each in calibration.transforms), None)
+    found = next((each for each in cell.requested_transforms if each in calibration.transforms), None)
     return Row(
         name,
         calibration.verdict,

@@ -70,11 +70,11 @@ class Fleet:
         found = json.loads(content)
         for name, text in ((CALIBRATION, _as_text(found["calibration"])), (FAULT, found["fault"])):
             if text:
-                write_atomically(self.file(cell, name), text, within=self.output, durable=False)
+                write_atomically(self.file(cell, name), text, base_folder=self.output, durable=False)
             else:
                 self.file(cell, name).unlink(missing_ok=True)
         row = found["row"] | {"fingerprint": fingerprint}
-        write_atomically(self.file(cell, ROW), _as_text(row), within=self.output, durable=False)
+        write_atomically(self.file(cell, ROW), _as_text(row), base_folder=self.output, durable=False)
 
 
 def _as_text(data: Any) -> str:

@@ -72,4 +72,4 @@ def _write(folder: Path, path: Path, features: Features) -> None:
     """Keep features; a folder that cannot be written to is only slower the next time."""
     with suppress(InputError):
         content = features.pixels.astype("<f8").tobytes() + _levels(features).tobytes()
-        write_atomically(path, content, within=folder, durable=False)
+        write_atomically(path, content, base_folder=folder, durable=False)

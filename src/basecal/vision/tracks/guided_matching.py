@@ -29,7 +29,7 @@ class Guided(NamedTuple):
     by_chance: float
 
 
-def match_guided(features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float) -> Guided:
+def match_predictions(features: Features, predicted_px: Array, descriptors: Descriptors, radius_px: float) -> Guided:
     """Features near predictions that look like their points.
 
     Args:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from basecal.cell.files import read_cell
-from basecal.cli import detected, main
-from basecal.cli.detected import counting, detected_recording
+from basecal.cli import detection, main
+from basecal.cli.detection import counting, detected_recording
 
 
 def test_a_recording_without_images_is_taken_as_it_is(tmp_path, monkeypatch):
@@ -35,7 +35,7 @@ def test_steps_are_counted_on_a_terminal_alone(monkeypatch, capsys):
     with counting("detecting") as step:
         step(1, 2)
     assert capsys.readouterr() == ("", "")
-    monkeypatch.setattr(detected, "is_terminal", lambda stream: True)
+    monkeypatch.setattr(detection, "is_terminal", lambda stream: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
     with counting("detecting") as step:
         step(2, 2)
@@ -45,7 +45,7 @@ def test_steps_are_counted_on_a_terminal_alone(monkeypatch, capsys):
 @pytest.mark.parametrize("total", [1, 50])
 def test_the_last_step_is_the_whole(monkeypatch, capsys, total):
     """A bar that is full says 100 %."""
-    monkeypatch.setattr(detected, "is_terminal", lambda stream: True)
+    monkeypatch.setattr(detection, "is_terminal", lambda stream: True)
     monkeypatch.setenv("FORCE_COLOR", "1")
     with counting("detecting") as step:
         step(total, total)

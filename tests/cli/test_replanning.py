@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from basecal.cli.replanned import Task, requested_task
+from basecal.cli.replanning import Task, requested_task
 from basecal.errors import UsageError
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.effects.faces.found import FoundEffect, format_with_sigma, rounded_length, rounded_tangent
+from basecal.effects.faces.found_effect import FoundEffect, format_with_sigma, rounded_length, rounded_tangent
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from basecal.cell.targets.led import led_target
 from basecal.cell.targets.points import points_target
 from basecal.errors import InputError
 from basecal.geometry import SE3
-from basecal.reporting.printed import largest_pitch_mm, page_svg, printed_pages, write_pages
+from basecal.reporting.target_sheet import largest_pitch_mm, page_svg, printed_pages, write_pages
 
 SHAPES = {
     "charuco": charuco_target((5, 7), 0.03, 0.022, "DICT_4X4_50"),

@@ -47,7 +47,7 @@ def requested_task(
 
 def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
     """What was recorded of a cell already, with what was seen."""
-    from basecal.cli.detected import detected_recording
+    from basecal.cli.detection import detected_recording
 
     has_journal = (folder / "recording" / "samples.jsonl").exists()
     return detected_recording(folder, cell).samples if has_journal else ()
@@ -57,7 +57,7 @@ class Replanned:
     """What is still to be taken, planned anew after each sample."""
 
     def __init__(
-        self, rig: Rig, sketch: Sketch, folder: Path, task: Task, plan: Path | None, most: int | None, seed: int
+        self, rig: Rig, sketch: Sketch, folder: Path, task: Task, plan: Path | None, max_count: int | None, seed: int
     ) -> None:
         import numpy as np
 
@@ -73,21 +73,21 @@ class Replanned:
         self._taken = taken = taken_so_far(folder, sketch.cell)
         home = {name: robot.state().state for name, robot in rig.robots.items()}
         offered = () if plan is None else read_plan(plan, folder, sketch.cell)
-        self._tolerance_m, self._preceding_records, self._most = task.tolerance_m, len(taken), most or MOST_SAMPLES
+        self._tolerance_m, self._preceding_records, self._most = task.tolerance_m, len(taken), max_count or MOST_SAMPLES
         points = np.array(task.points_m)
         self._replanner = replanner(sketch.cell, taken, home, points, task.tolerance_m, offered, seed)
         self._given_up = [*abandoned_samples(folder, sketch.cell)]
         self.samples = self(taken, self._given_up)
 
-    def exclude(self, refused: Sequence[Sample]) -> Sequence[Sample]:
+    def exclude(self, samples: Sequence[Sample]) -> Sequence[Sample]:
         """Plan without samples that are refused, and what is near them."""
-        self._given_up += refused
+        self._given_up += samples
         return self(self._taken, self._given_up)
 
-    def __call__(self, taken: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
+    def __call__(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
         """What is still to be taken, no more than is left of the most."""
-        self._latest = self._replanner.plan(taken, bad)
-        self._left = max(self._most - (len(taken) - self._preceding_records), 0)
+        self._latest = self._replanner.plan(samples, bad)
+        self._left = max(self._most - (len(samples) - self._preceding_records), 0)
         self.samples = self._latest.samples[: self._left]
         return self.samples
 
@@ -132,7 +132,7 @@ class ShiftsForTask(NamedTuple):
     task: Task
     samples: int | None
 
-    def planned(
+    def plan_samples(
         self, cell: Cell, folder: Path, home: Mapping[str, RobotState], usual: int, seed: int
     ) -> Sequence[Sample]:
         """The samples, those of a station one after another; as many as usual where nothing says how many."""
