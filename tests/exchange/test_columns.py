@@ -29,7 +29,7 @@ def test_columns_have_the_names_of_the_header(tmp_path, header):
         "y": [3.0, -60.0],
     }
     assert list(table.lines) == [2, 4]
-    np.testing.assert_array_equal(table.stacked(["y", "x"]), [[3, 1], [-60, 4]])
+    np.testing.assert_array_equal(table.stack(["y", "x"]), [[3, 1], [-60, 4]])
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_every_format_is_read(tmp_path: Path, name: str, with_header: bool) -> N
     """Rows of each controller's numbers give the poses back, with its names as a header and without, in mm too."""
     drawn = SE3.exp(np.random.default_rng(0).normal(0, 0.6, (6, 6)))
     how = CONTROLLERS[name]
-    lines = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in how.written(drawn)]
+    lines = [";".join(repr(float(value)).replace(".", ",") for value in row) for row in how.to_numbers(drawn)]
     text = "\n".join([*([";".join(how.names)] if with_header else []), *lines])
     np.testing.assert_allclose(poses(tmp_path, text, Reading(name)).matrix, drawn.matrix, atol=1e-12)
     read = poses(tmp_path, text, Reading(name, how.length * 1e-3))

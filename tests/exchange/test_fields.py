@@ -23,10 +23,10 @@ pose: {x: 0.1, y: 0.2, z: 0.3, qx: 0, qy: 0, qz: 0, qw: 1}
 def test_what_is_written_is_found() -> None:
     """Text, whole numbers, nested rows, yes and no, and the first of several names."""
     root = parse_fields(TEXT, "a.yaml")
-    assert root.at("camera", "name").text() == "wrist"
-    assert [side.whole() for side in root.at("size").items("sides")] == [640, 480]
-    assert root.at("matrix").at("data").numbers(4) == [1, 2, 3, 4.5]
-    assert root.at("on").yes()
+    assert root.find("camera", "name").text() == "wrist"
+    assert [side.integer() for side in root.find("size").items("sides")] == [640, 480]
+    assert root.find("matrix").find("data").numbers(4) == [1, 2, 3, 4.5]
+    assert root.find("on").yes()
     assert root.first("nothing") is None
 
 
@@ -49,25 +49,25 @@ def test_poses_in_every_way_to_write_them(text: str) -> None:
 @pytest.mark.parametrize("ending", ["---\n", "\n---", "...\n", "---\n---\n\n"])
 def test_messages_end_with_a_separator(ending: str) -> None:
     """What `topic echo` prints after a message is no second document."""
-    assert parse_fields("a: 1\n" + ending, "a.yaml").at("a").whole() == 1
+    assert parse_fields("a: 1\n" + ending, "a.yaml").find("a").integer() == 1
 
 
 @pytest.mark.parametrize(
     ("ask", "message"),
     [
-        (lambda root: root.at("nme"), r"a.yaml:1: has no nme \(did you mean 'name'\?\); it has name, size"),
-        (lambda root: root.at("name").number(), r"a.yaml:1: name: is 'wrist', expected a number"),
-        (lambda root: root.at("on").number(), r"a.yaml:5: on: is True, expected a number"),
-        (lambda root: root.at("size").numbers(3), r"a.yaml:2: size: has 2 numbers, expected 3"),
-        (lambda root: root.at("name").at("x"), r"name: is 'wrist', expected a mapping with 'x'"),
-        (lambda root: root.at("name").items("sides"), r"name: is 'wrist', expected a list of sides"),
-        (lambda root: root.at("size").text(), r"size: is a list of 2, expected text"),
-        (lambda root: root.at("name").yes(), r"name: is 'wrist', expected true or false"),
+        (lambda root: root.find("nme"), r"a.yaml:1: has no nme \(did you mean 'name'\?\); it has name, size"),
+        (lambda root: root.find("name").number(), r"a.yaml:1: name: is 'wrist', expected a number"),
+        (lambda root: root.find("on").number(), r"a.yaml:5: on: is True, expected a number"),
+        (lambda root: root.find("size").numbers(3), r"a.yaml:2: size: has 2 numbers, expected 3"),
+        (lambda root: root.find("name").find("x"), r"name: is 'wrist', expected a mapping with 'x'"),
+        (lambda root: root.find("name").items("sides"), r"name: is 'wrist', expected a list of sides"),
+        (lambda root: root.find("size").text(), r"size: is a list of 2, expected text"),
+        (lambda root: root.find("name").yes(), r"name: is 'wrist', expected true or false"),
         (
-            lambda root: root.at("matrix").at("data").items("rows")[1].items("x")[1].whole(),
+            lambda root: root.find("matrix").find("data").items("rows")[1].items("x")[1].integer(),
             r"matrix.data\[1\]\[1\]: is",
         ),
-        (lambda root: root.at("size").pose(), r"a.yaml:2: size: has 2 numbers, expected 16"),
+        (lambda root: root.find("size").pose(), r"a.yaml:2: size: has 2 numbers, expected 16"),
     ],
 )
 def test_what_is_not_there_is_told_with_its_place(ask: object, message: str) -> None:
@@ -80,14 +80,14 @@ def test_what_is_not_there_is_told_with_its_place(ask: object, message: str) -> 
 def test_no_number_is_taken_for_one(value: str) -> None:
     """Not finite, far beyond any length, and what only looks like a number."""
     with pytest.raises(DatasetError):
-        parse_fields(f"a: {value}", "a.yaml").at("a").number()
+        parse_fields(f"a: {value}", "a.yaml").find("a").number()
 
 
 @pytest.mark.parametrize("quaternion", ["qx: 0, qy: 0, qz: 0, qw: 0", "qx: 0, qy: 0, qz: 0.5, qw: 1"])
 def test_no_rotation_is_told(quaternion: str) -> None:
     """A quaternion that is none is named with its norm, at its line."""
     with pytest.raises(DatasetError, match=r"a.yaml:2: p: quaternion has norm"):
-        parse_fields(f"\np: {{x: 0, y: 0, z: 0, {quaternion}}}", "a.yaml").at("p").pose()
+        parse_fields(f"\np: {{x: 0, y: 0, z: 0, {quaternion}}}", "a.yaml").find("p").pose()
 
 
 def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:

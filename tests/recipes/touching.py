@@ -33,7 +33,7 @@ def table(path: Path, notation: str, poses: Sequence[SE3], marks: Sequence[str] 
     """A file of poses as a controller writes them, with a column of marks."""
     how = CONTROLLERS[notation]
     heads = [*(["mark"] if marks else []), *how.names]
-    rows = [[f"{value:.10g}" for value in row] for row in how.written(SE3.stack(list(poses)))]
+    rows = [[f"{value:.10g}" for value in row] for row in how.to_numbers(SE3.stack(list(poses)))]
     rows = [[mark, *row] for mark, row in zip(marks, rows, strict=True)] if marks else rows
     path.write_text("\n".join(",".join(row) for row in [heads, *rows]) + "\n")
 

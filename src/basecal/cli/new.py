@@ -22,7 +22,7 @@ from basecal.exchange.importing.described_target import (
     is_described,
     target_fields,
 )
-from basecal.exchange.importing.paired import paired
+from basecal.exchange.importing.name_options import parse_name_options
 from basecal.exchange.importing.template import Kind, cell_text
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def new(
         text = cell_text(names or robots or 2, target, shape=fields)
         found = NewCell(text, cell_from_dict(parse_yaml(text, str(cell)).data, str(cell / "cell.yaml")))
     else:
-        found = ros2_cell(cell, yes, domain, paired("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
+        found = ros2_cell(cell, yes, domain, parse_name_options("--robot", robot, "NAME=BASE,FLANGE"), fields, target)
     start_cell(cell, found.text, found.urdfs)
     _warn_of_equal_targets(found.cell)
     samples = cell / "recording" / "samples.jsonl"

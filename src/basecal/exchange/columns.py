@@ -26,7 +26,7 @@ class Table:
     values: Mapping[str, Array]
     lines: Sequence[int]
 
-    def stacked(self, names: Sequence[str]) -> Array:
+    def stack(self, names: Sequence[str]) -> Array:
         """Columns side by side, (rows, len(names))."""
         return np.stack([self.values[name] for name in names], -1)
 
@@ -40,11 +40,11 @@ MOST_POSES = 200_000
 """Of a stream: as many as a recording may have samples."""
 
 
-def read_table_text(path: str, expected: str) -> str:
+def read_table_text(path: str, content: str) -> str:
     """The text of a file, without a byte order mark; of an Excel workbook, its first sheet.
 
     Raises:
-        DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `expected`.
+        DatasetError: naming the file, if it cannot be read, is too large or is no text; it says what was `content`.
     """
     data = read_bounded(path, LARGEST_BYTES)
     if data.startswith(_ARCHIVE):
@@ -54,7 +54,7 @@ def read_table_text(path: str, expected: str) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise DatasetError(path, f"not text, expected {expected}") from None
+        raise DatasetError(path, f"not text, expected {content}") from None
 
 
 def read_columns(path: str | Path, aliases: Mapping[str, Sequence[str]]) -> Table:

@@ -244,31 +244,31 @@ def _check_units(path: str, columns: Sequence[str], reading: Reading) -> None:
             )
 
 
-def _possible_units(place: int, how: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
+def _possible_units(place: int, convention: AnyConvention) -> tuple[Mapping[str, _Unit], float]:
     """The units that a number of a convention may have, and the one it is read in; none of numbers without unit."""
-    if isinstance(how, MatrixConvention):
+    if isinstance(convention, MatrixConvention):
         row, column = divmod(place, 4)
-        is_length = (row if how.is_by_columns else column) == 3 and place < len(how.names) - 1
-        return (_LENGTHS if is_length else {}), how.length
+        is_length = (row if convention.is_by_columns else column) == 3 and place < len(convention.names) - 1
+        return (_LENGTHS if is_length else {}), convention.length
     if place < 3:
-        return _LENGTHS, how.length
-    return ({} if "quaternion" in how.form.words else _ANGLES), how.angle
+        return _LENGTHS, convention.length
+    return ({} if "quaternion" in convention.form.words else _ANGLES), convention.angle
 
 
-def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Reading) -> None:
+def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading: Reading) -> None:
     """Degrees taken for radians, and radians taken for degrees, where no other reading can be."""
-    if isinstance(how, MatrixConvention) or "quaternion" in how.form.words:
+    if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
         return
     angles = numbers[:, 3:]
-    if other := _other_controllers(numbers, how, reading):
+    if other := _other_controllers(numbers, convention, reading):
         raise DatasetError(path, f"these numbers are not of {reading.name}: {other}")
-    if how.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
+    if convention.angle == RADIAN and np.abs(angles).max() > _FULL_TURN:
         raise DatasetError(path, f"angles up to {np.abs(angles).max():.4g} are no radians: give --deg")
     # A rotation vector is as long as the turn; angles about axes may all be small only where nothing turns.
     is_small = (
         len(numbers) >= _FEWEST_POSES and np.abs(angles).max() <= _SMALL_TURN and np.ptp(angles, axis=0).max() > 0
     )
-    if how.angle == DEGREE and is_small and reading.angle_rad is None:
+    if convention.angle == DEGREE and is_small and reading.angle_rad is None:
         raise DatasetError(
             path,
             f"no angle of {len(numbers)} poses is beyond {np.abs(angles).max():.3g}: these look like radians, "
@@ -276,14 +276,19 @@ def _check_angles(path: str, numbers: Array, how: AnyConvention, reading: Readin
         )
 
 
-def _other_controllers(numbers: Array, how: Convention, reading: Reading) -> str:
+def _other_controllers(numbers: Array, convention: Convention, reading: Reading) -> str:
     """That both lengths and angles are in the units of other controllers; nothing if they need not be."""
     if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
         return ""
     length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
     units = (METRES["mm"], DEGREE) if length > _LONGEST_ARM_M else (METRES["m"], RADIAN)
     fits = angle > _FULL_TURN if units[1] == DEGREE else 0 < angle <= _SMALL_TURN
-    if not fits or units == (how.length, how.angle) or how.length == units[0] or how.angle == units[1]:
+    if (
+        not fits
+        or units == (convention.length, convention.angle)
+        or convention.length == units[0]
+        or convention.angle == units[1]
+    ):
         return ""
     names = [name for name, each in CONTROLLERS.items() if _units(each) == units]
     words = "millimetres and degrees" if units[1] == DEGREE else "metres and radians"

@@ -54,7 +54,7 @@ class Field:
         found = [name for name in names if isinstance(self.data, dict) and self.data.get(name) is not None]
         return Field(self.path, self.data[found[0]], self.lines, (*self.loc, found[0])) if found else None
 
-    def at(self, *names: str) -> Field:
+    def find(self, *names: str) -> Field:
         """The first of these fields that is written.
 
         Raises:
@@ -112,7 +112,7 @@ class Field:
             raise self.error(f"is {shorten(data)}, beyond {LARGEST_VALUE:g}")
         return float(data)
 
-    def whole(self, low: int = 1) -> int:
+    def integer(self, low: int = 1) -> int:
         """A whole number from `low`.
 
         Raises:
@@ -151,11 +151,11 @@ class Field:
             if isinstance(self.data, list):
                 return SE3.from_matrix([self.numbers(16)[i : i + 4] for i in range(0, 16, 4)])
             if self.first("translation", "position") is not None:
-                place, turn = self.at("translation", "position"), self.at("rotation", "orientation")
-                turns = [turn.at(axis).number() for axis in "xyzw"]
-                return SE3.from_quaternion(turns, [place.at(axis).number() for axis in "xyz"], "quaternion")
-            turns = [self.at(f"q{axis}").number() for axis in "xyzw"]
-            return SE3.from_quaternion(turns, [self.at(axis).number() for axis in "xyz"], "quaternion")
+                place, turn = self.find("translation", "position"), self.find("rotation", "orientation")
+                turns = [turn.find(axis).number() for axis in "xyzw"]
+                return SE3.from_quaternion(turns, [place.find(axis).number() for axis in "xyz"], "quaternion")
+            turns = [self.find(f"q{axis}").number() for axis in "xyzw"]
+            return SE3.from_quaternion(turns, [self.find(axis).number() for axis in "xyz"], "quaternion")
         except DatasetError:
             raise
         except InputError as error:

@@ -20,7 +20,7 @@ from basecal.cell.files import (
 from basecal.cell.format.writing import write_new
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
-from basecal.exchange.importing.placed import numbered_path, place_files
+from basecal.exchange.importing.cell_files import numbered_path, place_files
 
 _SECTIONS = ("robots", "bases", "cameras", "targets")
 
@@ -138,12 +138,12 @@ def _free(entry: dict[str, Any]) -> dict[str, Any]:
     return {**entry, "mount": {"status": "free"}} if is_free else entry
 
 
-def _difference(entry: str, first: Path, ours: Any, other: Path, theirs: Any) -> str:
+def _difference(entry: str, first: Path, ours: Any, second: Path, theirs: Any) -> str:
     """Where two entries differ, to the field."""
     if isinstance(ours, dict) and isinstance(theirs, dict):
         key = next(key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key))
-        return _difference(f"{entry}.{key}", first, ours.get(key), other, theirs.get(key))
-    states = f"{entry}: {first} states {_value_text(ours)}, {other} {_value_text(theirs)}"
+        return _difference(f"{entry}.{key}", first, ours.get(key), second, theirs.get(key))
+    states = f"{entry}: {first} states {_value_text(ours)}, {second} {_value_text(theirs)}"
     return f"{states}: give them other names, or correct the one that is wrong"
 
 

@@ -67,19 +67,19 @@ def read_poses(path: str | Path, length_unit: LengthUnit) -> PoseStream:
     if name.lower().endswith(".csv"):
         stream = _from_csv(name)
     elif ".npz" in name.lower() or name.lower().endswith(".npy"):
-        poses = _make_each(_from_archive(name), _matrix_pose, name, lambda i: (None, f"matrix {i}"))
+        poses = _make_poses(_from_archive(name), _matrix_pose, name, lambda i: (None, f"matrix {i}"))
         stream = PoseStream(name, poses)
     else:
         matrices, lines = _from_text(name)
-        stream = PoseStream(name, _make_each(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
+        stream = PoseStream(name, _make_poses(matrices, _matrix_pose, name, lambda i: (lines[4 * i], None)))
     scaled = SE3(stream.poses.rotation, stream.poses.translation * METRES[length_unit])
     return replace(stream, poses=scaled)
 
 
-def _make_each(
-    rows: Array, make: Callable[[Array], SE3], path: str, where: Callable[[int], tuple[int | None, str | None]]
+def _make_poses(
+    rows: Array, make: Callable[[Array], SE3], path: str, place: Callable[[int], tuple[int | None, str | None]]
 ) -> SE3:
-    """`make` of every row; an error says which one by `where`, a line and a field."""
+    """`make` of every row; an error says which one by `place`, a line and a field."""
     if len(rows) > MOST_POSES:
         raise DatasetError(path, f"{len(rows)} poses, expected at most {MOST_POSES}")
     found = []
@@ -87,9 +87,9 @@ def _make_each(
         try:
             found.append(make(row))
         except InputError as error:
-            raise DatasetError(path, str(error), *where(i)) from None
+            raise DatasetError(path, str(error), *place(i)) from None
         if not np.all(np.abs(found[-1].translation) <= LARGEST_VALUE):
-            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *where(i))
+            raise DatasetError(path, f"a translation is beyond {LARGEST_VALUE:g}: is this the length unit?", *place(i))
     return SE3.stack(found)
 
 
@@ -134,17 +134,17 @@ def _from_archive(path: str) -> Array:
 def _from_csv(path: str) -> PoseStream:
     table = read_columns(path, _ALIASES)
 
-    def where(i: int) -> tuple[int | None, str | None]:
+    def place(i: int) -> tuple[int | None, str | None]:
         """Line and field of a row, for errors."""
         return table.lines[i], None
 
     if all(column in table.values for column in _QUATERNION):
-        rows = table.stacked(_QUATERNION)
-        poses = _make_each(rows, lambda row: SE3.from_quaternion(row[3:], row[:3]), path, where)
+        rows = table.stack(_QUATERNION)
+        poses = _make_poses(rows, lambda row: SE3.from_quaternion(row[3:], row[:3]), path, place)
     elif all(column in table.values for column in _MATRIX):
         matrices = np.tile(np.eye(4), (len(table.lines), 1, 1))
-        matrices[:, :3] = table.stacked(_MATRIX).reshape(-1, 3, 4)
-        poses = _make_each(matrices, _matrix_pose, path, where)
+        matrices[:, :3] = table.stack(_MATRIX).reshape(-1, 3, 4)
+        poses = _make_poses(matrices, _matrix_pose, path, place)
     else:
         raise DatasetError(path, f"has columns {', '.join(table.values)}; {_ACCEPTED}", 1)
     return PoseStream(path, poses, table.values.get("stamp_s"))

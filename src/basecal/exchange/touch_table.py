@@ -11,8 +11,8 @@ from pathlib import Path
 from basecal.cell import Cell
 from basecal.errors import DatasetError, UsageError
 from basecal.exchange.columns import read_table_text
+from basecal.exchange.importing.cell_content import recorded_samples
 from basecal.exchange.importing.imported import Row
-from basecal.exchange.importing.known import recorded_samples
 from basecal.exchange.importing.text_table import TextTable, read_text_table
 
 

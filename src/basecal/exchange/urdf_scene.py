@@ -117,32 +117,32 @@ def merged_urdf(
     return _write_urdf(root, remarks)
 
 
-def _joints_to_root(above: Mapping[str, JointOrigin], link: str) -> list[JointOrigin]:
+def _joints_to_root(parent_joints: Mapping[str, JointOrigin], link: str) -> list[JointOrigin]:
     """Joints from a link to the root."""
     joints = []
-    while link in above:
-        joints.append(above[link])
-        link = above[link].parent
+    while link in parent_joints:
+        joints.append(parent_joints[link])
+        link = parent_joints[link].parent
     return joints
 
 
 def _joints_between(
-    above: Mapping[str, JointOrigin], first: str, second: str
+    parent_joints: Mapping[str, JointOrigin], first: str, second: str
 ) -> tuple[list[JointOrigin], list[JointOrigin]]:
     """Joints from each of two links up to where they meet."""
-    ups = _joints_to_root(above, first), _joints_to_root(above, second)
+    ups = _joints_to_root(parent_joints, first), _joints_to_root(parent_joints, second)
     common = {joint.name for joint in ups[0]} & {joint.name for joint in ups[1]}
     own = [[joint for joint in up if joint.name not in common] for up in ups]
     return own[0], own[1]
 
 
-def _choose_joint(joints: Sequence[JointOrigin], name: str | None, between: str) -> JointOrigin:
+def _choose_joint(joints: Sequence[JointOrigin], name: str | None, frames: str) -> JointOrigin:
     turning = [joint.name for joint in joints if joint.kind != "fixed"]
     if turning:
-        raise InputError(f"joint {turning[0]!r} between {between} is not fixed: their place is not one transform")
+        raise InputError(f"joint {turning[0]!r} between {frames} is not fixed: their place is not one transform")
     names = [joint.name for joint in joints]
     if name is None and len(joints) != 1:
-        raise InputError(f"between {between} are {len(joints)} joints; say whose origin, with --joint: {names}")
+        raise InputError(f"between {frames} are {len(joints)} joints; say whose origin, with --joint: {names}")
     wanted = names[0] if name is None else name
     if wanted not in names:
         raise FrameNotFound(wanted, names)
@@ -157,9 +157,9 @@ def _product(joints: Sequence[JointOrigin]) -> SE3:
     return whole
 
 
-def _origin(chosen: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[JointOrigin], a_from_b: SE3) -> SE3:
+def _origin(joint: JointOrigin, up_from_a: list[JointOrigin], up_from_b: list[JointOrigin], a_from_b: SE3) -> SE3:
     """The origin of a joint above b that puts b where it is to stand in a."""
-    place = up_from_b.index(chosen)
+    place = up_from_b.index(joint)
     child_from_b, top_from_parent = _product(up_from_b[:place]), _product(up_from_b[place + 1 :])
     top_from_b = _product(up_from_a) @ a_from_b
     return top_from_parent.inverse() @ top_from_b @ child_from_b.inverse()
@@ -179,11 +179,11 @@ def _root_link(part: RobotPart) -> tuple[str, SE3]:
     return (up[-1].parent if up else part.base_link), _product(up)
 
 
-def _prefix(whole: Element, before: str) -> None:
-    for element in whole.iter():
+def _prefix(root: Element, prefix: str) -> None:
+    for element in root.iter():
         attribute = "name" if element.tag in _NAMED_ELEMENTS else _REFERRING.get(str(element.tag))
         if attribute is not None and element.get(attribute):
-            element.set(attribute, before + element.get(attribute, ""))
+            element.set(attribute, prefix + element.get(attribute, ""))
 
 
 def _set_origin(joint: Element, parent_from_child: SE3) -> None:

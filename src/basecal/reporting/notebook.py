@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from html import escape
 
 from basecal.cell import Calibration
-from basecal.exchange.exports.digits import format_fixed
+from basecal.exchange.exports.digits import format_decimals
 from basecal.reporting.statement.verdict import sort_by_severity, tolerance_sentence, verdict_word
 from basecal.reporting.text import transform_rows
 
@@ -41,4 +41,4 @@ def html_summary(calibration: Calibration) -> str:
 
 
 def _numbers(values: Iterable[float], decimals: int) -> str:
-    return ", ".join(format_fixed(values, decimals))
+    return ", ".join(format_decimals(values, decimals))

@@ -11,7 +11,7 @@ from basecal.accuracy.task.local_fits import FEWEST_SAMPLES
 from basecal.cell import Calibration, Cell, Finding, LocalFit, Validation
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.exchange.exports.choice import frame_names
-from basecal.exchange.exports.digits import format_fixed
+from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import origin_line
 from basecal.geometry import Array, Camera
@@ -61,7 +61,7 @@ def text_report(cell: Cell, calibration: Calibration) -> str:
 
 def number_row(values: Array, decimals: int) -> str:
     """Numbers side by side, in columns."""
-    return "".join(f" {number:>13}" for number in format_fixed(values, decimals))
+    return "".join(f" {number:>13}" for number in format_decimals(values, decimals))
 
 
 def _transform(name: str, calibration: Calibration) -> list[str]:
@@ -117,7 +117,7 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
     units = ["px" if name in _INTRINSIC_NAMES else "" for name in names]
     rows = zip(names, camera.parameters.tolist(), sigmas.tolist(), units, strict=False)
     shown = (
-        (name, *format_fixed([value, sigma], shown_decimals(np.array([sigma]))), unit)
+        (name, *format_decimals([value, sigma], shown_decimals(np.array([sigma]))), unit)
         for name, value, sigma, unit in rows
     )
     return [LensParameter(*row) for row in shown]

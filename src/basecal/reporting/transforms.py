@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from basecal.cell import Calibration, Cell
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.exchange.exports.choice import frame_names
-from basecal.exchange.exports.digits import format_fixed
+from basecal.exchange.exports.digits import format_decimals
 from basecal.exchange.ros2 import static_transform_publisher
 from basecal.exchange.urdf import numbers, origin_line
 from basecal.reporting.text import TransformRow, transform_rows
@@ -93,7 +93,7 @@ def transform_view(name: str, cell: Cell, calibration: Calibration, clipboard: P
 
 
 def _row(row: TransformRow, is_fixed: bool) -> Row:
-    values, sigmas = (tuple(format_fixed(each, row.decimals)) for each in (row.values, row.sigmas))
+    values, sigmas = (tuple(format_decimals(each, row.decimals)) for each in (row.values, row.sigmas))
     return Row(row.name, row.unit, values, None if is_fixed else sigmas)
 
 

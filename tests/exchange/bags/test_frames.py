@@ -41,7 +41,7 @@ def values_of_all(poses: SE3) -> np.ndarray:
 
 
 def test_what_goes_with_what() -> None:
-    assert TREE.above("tool") == ["tool", "wrist", "base", "world"]
+    assert TREE.ancestors("tool") == ["tool", "wrist", "base", "world"]
     assert TREE.rigid_ancestors("tool") == ["tool", "wrist"]
     assert "nowhere" in hint(TREE)
 
@@ -55,7 +55,7 @@ def test_what_is_not_joined() -> None:
 
 def test_a_circle_ends() -> None:
     both = {"a": Hang("b", values(POSES[0]), True, True), "b": Hang("a", values(POSES[0]), True, True)}
-    assert Tree(both).above("a") == ["a", "b"]
+    assert Tree(both).ancestors("a") == ["a", "b"]
 
 
 def test_what_is_no_pose() -> None:

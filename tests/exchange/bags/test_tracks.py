@@ -81,6 +81,6 @@ def test_states_hardly_later_than_the_last_are_left_out() -> None:
     for time in (1.0, 1.0, 1.0 + 0.5 * LEAST_APART_S, 1.0 + LEAST_APART_S, 0.5):
         gathered.add(time, np.array([time]))
     assert list(gathered.times) == [1.0, 1.0 + LEAST_APART_S, 0.5]
-    times, values = gathered.sorted()
+    times, values = gathered.arrays()
     np.testing.assert_array_equal(times, [0.5, 1.0, 1.0 + LEAST_APART_S])
     np.testing.assert_array_equal(values[:, 0], times)

@@ -30,7 +30,7 @@ POSES = SE3(
 def test_numbers_give_their_pose_back(name):
     """To 1e-12 m and 1e-12 of the matrix, at half turns and gimbal lock too; as many numbers as there are names."""
     kind = CONTROLLERS[name]
-    numbers = kind.written(POSES)
+    numbers = kind.to_numbers(POSES)
     assert numbers.shape[-1] == len(kind.names)
     again = kind.read(numbers)
     np.testing.assert_allclose(again.matrix, POSES.matrix, atol=1e-12)

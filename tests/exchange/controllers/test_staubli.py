@@ -28,4 +28,4 @@ def test_as_a_program_that_drives_them_has_it():
     read = CONVENTION.read(np.array(told))
     np.testing.assert_allclose(read.rotation, matrix, atol=1e-9)
     np.testing.assert_allclose(read.translation, [0.1, -0.2, 0.3], atol=1e-15)
-    np.testing.assert_allclose(CONVENTION.written(read), told, atol=1e-9)
+    np.testing.assert_allclose(CONVENTION.to_numbers(read), told, atol=1e-9)

@@ -17,4 +17,4 @@ def test_the_example_of_the_script_manual():
 
 def test_written_in_metres():
     """A shift of half a metre is 0.5."""
-    np.testing.assert_allclose(CONVENTION.written(SE3.from_rpy([0, 0, 0], [0.5, 0, 0])), [0.5, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(CONVENTION.to_numbers(SE3.from_rpy([0, 0, 0], [0.5, 0, 0])), [0.5, 0, 0, 0, 0, 0])

@@ -10,7 +10,7 @@ from basecal.exchange.controllers.kuka import CONVENTION as KUKA
 from basecal.exchange.controllers.ur import CONVENTION as UR
 from basecal.exchange.exports.digits import (
     angle_decimals,
-    format_fixed,
+    format_decimals,
     length_decimals,
     unit_decimals,
     written_numbers,
@@ -54,4 +54,4 @@ def test_rounding_is_a_hundredth_of_a_sigma_at_most():
 
 def test_no_negative_zero():
     """A sign before zeros reads as an option to some programs."""
-    assert format_fixed([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]
+    assert format_decimals([-1e-9, 0.0, -0.5], 3) == ["0.000", "0.000", "-0.500"]

@@ -20,7 +20,7 @@ def recorded(folder: Path, unit_m: float, heading: str) -> tuple[str, str]:
     """Files of poses, and of what a tracker measured of two reflectors at each of them."""
     rng = np.random.default_rng(1)
     poses = SE3.from_rotvec(rng.normal(0, 0.7, (15, 3)), np.array([0.4, 0.0, 0.5]) + rng.uniform(-0.4, 0.4, (15, 3)))
-    rows = CONTROLLERS["ur"].written(poses)
+    rows = CONTROLLERS["ur"].to_numbers(poses)
     (folder / "arm.csv").write_text("x,y,z,rx,ry,rz\n" + "".join(",".join(map(str, row)) + "\n" for row in rows))
     lines = [heading]
     for k in range(len(poses)):

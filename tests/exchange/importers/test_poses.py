@@ -17,7 +17,7 @@ DRAWN = SE3.exp(np.random.default_rng(3).normal(0, 0.5, (4, 6)))
 
 def table(path: Path, name: str, separator: str = ";", images: bool = False) -> str:
     how = CONTROLLERS[name]
-    rows = [separator.join(f"{value:.12g}" for value in row) for row in how.written(DRAWN)]
+    rows = [separator.join(f"{value:.12g}" for value in row) for row in how.to_numbers(DRAWN)]
     head = separator.join(how.names)
     if images:
         head, rows = f"image{separator}{head}", [f"IMG_{i}.png{separator}{row}" for i, row in enumerate(rows)]

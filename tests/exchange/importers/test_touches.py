@@ -24,7 +24,7 @@ def touch_table(
     for k in range(count):
         mark = marks[k % len(marks)]
         pose = flange_pose(rng, robot, MARKS[mark] + SIGMA_M * rng.standard_normal(3))
-        (numbers,) = how.written(SE3.stack([pose]))
+        (numbers,) = how.to_numbers(SE3.stack([pose]))
         lines.append(";".join([mark.upper(), *(f"{value:.10g}" for value in numbers)]))
     path.write_text("\n".join([";".join(["mark", *how.names]), *lines]) + "\n")
     return str(path)
@@ -70,7 +70,7 @@ def test_tips_that_meet(tmp_path: Path) -> None:
     for robot in TIPS:
         rows = [flange_pose(rng, robot, np.array([0.5, 0.1, 0.3])) for _ in range(4)]
         (tmp_path / robot).write_text(
-            "\n".join(",".join(map(str, r)) for r in CONTROLLERS["ros"].written(SE3.stack(rows)))
+            "\n".join(",".join(map(str, r)) for r in CONTROLLERS["ros"].to_numbers(SE3.stack(rows)))
         )
     assert (
         main(["import", "touches", cell, "--robot", "eye", str(tmp_path / "eye"), "--format", "ros", "--mark", "m"])

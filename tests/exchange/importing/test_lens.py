@@ -14,7 +14,7 @@ from basecal.errors import InputError
 from basecal.exchange.importing.bring_in import add_to_cell
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.lens import chosen_camera, imported_lens, imported_target, mount_by_chain
-from basecal.exchange.lens_files.stated import StatedLens
+from basecal.exchange.lens_files.stated_lens import StatedLens
 from basecal.geometry import SE3, Camera
 
 LENS = StatedLens(Camera("pinhole", np.array([600.0, 601, 320, 240, 0.1, 0, 0, 0]), (640, 480)), "a lens", "cam1")

@@ -28,11 +28,11 @@ def test_what_opencv_writes_is_read(tmp_path: Path, suffix: str) -> None:
     storage.endWriteStruct()
     storage.release()
     root = read_file_storage(path)
-    assert root.at("image_width").whole() == 1280
-    assert root.at("avg_reprojection_error").number() == 0.123456789012345678
-    assert root.at("camera_matrix").at("rows").whole() == 3
-    np.testing.assert_array_equal(root.at("camera_matrix").at("data").numbers(9), MATRIX.ravel())
-    assert root.at("rig").at("number").number() == -3
+    assert root.find("image_width").integer() == 1280
+    assert root.find("avg_reprojection_error").number() == 0.123456789012345678
+    assert root.find("camera_matrix").find("rows").integer() == 3
+    np.testing.assert_array_equal(root.find("camera_matrix").find("data").numbers(9), MATRIX.ravel())
+    assert root.find("rig").find("number").number() == -3
 
 
 @pytest.mark.parametrize(

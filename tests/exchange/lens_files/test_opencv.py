@@ -57,7 +57,7 @@ def test_archives(tmp_path: Path, names: tuple[str, str]) -> None:
 def test_two_cameras_in_a_file(tmp_path: Path) -> None:
     """Of a stereo calibration the user chooses; without a choice both are named."""
     path = stored(tmp_path / "s.yml", M1=MATRIX, D1=TERMS, M2=2 * MATRIX - np.diag([0, 0, 1.0]), D2=TERMS)
-    assert read_opencv(path, which=2).camera.parameters[0] == 1533.0
+    assert read_opencv(path, number=2).camera.parameters[0] == 1533.0
     with pytest.raises(DatasetError, match=r"holds two cameras \(M1, D1, M2, D2\): say which by --which 1"):
         read_opencv(path)
 

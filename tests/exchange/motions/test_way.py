@@ -22,9 +22,9 @@ def test_no_joint_is_faster_than_asked() -> None:
 def test_one_robot_or_all() -> None:
     """A program for one arm asks which of several; a robot that is none is named with those that are."""
     assert list(of_joints().robots) == ["eye", "hand"]
-    assert of_joints("hand").only() == "hand"
+    assert of_joints("hand").single_robot() == "hand"
     with pytest.raises(InputError, match=r"--robot: eye, hand"):
-        of_joints().only()
+        of_joints().single_robot()
     with pytest.raises(FrameNotFound, match="hand"):
         make_way(ARMS.cell, ARMS.recording.samples, "han")
 

@@ -146,7 +146,7 @@ class UrLed(_WithProgram):
 def _rotation_vector_pose(to: RobotState) -> list[float]:
     """A pose as UR controllers take it."""
     assert to.base_from_flange is not None
-    return [float(number) for number in CONTROLLERS["ur"].written(to.base_from_flange)]
+    return [float(number) for number in CONTROLLERS["ur"].to_numbers(to.base_from_flange)]
 
 
 def reaches(place: Place) -> str:

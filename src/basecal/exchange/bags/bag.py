@@ -148,7 +148,7 @@ def _frames(bag: Bag, path: Path, names: Collection[str]) -> Iterator[Frame]:
     """What the process that reads a bag gives; where it is damaged is noted."""
     size = sum(each.stat().st_size for each in _files(path))
     with _name_errors(path):
-        for data, content in frames("basecal.exchange.bags.boxed", [os.path.abspath(path), *names], size):
+        for data, content in frames("basecal.exchange.bags.reader_process", [os.path.abspath(path), *names], size):
             if isinstance(data, dict):
                 bag.damage[:] = [data["damage"]]
             else:
@@ -166,10 +166,12 @@ def _name_errors(path: Path) -> Iterator[None]:
         raise DatasetError(str(path), f"cannot be read: {error.strerror or error}") from None
     except Exception as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        raise DatasetError(str(path), f"is damaged or was cut off ({why}); {fix_of(path)} may save it") from None
+        raise DatasetError(
+            str(path), f"is damaged or was cut off ({why}); {repair_command(path)} may save it"
+        ) from None
 
 
-def fix_of(path: Path) -> str:
+def repair_command(path: Path) -> str:
     """The command of ROS that may save a damaged bag."""
     return "`rosbag reindex`" if path.suffix == _BAG1 else "`ros2 bag reindex`, or `mcap recover`,"
 

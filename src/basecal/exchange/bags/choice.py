@@ -68,7 +68,7 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
     found: dict[str, str] = {}
     tips = [(match[1], match[2], frame) for frame in tree.names if (match := _TAIL.match(frame))]
     for prefix, _, tip in sorted(tips, key=lambda each: _FLANGES.index(each[1])):
-        above = tree.above(tip)
+        above = tree.ancestors(tip)
         base = next((prefix + name for name in _BASES if prefix + name in above), None)
         name = prefix.strip("_/").replace("/", "_") or "arm"
         if base is not None and base not in tree.rigid_ancestors(tip) and name not in found:

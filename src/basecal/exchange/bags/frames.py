@@ -47,7 +47,7 @@ class Tree:
         """All frames."""
         return tuple(sorted({*self.hangs, *(hang.parent for hang in self.hangs.values())}))
 
-    def above(self, frame: str) -> list[str]:
+    def ancestors(self, frame: str) -> list[str]:
         """The frame, what it hangs on, and so on to the root; a circle ends it."""
         found = [frame]
         while found[-1] in self.hangs and self.hangs[found[-1]].parent not in found:
@@ -57,7 +57,7 @@ class Tree:
     def rigid_ancestors(self, frame: str) -> list[str]:
         """Likewise, as far as nothing moves."""
         found = [frame]
-        for each in self.above(frame)[1:]:
+        for each in self.ancestors(frame)[1:]:
             if not self.hangs[found[-1]].is_fixed:
                 break
             found.append(each)
@@ -73,7 +73,7 @@ class Tree:
         for frame in (base, tip):
             if frame not in self.names:
                 raise FrameNotFound(frame, self.names)
-        up, down = self.above(base), self.above(tip)
+        up, down = self.ancestors(base), self.ancestors(tip)
         common = next((frame for frame in up if frame in down), None)
         if common is None:
             raise InputError(f"no transform of tf joins {base!r} and {tip!r}; they hang on {up[-1]!r} and {down[-1]!r}")
@@ -87,30 +87,30 @@ def transform_values(transform: Any) -> Array:
     return np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w], dtype=np.float64)
 
 
-def pose_from_values(values: Array, about: str) -> SE3:
+def pose_from_values(values: Array, subject: str) -> SE3:
     """Poses of (..., 7) numbers.
 
     Raises:
         InputError: if one is none.
     """
     if not np.all(np.abs(values) <= LARGEST_VALUE):
-        raise InputError(f"{about}: not all numbers are finite, and within {LARGEST_VALUE:g}")
-    return SE3.from_quaternion(values[..., 3:], values[..., :3], about)
+        raise InputError(f"{subject}: not all numbers are finite, and within {LARGEST_VALUE:g}")
+    return SE3.from_quaternion(values[..., 3:], values[..., :3], subject)
 
 
-def compose_path(tree: Tree, way: tuple[Step, ...], moved: Mapping[str, Array], about: str) -> SE3:
+def compose_path(tree: Tree, way: tuple[Step, ...], motions: Mapping[str, Array], subject: str) -> SE3:
     """The last frame of a way in its first, at each of some instants.
 
     Args:
         tree: The frames.
         way: From one frame to another.
-        moved: (n, 7) by frame that moves.
-        about: What to call it in an error.
+        motions: (n, 7) by frame that moves.
+        subject: What to call it in an error.
     """
     total = SE3.identity()
     for step in way:
-        values = moved.get(step.child, tree.hangs[step.child].values)
-        pose = pose_from_values(values, f"{about}, {step.child}")
+        values = motions.get(step.child, tree.hangs[step.child].values)
+        pose = pose_from_values(values, f"{subject}, {step.child}")
         total = total @ (pose.inverse() if step.is_back else pose)
     return total
 

@@ -8,19 +8,19 @@ import numpy as np
 
 from basecal.exchange.fields import Field
 from basecal.exchange.lens_files.camera_info import camera_info_lens
-from basecal.exchange.lens_files.stated import StatedLens
+from basecal.exchange.lens_files.stated_lens import StatedLens
 
 _RECTIFIED = "image_rect"
 
 
-def bag_lens(info: Any, where: str, topic: str) -> StatedLens | None:
+def bag_lens(info: Any, place: str, topic: str) -> StatedLens | None:
     """The lens of a camera's pictures; None if it was never calibrated.
 
     Pictures that ROS has rectified have the lens of the matrix P, and no distortion.
 
     Args:
         info: The message, of ROS 1 or ROS 2.
-        where: The bag and the topic of the message, for an error.
+        place: The bag and the topic of the message, for an error.
         topic: Of the pictures.
 
     Raises:
@@ -46,4 +46,4 @@ def bag_lens(info: Any, where: str, topic: str) -> StatedLens | None:
         "binning_y": int(info.binning_y),
         "roi": {side: int(getattr(info.roi, side)) for side in ("width", "height")},
     }
-    return camera_info_lens(Field(where, data, {}))
+    return camera_info_lens(Field(place, data, {}))

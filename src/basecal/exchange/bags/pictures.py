@@ -76,15 +76,15 @@ def picture_file(message: Message, path: str) -> PictureFile:
     return PictureFile(ending, content)
 
 
-def _netpbm(image: Any, where: str) -> PictureFile:
+def _netpbm(image: Any, place: str) -> PictureFile:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
-        raise InputError(f"{where}: pictures are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
+        raise InputError(f"{place}: pictures are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
     width, height, row = int(image.width), int(image.height), int(image.step)
     needed = width * layout.channels * layout.depth
     data = np.asarray(image.data, dtype=np.uint8)
     if row < needed or len(data) < row * height or not width or not height:
-        raise InputError(f"{where}: {len(data)} bytes for {width} x {height} pixels of {image.encoding}: is damaged")
+        raise InputError(f"{place}: {len(data)} bytes for {width} x {height} pixels of {image.encoding}: is damaged")
     rows = np.ascontiguousarray(data[: row * height].reshape(height, row)[:, :needed])
     kind = np.dtype(np.uint8 if layout.depth == 1 else np.uint16).newbyteorder(">" if image.is_bigendian else "<")
     pixels = rows.view(kind).reshape(height, width, layout.channels)[..., layout.taken]

@@ -41,7 +41,7 @@ class TagFrames:
 
     tag_from_target: Mapping[int, SE3]
 
-    def seen(self, message: Any) -> Array | None:
+    def nearest_tag(self, message: Any) -> Array | None:
         """Place and quaternion of a tag in the camera, and its number, (8,); of several the nearest. None for none."""
         found = [each for each in message.detections if len(each.id) == 1 and int(each.id[0]) in self.tag_from_target]
         if not self.tag_from_target and len(message.detections) == 1:

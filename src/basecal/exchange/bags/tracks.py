@@ -71,38 +71,38 @@ class _Gathered:
             self.times.append(time)
             self.values.extend(values.tolist())
 
-    def sorted(self) -> tuple[Array, Array]:
+    def arrays(self) -> tuple[Array, Array]:
         """Times, rising, and values, (n, width)."""
         times, first = np.unique(np.array(self.times), return_index=True)
         return times, np.array(self.values).reshape(-1, self.width)[first]
 
 
-def read_tracks(bag: Bag, survey: Survey, taken: Taken) -> Tracks:
+def read_tracks(bag: Bag, survey: Survey, selection: Taken) -> Tracks:
     """Where all that is taken was.
 
     Raises:
         InputError: if something was never recorded, or what was is no pose.
     """
     listeners: dict[str, list[Callable[[Message], None]]] = {}
-    sources: dict[str | tuple[str, str], _Source] = dict(taken.robots.items())
-    sources.update({key: view for key, view in taken.views.items() if not isinstance(view, ByTags)})
+    sources: dict[str | tuple[str, str], _Source] = dict(selection.robots.items())
+    sources.update({key: view for key, view in selection.views.items() if not isinstance(view, ByTags)})
     seen: dict[tuple[str, str], list[tuple[float, SeenTags]]] = {}
-    for key, view in taken.views.items():
+    for key, view in selection.views.items():
         if isinstance(view, ByTags):
             seen[key] = []
             listeners.setdefault(view.topic, []).append(_detecting(seen[key], view.tags))
     gathered = {key: _listening(bag, survey.tree, source, listeners) for key, source in sources.items()}
-    pictures = {name: array("d") for name in taken.cameras}
-    for name, camera in taken.cameras.items():
+    pictures = {name: array("d") for name in selection.cameras}
+    for name, camera in selection.cameras.items():
         listeners.setdefault(camera.topic, []).append(_noting(pictures[name]))
     for message in bag.read(listeners):
         for listener in listeners[message.topic.name]:
             listener(message)
     tracks = {key: _track(bag.path, survey.tree, key, source, gathered[key]) for key, source in sources.items()}
-    tags = {key: _tags(bag.path, key, taken.views[key], found) for key, found in seen.items()}
+    tags = {key: _tags(bag.path, key, selection.views[key], found) for key, found in seen.items()}
     return Tracks(
-        {name: tracks[name] for name in taken.robots},
-        {key: tags[key] if key in tags else tracks[key] for key in taken.views},
+        {name: tracks[name] for name in selection.robots},
+        {key: tags[key] if key in tags else tracks[key] for key in selection.views},
         {name: np.array(times) for name, times in pictures.items()},
     )
 
@@ -141,7 +141,7 @@ def _moving(tree: Tree, source: ByFrames) -> list[str]:
     return moving or timed[:1]
 
 
-def _following(gathered: _Gathered, moving: list[str]) -> Callable[[Message], None]:
+def _following(collection: _Gathered, moving: list[str]) -> Callable[[Message], None]:
     """A listener to /tf, which keeps instants that all frames that move have."""
     latest: dict[str, tuple[int, Array]] = {}
 
@@ -155,39 +155,39 @@ def _following(gathered: _Gathered, moving: list[str]) -> Callable[[Message], No
             latest[child] = (stamp.sec * 10**9 + stamp.nanosec, transform_values(each.transform))
             if len(latest) == len(moving) and len({time for time, _ in latest.values()}) == 1:
                 values = np.concatenate([latest[child][1] for child in moving])
-                gathered.add(message_time(each.header, message.recorded_s), values)
+                collection.add(message_time(each.header, message.recorded_s), values)
 
     return listen
 
 
-def _posing(gathered: _Gathered) -> Callable[[Message], None]:
+def _posing(collection: _Gathered) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep a pose at its time."""
         pose = message.data.pose
         p, q = pose.position, pose.orientation
         values = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], dtype=np.float64)
-        gathered.add(message_time(message.data.header, message.recorded_s), values)
+        collection.add(message_time(message.data.header, message.recorded_s), values)
 
     return listen
 
 
-def _tagging(gathered: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
+def _tagging(collection: _Gathered, source: ByTagPoses) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the pose of the nearest tag that is looked for, at its time."""
-        values = source.frames.seen(message.data)
+        values = source.frames.nearest_tag(message.data)
         if values is not None:
-            gathered.add(message_time(message.data.header, message.recorded_s), values)
+            collection.add(message_time(message.data.header, message.recorded_s), values)
 
     return listen
 
 
-def _joining(gathered: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
+def _joining(collection: _Gathered, names: tuple[str, ...]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep the joints at their time, in the order of `names`."""
         place = {name: k for k, name in enumerate(message.data.name)}
         if all(name in place and place[name] < len(message.data.position) for name in names):
             values = np.array([message.data.position[place[name]] for name in names], dtype=np.float64)
-            gathered.add(message_time(message.data.header, message.recorded_s), values)
+            collection.add(message_time(message.data.header, message.recorded_s), values)
 
     return listen
 
@@ -200,29 +200,29 @@ def _noting(times: array[float]) -> Callable[[Message], None]:
     return listen
 
 
-def _detecting(gathered: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
+def _detecting(collection: list[tuple[float, SeenTags]], tags: Tags) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
         """Keep what is seen of the tags at its time."""
         corners = tag_corners(message.data, tags)
         if corners is not None:
-            gathered.append((message_time(message.data.header, message.recorded_s), corners))
+            collection.append((message_time(message.data.header, message.recorded_s), corners))
 
     return listen
 
 
-def _tags(path: str, key: tuple[str, str], source: object, gathered: list[tuple[float, SeenTags]]) -> Track:
-    if not gathered:
+def _tags(path: str, key: tuple[str, str], source: object, collection: list[tuple[float, SeenTags]]) -> Track:
+    if not collection:
         raise InputError(f"{path}: {key[1]} seen by {key[0]}: {source}: no tag was found in any picture")
-    by_time = dict(sorted(gathered, key=lambda each: each[0]))
+    by_time = dict(sorted(collection, key=lambda each: each[0]))
     return Track(np.array(list(by_time)), tags=tuple(by_time.values()))
 
 
-def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, gathered: _Gathered) -> Track:
+def _track(path: str, tree: Tree, key: str | tuple[str, str], source: _Source, collection: _Gathered) -> Track:
     name = key if isinstance(key, str) else " seen by ".join(reversed(key))
-    if not gathered.times:
+    if not collection.times:
         why = "its frames never have one stamp" if isinstance(source, ByFrames) else "no message says where it was"
         raise InputError(f"{path}: {name}: {source}: {why}")
-    times, values = gathered.sorted()
+    times, values = collection.arrays()
     about = f"{path}: {name}: {source}"
     if not np.all(np.abs(values) <= LARGEST_VALUE):
         raise InputError(f"{about}: not all numbers are finite, and within {LARGEST_VALUE:g}")

@@ -54,7 +54,7 @@ class Convention:
         """Poses of numbers, (..., 6 or 7)."""
         return SE3(self.form.read(numbers[..., 3:] * self.angle), numbers[..., :3] * self.length)
 
-    def written(self, pose: SE3) -> Array:
+    def to_numbers(self, pose: SE3) -> Array:
         """Numbers of poses, (..., 6 or 7)."""
         rotation = self.form.written(pose.rotation) / self.angle
         return np.concatenate([pose.translation / self.length, rotation], -1)
@@ -88,7 +88,7 @@ class MatrixConvention:
         pose = SE3.from_matrix(_transpose(matrix) if self.is_by_columns else matrix)
         return SE3(pose.rotation, pose.translation * self.length)
 
-    def written(self, pose: SE3) -> Array:
+    def to_numbers(self, pose: SE3) -> Array:
         """Numbers of poses, (..., 16)."""
         matrix = SE3(pose.rotation, pose.translation / self.length).matrix
         whole = _transpose(matrix) if self.is_by_columns else matrix

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from basecal.exchange.controllers.abb import CONVENTION
-from basecal.exchange.exports.digits import format_fixed, length_decimals, written_numbers
+from basecal.exchange.exports.digits import format_decimals, length_decimals, written_numbers
 from basecal.exchange.exports.exporter import Exporter
 from basecal.exchange.exports.remarks import comments, describe_transform
 from basecal.exchange.exports.wanted import Wanted
@@ -30,7 +30,7 @@ def export_text(request: Wanted) -> str:
         name = f"wobj_{child}"[:_LONGEST_NAME]
         lines.append(f'PERS wobjdata {name}:=[FALSE,TRUE,"",{pose},[[0,0,0],[1,0,0,0]]];')
         if child.endswith("_base"):
-            metres = format_fixed(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
+            metres = format_decimals(one.estimate.mean.translation, length_decimals(one.estimate, 1.0))
             frame = ", ".join(f"{key} {value}" for key, value in zip("xyz", metres, strict=True))
             turned = ", ".join(f"q{i} {value}" for i, value in enumerate(numbers[3:], start=1))
             said = f"Base Frame of {child.removesuffix('_base')}, where the world is {parent}: {frame} [m], {turned}"

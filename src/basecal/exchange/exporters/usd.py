@@ -34,11 +34,11 @@ def export_text(request: Wanted) -> str:
     return text
 
 
-def _define(stage: Any, place: Place, above: Any) -> Any:
+def _define(stage: Any, place: Place, parents: Any) -> Any:
     """The prim of a frame and of all those in it."""
     from pxr import Gf, Tf, UsdGeom
 
-    prim = UsdGeom.Xform.Define(stage, above.AppendChild(Tf.MakeValidIdentifier(place.name)))
+    prim = UsdGeom.Xform.Define(stage, parents.AppendChild(Tf.MakeValidIdentifier(place.name)))
     if place.parent_from_frame is not None:
         x, y, z, w = place.parent_from_frame.quaternion.tolist()
         prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(

@@ -31,12 +31,14 @@ def unit_decimals(estimate: PoseEstimate) -> int:
 
 def written_numbers(convention: Convention, estimate: PoseEstimate) -> list[str]:
     """A pose in a controller's numbers."""
-    numbers, is_unit = convention.written(estimate.mean), len(convention.names) == _QUATERNION
+    numbers, is_unit = convention.to_numbers(estimate.mean), len(convention.names) == _QUATERNION
     rotation = unit_decimals(estimate) if is_unit else angle_decimals(estimate, convention.angle)
-    return format_fixed(numbers[:3], length_decimals(estimate, convention.length)) + format_fixed(numbers[3:], rotation)
+    return format_decimals(numbers[:3], length_decimals(estimate, convention.length)) + format_decimals(
+        numbers[3:], rotation
+    )
 
 
-def format_fixed(values: Iterable[float], decimals: int) -> list[str]:
+def format_decimals(values: Iterable[float], decimals: int) -> list[str]:
     """Numbers with a fixed count of decimals; none is a negative zero."""
     return [f"{round(float(value), decimals) + 0.0:.{decimals}f}" for value in values]
 

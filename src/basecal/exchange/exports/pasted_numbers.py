@@ -24,10 +24,10 @@ def pasted_numbers(
         lines_of: Lines of the program, given the numbers of a pose.
     """
 
-    def text(wanted: Wanted) -> str:
+    def text(request: Wanted) -> str:
         """Remarks, then each transform below its comment."""
-        lines = comments(wanted.remarks, mark)
-        for one in wanted.transforms:
+        lines = comments(request.remarks, mark)
+        for one in request.transforms:
             lines += comments([describe_transform(one, units)], mark) + lines_of(
                 written_numbers(convention, one.estimate)
             )

@@ -74,16 +74,16 @@ def read_easy_handeye(path: str | Path, camera_on_robot: bool | None = None) -> 
     )
 
 
-def _arrangement(root: Field, told: bool | None) -> _Arrangement:
+def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
     """Which arrangement it is, by the first that says so.
 
     Raises:
         DatasetError: if nothing does, or the user and the file contradict each other.
     """
     stated = _stated_arrangement(root)
-    if told is not None and stated is not None and stated.on_robot != told:
+    if on_robot is not None and stated is not None and stated.on_robot != on_robot:
         raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
-    found = stated or (None if told is None else _Arrangement(told, "as told"))
+    found = stated or (None if on_robot is None else _Arrangement(on_robot, "as told"))
     found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
     if found is None:
         raise root.error(
@@ -129,14 +129,14 @@ def _samples(root: Field) -> tuple[list[SE3], list[SE3]]:
     if inner is not None and isinstance(inner.data, list):
         entries = inner.items("samples")
         return (
-            [entry.at("robot").pose() for entry in entries],
-            [entry.at("tracking", "optical").pose() for entry in entries],
+            [entry.find("robot").pose() for entry in entries],
+            [entry.find("tracking", "optical").pose() for entry in entries],
         )
     lists = inner or root
     if lists.first("hand_world_samples") is None:
         held = list_names(list(root.data)) if isinstance(root.data, dict) else "no fields"
         raise root.error(f"holds {held}, expected samples, hand_world_samples, transform or transformation")
-    both = [lists.at(key) for key in ("hand_world_samples", "camera_marker_samples")]
+    both = [lists.find(key) for key in ("hand_world_samples", "camera_marker_samples")]
     robot, tracking = (
         [each.pose() for each in (where.first("transforms") or where).items("transforms")] for where in both
     )

@@ -19,7 +19,7 @@ from basecal.cell.targets.fiducials import DICTIONARIES
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.fields import Field, read_fields
 from basecal.exchange.hand_eye.record import HandEyeRecord
-from basecal.exchange.lens_files.stated import StatedLens, camera_entry, made_camera
+from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry, made_camera
 from basecal.geometry import SE3
 
 
@@ -41,11 +41,11 @@ def read_data_set(
         DatasetError: if something of it cannot be read, or nothing says what the robot carries.
     """
     root = read_fields(path)
-    listing = root if isinstance(root.data, list) else root.at("data")
+    listing = root if isinstance(root.data, list) else root.find("data")
     folder = Path(path).parent
     entries = listing.items("`image: FILE` and `pose: FILE`")
-    poses = SE3.stack([read_fields(_file(entry.at("pose"), folder)).pose() for entry in entries])
-    pictures = tuple(_picture(entry.at("image"), folder) for entry in entries)
+    poses = SE3.stack([read_fields(_file(entry.find("pose"), folder)).pose() for entry in entries])
+    pictures = tuple(_picture(entry.find("image"), folder) for entry in entries)
     static = root.first("static_camera")
     if static is not None and camera_on_robot is not None and static.yes() == camera_on_robot:
         raise static.error("is the opposite of what --camera-on, or cell.yaml, says")
@@ -98,7 +98,7 @@ def _lens(root: Field, path: str | Path | None) -> StatedLens | None:
     place = (root if path is None else read_fields(path)).first("intrinsics")
     if place is None:
         return None
-    values = [place.at(name).number() for name in ("fx", "fy", "cx", "cy")]
+    values = [place.find(name).number() for name in ("fx", "fy", "cx", "cy")]
     # Zeros to start from: with no term at all none would be estimated.
     return StatedLens(made_camera(place, "pinhole", [*values, *[0.0] * _TERMS], None), "pinhole without distortion")
 
@@ -108,7 +108,7 @@ def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
     place = other.first("target_finder") or (other if path is not None else None)
     if place is None:
         return None
-    kind = place.at("type")
+    kind = place.find("type")
     for name, read in _TARGETS.items():
         if name in kind.text():
             return read(place)
@@ -116,21 +116,21 @@ def _target(root: Field, path: str | Path | None) -> dict[str, Any] | None:
 
 
 def _charuco(place: Field) -> dict[str, Any]:
-    number = place.at("dictionary")
-    if number.whole(0) >= _COUNTED:
+    number = place.find("dictionary")
+    if number.integer(0) >= _COUNTED:
         raise number.error(f"is {number.data}, expected 0 to {_COUNTED - 1}, as OpenCV counts dictionaries")
     return {
         "kind": "charuco",
-        "squares": [place.at("cols").whole(3), place.at("rows").whole(3)],
-        "square_m": place.at("chessboard_dim").number(),
-        "marker_m": place.at("aruco_marker_dim").number(),
-        "dictionary": DICTIONARIES[number.whole(0)],
+        "squares": [place.find("cols").integer(3), place.find("rows").integer(3)],
+        "square_m": place.find("chessboard_dim").number(),
+        "marker_m": place.find("aruco_marker_dim").number(),
+        "dictionary": DICTIONARIES[number.integer(0)],
     }
 
 
 def _circles(place: Field) -> dict[str, Any]:
-    sides = [place.at("cols").whole(2), place.at("rows").whole(2)]
-    return {"kind": "circles", "circles": sides, "spacing_m": place.at("spacing").number()}
+    sides = [place.find("cols").integer(2), place.find("rows").integer(2)]
+    return {"kind": "circles", "circles": sides, "spacing_m": place.find("spacing").number()}
 
 
 _TERMS = 5  # of distortion, k1 k2 p1 p2 k3

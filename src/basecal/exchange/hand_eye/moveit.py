@@ -47,7 +47,7 @@ def read_moveit_samples(path: str | Path, camera_on_robot: bool | None) -> HandE
                 raise entry.error(f"has {len(both)} entries; {_EXPECTED}")
             pairs.append((both[0].pose(), both[1].pose()))
         else:
-            pairs.append((entry.at("effector_wrt_world").pose(), entry.at("object_wrt_sensor").pose()))
+            pairs.append((entry.find("effector_wrt_world").pose(), entry.find("object_wrt_sensor").pose()))
     if camera_on_robot is None:
         raise InputError(
             f"{path} does not say whether the camera is on the robot (eye-in-hand) or beside it (eye-to-hand): "
@@ -71,8 +71,8 @@ def read_joint_states(path: str | Path) -> JointStates:
         DatasetError: if it holds anything else, or rows of another length than there are names.
     """
     root = read_fields(path, _LARGEST)
-    names = tuple(name.text() for name in root.at("joint_names").items("names"))
-    rows = [row.numbers(len(names)) for row in root.at("joint_values").items("rows of joint positions")]
+    names = tuple(name.text() for name in root.find("joint_names").items("names"))
+    rows = [row.numbers(len(names)) for row in root.find("joint_values").items("rows of joint positions")]
     return JointStates(names, read_only(rows))
 
 

@@ -10,17 +10,17 @@ from tempfile import TemporaryDirectory
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, UsageError
-from basecal.exchange.bags.bag import Bag, Message, fix_of, open_bag
+from basecal.exchange.bags.bag import Bag, Message, open_bag, repair_command
 from basecal.exchange.bags.choice import choose_sources
 from basecal.exchange.bags.entry import bag_entry, urdf_name
 from basecal.exchange.bags.rows import make_rows, still_instants, stream_instants, write_pictures
 from basecal.exchange.bags.sources import Asked, ByJoints, Taken
 from basecal.exchange.bags.survey import Survey, survey_bag
 from basecal.exchange.bags.tracks import read_tracks
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.known import known_cell
-from basecal.exchange.importing.paired import paired
+from basecal.exchange.importing.name_options import paired
 from basecal.exchange.pictures import picture_size
 
 Progress = Callable[[int, int], None]
@@ -128,26 +128,26 @@ def _with_target(
 
 
 def _damage(bag: Bag) -> tuple[str, ...]:
-    fix = fix_of(Path(bag.path))
+    fix = repair_command(Path(bag.path))
     return tuple(f"{bag.path} is read up to where it is damaged ({why}); {fix} may save the rest" for why in bag.damage)
 
 
 def _import_bag(
-    bag: Bag, survey: Survey, taken: Taken, asked: Asked, known: Cell | None, folder: Path, streams: bool
+    bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: Cell | None, folder: Path, streams: bool
 ) -> Imported:
     """What is brought into the cell, pictures and URDFs being in a folder."""
-    tracks = read_tracks(bag, survey, taken)
+    tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
-    write_pictures(bag, taken, instants, folder)
+    write_pictures(bag, selection, instants, folder)
     rows = tuple(make_rows(tracks, instants, folder))
     first = {name: path for row in reversed(rows) for name, path in row.pictures.items()}
     sizes = {name: size for name, path in first.items() if (size := picture_size(path)) is not None}
     files = {}
-    for name, source in taken.robots.items():
+    for name, source in selection.robots.items():
         if isinstance(source, ByJoints) and source.urdf is not None:
             files[urdf_name(name)] = folder / urdf_name(name)
             files[urdf_name(name)].write_text(survey.urdfs[source.urdf], encoding="utf-8")
-    entry = bag_entry(known, bag.path, survey, taken, asked, sizes)
+    entry = bag_entry(present_cell, bag.path, survey, selection, request, sizes)
     what = f"{len(rows)} {'lines of streams' if streams else 'stops'}, metres and radians as ROS has them"
     advice = "check the frames and topics that were taken"
     return Imported(bag.path, what, rows, entry, files=files, is_stream=True, advice=advice)
@@ -170,7 +170,7 @@ def _count_messages(bag: Bag, progress: Progress) -> Bag:
 
 
 def _request(
-    robot: tuple[str, ...], camera: tuple[str, ...], view: tuple[str, ...], on: tuple[str, ...], tf: bool
+    robot: tuple[str, ...], camera: tuple[str, ...], view: tuple[str, ...], carriers: tuple[str, ...], tf: bool
 ) -> Asked:
     views = {}
     for names, words in paired("--view", view, "CAMERA,TARGET=/TOPIC").items():
@@ -182,6 +182,6 @@ def _request(
         paired("--robot", robot, "NAME=BASE,FLANGE"),
         paired("--camera", camera, "NAME=/TOPIC"),
         views,
-        paired("--on", on, "NAME=ROBOT"),
+        paired("--on", carriers, "NAME=ROBOT"),
         tf,
     )

@@ -11,9 +11,9 @@ from typing import Any, Literal
 from basecal.cell import Cell
 from basecal.cell.targets.registry import TargetKindName
 from basecal.errors import InputError, list_names, nearest
+from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import By, Imported, Row
-from basecal.exchange.importing.known import known_cell, recorded_samples
 from basecal.exchange.pictures import list_pictures, missing_numbers, time_from_name, unreadable_pictures, usual_size
 from basecal.fields.problems import Loc
 
@@ -79,7 +79,7 @@ def read_images(
     }
     return Imported(
         str(folder),
-        _what(len(rows), camera, looked.size_px, carrier if on is None else None, entry["targets"]),
+        _describe(len(rows), camera, looked.size_px, carrier if on is None else None, entry["targets"]),
         rows,
         {key: value for key, value in entry.items() if value},
         replaced,
@@ -98,7 +98,7 @@ def _row(camera: str, path: Path, is_timed: bool) -> Row:
     return Row(pictures={camera: path}, image=path.name, stamp_s=stamp)
 
 
-def _what(
+def _describe(
     count: int, camera: str, size_px: tuple[int, int], carrier: str | None, targets: dict[str, dict[str, Any]]
 ) -> str:
     """What was read, in words; `carrier` is what was assumed to carry a new camera."""
@@ -149,7 +149,7 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
     return _Look(size_px, tuple(f"{folder}: {text}" for names, text in said if names))
 
 
-def _camera_entry(folder: str | Path, name: str, on: str | None) -> tuple[dict[str, Any], frozenset[Loc]]:
+def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> tuple[dict[str, Any], frozenset[Loc]]:
     """What `cell.yaml` must have for the camera but its size, and what it may lose: a size that nothing rests on.
 
     Raises:
@@ -158,33 +158,39 @@ def _camera_entry(folder: str | Path, name: str, on: str | None) -> tuple[dict[s
     known = known_cell(folder)
     if known is not None and name in known.cameras:
         camera = known.cameras[name]
-        if on is not None and on != camera.on:
-            stated = f"{Path(folder) / 'cell.yaml'}: cameras.{name} is on {camera.on!r}, not on {on!r}"
+        if stated_carrier is not None and stated_carrier != camera.on:
+            stated = f"{Path(folder) / 'cell.yaml'}: cameras.{name} is on {camera.on!r}, not on {stated_carrier!r}"
             raise InputError(f"{stated}: leave --on away, or correct it")
         has_numbers = camera.intrinsics is not None and camera.intrinsics.camera is not None
         is_open = not has_numbers and not _is_recorded(folder, known, name)
         return {"cameras": {name: {}}}, frozenset({("cameras", name, "size_px")} if is_open else ())
-    carrier = _carrier(folder, known, name, on)
+    carrier = _carrier(folder, known, name, stated_carrier)
     entry: dict[str, Any] = {"cameras": {name: {"on": carrier, "intrinsics": {"status": "free"}}}}
     return ({"robots": {carrier: {}}, **entry} if carrier != "world" else entry), frozenset()
 
 
-def _carrier(folder: str | Path, known: Cell | None, name: str, on: str | None) -> str:
+def _carrier(folder: str | Path, present_cell: Cell | None, name: str, stated_carrier: str | None) -> str:
     """What carries a new camera."""
-    if known is None and on in (None, "world"):
+    if present_cell is None and stated_carrier in (None, "world"):
         make = f"import the robots' poses first, or basecal new {quote(str(folder))}"
-        if on == "world":
+        if stated_carrier == "world":
             raise InputError(f"{folder} has no cell.yaml, and so no robot in whose base {name!r} could stand: {make}")
         raise InputError(f"{folder} has no cell.yaml: say which robot carries {name!r}, as --on ROBOT; or {make}")
-    if on is not None:
-        close = "" if known is None or on in ("world", *known.robots) else nearest(on, known.robots)
-        if known is not None and close:
-            raise InputError(f"{folder} has no robot {on!r}{close}; there are: {list_names(list(known.robots))}")
-        return on
-    robots = [] if known is None else list(known.robots)
+    if stated_carrier is not None:
+        close = (
+            ""
+            if present_cell is None or stated_carrier in ("world", *present_cell.robots)
+            else nearest(stated_carrier, present_cell.robots)
+        )
+        if present_cell is not None and close:
+            raise InputError(
+                f"{folder} has no robot {stated_carrier!r}{close}; there are: {list_names(list(present_cell.robots))}"
+            )
+        return stated_carrier
+    robots = [] if present_cell is None else list(present_cell.robots)
     if len(robots) == 1:
         return robots[0]
-    cameras = [] if known is None else list(known.cameras)
+    cameras = [] if present_cell is None else list(present_cell.cameras)
     there = f"cell.yaml has {list_names(cameras)}; " if cameras else ""
     options = " or ".join(f"--on {each}" for each in [*robots, "world"])
     raise InputError(f"{folder} has no camera {name!r}: {there}to add it say what carries it, {options}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from basecal.errors import InputError, list_names
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.known import known_cell
 from basecal.exchange.importing.lens import LensStatus, imported_target, lens_of_file, mount_by_chain
 from basecal.exchange.lens_files.kalibr import is_target, read_camchain, read_target
 

@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 
 from basecal.exchange.hand_eye import moveit
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.hand_eye import Carriers, hand_eye_of_file, imported_joint_states
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.known import known_cell
 
 
 def read_moveit_samples(

@@ -10,8 +10,8 @@ import numpy as np
 
 from basecal.cell import PointObservation
 from basecal.errors import DatasetError, UsageError
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.known import known_cell
 from basecal.exchange.measured_points import PointTable
 from basecal.exchange.poses import METRES, LengthUnit
 

@@ -11,8 +11,8 @@ from typing import Annotated
 from basecal.errors import FrameNotFound, UsageError
 from basecal.exchange.controller_poses import Reading, guessed_format, read_controller_poses, read_pose_rows
 from basecal.exchange.controllers.registry import CONTROLLERS
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf
-from basecal.exchange.importing.known import known_cell
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.importing.streams import Inverted, Streams, read_streams
 from basecal.exchange.poses import METRES, LengthUnit
@@ -135,10 +135,10 @@ def remember_controller(
     return replace(imported, cell=entry, replaced=frozenset({("robots", robot, "controller")}))
 
 
-def _is_inverted(invert: tuple[Inverted, ...], held: Inverted) -> bool:
+def _is_inverted(invert: tuple[Inverted, ...], direction: Inverted) -> bool:
     """Whether a table holds the inverse of the poses that it is to hold."""
-    if others := [each for each in invert if each != held]:
-        raise UsageError(f"--invert {others[0]}, but no file is given by --{others[0]}: here it is {held}")
+    if others := [each for each in invert if each != direction]:
+        raise UsageError(f"--invert {others[0]}, but no file is given by --{others[0]}: here it is {direction}")
     return bool(invert)
 
 
@@ -183,7 +183,7 @@ def _robot_poses(robot: str, table: PoseTable, is_inverted: bool) -> Imported:
     """Poses of a robot's flange in its base, or their inverses."""
     reading = table.reading
     rows = read_controller_poses(table.file, robot, reading, table.is_stream, is_inverted)
-    what = _what(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
+    what = _describe(len(rows), f"{robot}_base", f"{robot}_flange", reading, is_inverted)
     return Imported(table.file, what, rows, {"robots": {robot: {}}}, is_stream=table.is_stream, advice=POSE_ADVICE)
 
 
@@ -192,13 +192,13 @@ def _target_poses(cell: str | Path, table: PoseTable, sight: Sight, is_inverted:
     reading = table.reading
     found = read_pose_rows(table.file, reading, table.is_stream)
     rows = seen_rows(found.rows, found.poses.inverse() if is_inverted else found.poses, sight)
-    what = _what(len(rows), sight.camera, sight.target, reading, is_inverted)
+    what = _describe(len(rows), sight.camera, sight.target, reading, is_inverted)
     advice = f"{POSE_ADVICE}, and whether it takes --invert camera-from-target"
     entry = sight_entry(known_cell(cell), sight)
     return Imported(table.file, what, rows, entry, is_stream=table.is_stream, advice=advice)
 
 
-def _what(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
+def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
     """What a table holds, in words."""
     written = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
     return f"{count} poses {written} as of {reading.name} ({reading.words})"

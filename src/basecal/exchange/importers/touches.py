@@ -13,9 +13,9 @@ from basecal.errors import UsageError
 from basecal.exchange.controller_poses import read_controller_poses
 from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importers.poses import POSE_ADVICE, PoseTable
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, OneOf, Row
 from basecal.exchange.importing.joint_model import joint_model
-from basecal.exchange.importing.known import known_cell
 from basecal.exchange.joints import read_joints
 from basecal.exchange.poses import LengthUnit
 from basecal.exchange.touch_table import TouchTable, new_rows, touch_names

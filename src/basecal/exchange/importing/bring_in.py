@@ -21,9 +21,9 @@ from basecal.cell.format.originals import keep_originals
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import DatasetError, InputError
+from basecal.exchange.importing.cell_files import numbered_path, place_files
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.pairing import Pairing, open_samples, pair, plain_name
-from basecal.exchange.importing.placed import numbered_path, place_files
 from basecal.fields.problems import Loc
 
 _CELL, _FOLDER = "cell.yaml", "recording"
@@ -56,7 +56,7 @@ class Brought:
 
 def add_to_cell(
     folder: Path,
-    imported: Imported,
+    imports: Imported,
     check: Callable[[Cell, Recording], tuple[str, ...]],
     replace: bool = False,
 ) -> Brought:
@@ -64,7 +64,7 @@ def add_to_cell(
 
     Args:
         folder: The cell, or where one is to be made.
-        imported: What was read.
+        imports: What was read.
         check: What of the cell and of what is added to its samples is implausible; raises InputError if that is not to
             be written.
         replace: Whether it stands in for what is there, which is kept in `originals`.
@@ -74,29 +74,29 @@ def add_to_cell(
     """
     path, journal_path = folder / _CELL, folder / _FOLDER / "samples.jsonl"
     old = read_text(path, "") if path.exists() else None
-    started = imported.new_cell if old is None else old
-    added = {**_reference(imported.cell), **imported.cell} if started is None else imported.cell
-    with place_files(imported.files, folder):
-        replaced = frozenset(_places(added)) if replace else imported.replaced
+    started = imports.new_cell if old is None else old
+    added = {**_reference(imports.cell), **imports.cell} if started is None else imports.cell
+    with place_files(imports.files, folder):
+        replaced = frozenset(_places(added)) if replace else imports.replaced
         text, changed = completed_cell_text(started, added, str(path), replaced)
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
-        imported = _repeat_row(imported, recorded) if imported.is_still else imported
-        if not (replace or imported.by) and recorded.samples and len(imported.rows) != len(recorded.samples):
-            imported = dataclass_replace(imported, is_session=imported.is_session or _is_whole(imported.rows, cell))
+        imports = _repeat_row(imports, recorded) if imports.is_still else imports
+        if not (replace or imports.by) and recorded.samples and len(imports.rows) != len(recorded.samples):
+            imports = dataclass_replace(imports, is_session=imports.is_session or _is_whole(imports.rows, cell))
         names = _names(folder)
-        pairing = pair(imported, recorded.samples, names, replace) if imported.rows else None
+        pairing = pair(imports, recorded.samples, names, replace) if imports.rows else None
         samples_by_path = {path: sample.sample for sample in recorded.samples for path in sample.images.values()}
-        samples, pictures = _samples(imported.rows, pairing, samples_by_path)
+        samples, pictures = _samples(imports.rows, pairing, samples_by_path)
         journal = completed_recording_text(folder, samples, replace) if samples else ""
         recording = recording_from_text(journal.encode(), folder, cell) if samples else recorded
         doubts = check(cell, Recording(tuple(samples)))
-        with place_files(pictures, folder, imported.is_linked):
+        with place_files(pictures, folder, imports.is_linked):
             if replace and old is not None:
-                keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imported.source}"})
+                keep_originals(folder, (path, journal_path), {"done": f"import --replace of {imports.source}"})
             if text != old:
                 write_atomically(path, text)
-            named = {**names, **_named_samples(imported.rows, pairing, samples)}
+            named = {**names, **_named_samples(imports.rows, pairing, samples)}
             if named != names:
                 write_atomically(folder / _NAMES, json.dumps({"samples_by_image": named}) + "\n", base_folder=folder)
             if samples:
@@ -111,18 +111,18 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
     return {} if first is None else {"reference": first}
 
 
-def _repeat_row(imported: Imported, recording: Recording) -> Imported:
+def _repeat_row(imports: Imported, recording: Recording) -> Imported:
     """The same with its one row for each sample that is recorded without it.
 
     Raises:
         InputError: if it has more rows, or nothing is recorded.
     """
-    if len(imported.rows) != 1 or not recording.samples:
-        there = f"holds {len(imported.rows)} rows" if len(imported.rows) != 1 else "comes first"
-        raise InputError(f"{imported.source}: {there}: --still takes one row, after what moves is imported")
-    waiting = open_samples(imported.rows, recording.samples) or recording.samples
-    rows = tuple(dataclass_replace(imported.rows[0], sample=sample.sample) for sample in waiting)
-    return dataclass_replace(imported, rows=rows, by="sample")
+    if len(imports.rows) != 1 or not recording.samples:
+        there = f"holds {len(imports.rows)} rows" if len(imports.rows) != 1 else "comes first"
+        raise InputError(f"{imports.source}: {there}: --still takes one row, after what moves is imported")
+    waiting = open_samples(imports.rows, recording.samples) or recording.samples
+    rows = tuple(dataclass_replace(imports.rows[0], sample=sample.sample) for sample in waiting)
+    return dataclass_replace(imports, rows=rows, by="sample")
 
 
 def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:
@@ -134,15 +134,15 @@ def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:
     return all(each and each - {WORLD} <= row.robots.keys() for each, row in zip(carriers, rows, strict=True))
 
 
-def _places(data: Mapping[str, Any], within: Loc = ()) -> Iterator[Loc]:
+def _places(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
     """Places of all values that are no mappings, or stand in for one whole: a pose, a lens."""
     for key, value in data.items():
         if isinstance(value, Mapping) and not {"status", "kind"} & value.keys():
-            yield from _places(value, (*within, key))
+            yield from _places(value, (*parent, key))
         elif isinstance(value, Mapping) and "kind" in value:
-            yield from ((*within, key, inner) for inner in value)
+            yield from ((*parent, key, inner) for inner in value)
         else:
-            yield (*within, key)
+            yield (*parent, key)
 
 
 def _names(folder: Path) -> dict[str, int]:

@@ -13,7 +13,7 @@ from basecal.cell.targets.fiducials import smallest_dictionary
 from basecal.cell.targets.kind import PrintSizes, is_indistinguishable
 from basecal.cell.targets.registry import TARGETS
 from basecal.errors import InputError, UsageError
-from basecal.exchange.importing.known import known_cell
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.fields.typed_length import columns_rows, length_m
 
 _COUNTED = ("squares", "corners", "circles", "tags")  # fields that hold columns and rows
@@ -73,7 +73,7 @@ def target_fields(kind: str, shape: Shape) -> dict[str, Any]:
     named = (shape.dictionary or by_count, shape.family or "tag36h11", shape.tag or 0)
     sizes = PrintSizes(columns, rows, round(square, 9), round(marker, 9), *named)
     fields = printed_fields(kind, sizes, shape.set)
-    _check_described(kind, shape, fields, list(counts))
+    _check_description(kind, shape, fields, list(counts))
     return {"kind": kind, **fields}
 
 
@@ -81,7 +81,7 @@ def target_entry(
     folder: str | Path,
     kind: str | None,
     shape: Shape,
-    on: Mapping[str, str | None],
+    carriers: Mapping[str, str | None],
     camera_on: Mapping[str, str | None],
 ) -> dict[str, Any]:
     """What `cell.yaml` must have for a target that pictures show; nothing if none is described.
@@ -90,14 +90,14 @@ def target_entry(
         folder: The cell, or where one is to be made.
         kind: Kind of the target.
         shape: Its sizes.
-        on: Its name, and what carries it where that is said.
+        carriers: Its name, and what carries it where that is said.
         camera_on: The camera that sees it, and what carries it where that is said.
 
     Raises:
         UsageError: if more is said of a target of no kind.
         InputError: if its kind needs other sizes, several could carry it, or no picture tells it from another.
     """
-    ((name, carrier),) = on.items()
+    ((name, carrier),) = carriers.items()
     if kind is None:
         if carrier is not None or is_described(shape):
             raise UsageError("a target is described, but not its kind: add --target charuco, or another kind")
@@ -109,9 +109,9 @@ def target_entry(
     return targets if carrier == "world" else {"robots": {carrier: {}}, **targets}
 
 
-def are_indistinguishable(one: Target, other: Target) -> bool:
+def are_indistinguishable(first: Target, second: Target) -> bool:
     """Whether no picture determines which of two targets it shows."""
-    return one.kind == other.kind and is_indistinguishable(TARGETS[one.kind], one.options, other.options)
+    return first.kind == second.kind and is_indistinguishable(TARGETS[first.kind], first.options, second.options)
 
 
 def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
@@ -149,7 +149,7 @@ def _single_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str
     return others[0] if others else "world"
 
 
-def _check_described(kind: str, shape: Shape, fields: dict[str, Any], counted: list[str]) -> None:
+def _check_description(kind: str, shape: Shape, fields: dict[str, Any], counts: list[str]) -> None:
     """Nothing, where what must be measured of the kind was said and nothing else.
 
     Raises:
@@ -158,18 +158,18 @@ def _check_described(kind: str, shape: Shape, fields: dict[str, Any], counted: l
     set_by_name = {each.partition("=")[0] for each in shape.set}
     needed = [name for name in _COUNTED if name in fields and not isinstance(fields[name][0], dict)]
     has_size = bool(fields.keys() - {"dictionary", "family"})
-    if missing := [f"--{name} COLUMNSxROWS" for name in needed if name not in {*counted, *set_by_name}]:
+    if missing := [f"--{name} COLUMNSxROWS" for name in needed if name not in {*counts, *set_by_name}]:
         missing = [*missing, *(["--square SIZE"] if shape.square is None else [])]
     elif has_size and shape.square is None and not any(name.endswith("_m") for name in set_by_name):
         missing = ["--square SIZE"]
     if missing:
         raise InputError(f"a target of kind {kind!r} needs {' and '.join(missing)}, such as 5x7 and 40mm; measure it")
-    if odd := [name for name in counted if name not in needed]:
+    if odd := [name for name in counts if name not in needed]:
         of = f"counted by --{needed[0]}" if needed else "not counted"
         raise InputError(f"a target of kind {kind!r} is {of}, not by --{odd[0]}")
 
 
-def printed_fields(kind: str, sizes: PrintSizes, given: tuple[str, ...]) -> dict[str, Any]:
+def printed_fields(kind: str, sizes: PrintSizes, field_words: tuple[str, ...]) -> dict[str, Any]:
     """A target's fields in `cell.yaml`: as its kind makes them of the sizes, and those given one by one.
 
     Raises:
@@ -179,7 +179,7 @@ def printed_fields(kind: str, sizes: PrintSizes, given: tuple[str, ...]) -> dict
     if printed is None:
         raise InputError(f"a target of kind {kind!r} needs more than sizes: describe it in cell.yaml")
     fields = dict(printed(sizes))
-    for each in given:
+    for each in field_words:
         name, equals, value = each.partition("=")
         if not equals:
             raise InputError(f"--set takes FIELD=VALUE, such as legacy_pattern=true, got {each!r}")

@@ -12,8 +12,8 @@ from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError, list_names, nearest
 from basecal.exchange.hand_eye.moveit import JointStates
 from basecal.exchange.hand_eye.record import HandEyeRecord
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.known import known_cell
 from basecal.geometry import SE3
 
 _CARRIER_WORDS = ("robot", WORLD)
@@ -90,12 +90,12 @@ def chosen_names(cell: Cell | None, robot: str | None, camera: str | None, targe
     """
     if cell is None:
         return Names(robot or ("eye" if on_robot else "hand"), camera or "camera", target or "target")
-    camera = camera or _only_name("camera", cell.cameras, "camera")
-    target = target or _only_name("target", cell.targets, "target")
+    camera = camera or _single_name("camera", cell.cameras, "camera")
+    target = target or _single_name("target", cell.targets, "target")
     carried = cell.cameras.get(camera) if on_robot else cell.targets.get(target)
     if robot is None and carried is not None and carried.on in cell.robots:
         robot = carried.on
-    return Names(robot or _only_name("robot", cell.robots, "eye"), camera, target)
+    return Names(robot or _single_name("robot", cell.robots, "eye"), camera, target)
 
 
 def is_camera_on_robot(
@@ -123,10 +123,10 @@ def _both_carry(cell: Cell, camera: CellCamera) -> bool:
     return camera.on != WORLD and any(target.on not in (WORLD, camera.on) for target in cell.targets.values())
 
 
-def _only_name(kind: str, known: Mapping[str, Any], usual: str) -> str:
-    if len(known) > 1:
-        raise InputError(f"which {kind}? --{kind} is one of: {list_names(list(known))}")
-    return next(iter(known), usual)
+def _single_name(kind: str, names: Mapping[str, Any], usual: str) -> str:
+    if len(names) > 1:
+        raise InputError(f"which {kind}? --{kind} is one of: {list_names(list(names))}")
+    return next(iter(names), usual)
 
 
 def imported_hand_eye(
@@ -193,13 +193,13 @@ def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: 
     return (names.robot, still) if record.camera_on_robot else (still, names.robot)
 
 
-def _mount(known: Unknown | None, found: SE3 | None) -> dict[str, Any]:
+def _mount(unknown: Unknown | None, estimate: SE3 | None) -> dict[str, Any]:
     """A guess of a mount of which nothing is known."""
-    if known is None:
-        return {"mount": {"status": "free"} if found is None else {"status": "free", "guess": pose_dict(found)}}
-    if found is None or known.status != "free" or known.mean is not None:
+    if unknown is None:
+        return {"mount": {"status": "free"} if estimate is None else {"status": "free", "guess": pose_dict(estimate)}}
+    if estimate is None or unknown.status != "free" or unknown.mean is not None:
         return {}
-    return {"mount": {"status": "free", "guess": pose_dict(found)}}
+    return {"mount": {"status": "free", "guess": pose_dict(estimate)}}
 
 
 def _rows(record: HandEyeRecord, names: Names) -> tuple[Row, ...]:

@@ -9,9 +9,9 @@ from typing import Any, Literal
 from basecal.cell import WORLD, Cell
 from basecal.cell.format.plain import pose_dict
 from basecal.errors import InputError, list_names
+from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.known import known_cell, recorded_samples
-from basecal.exchange.lens_files.stated import StatedLens, camera_entry
+from basecal.exchange.lens_files.stated_lens import StatedLens, camera_entry
 from basecal.exchange.pictures import picture_size
 from basecal.geometry import SE3
 
@@ -23,7 +23,7 @@ def lens_of_file(
     lens: StatedLens,
     file: str | Path,
     camera: str | None,
-    on: str | None,
+    carrier: str | None,
     status: LensStatus,
     mount: SE3 | None = None,
 ) -> Imported:
@@ -35,7 +35,7 @@ def lens_of_file(
     cell = known_cell(folder)
     if cell is not None and lens.camera.size_px is not None:
         _check_pictures(Path(folder), cell, chosen_camera(cell, camera), lens.camera.size_px, str(file))
-    return imported_lens(cell, lens, str(file), camera, on, status, mount)
+    return imported_lens(cell, lens, str(file), camera, carrier, status, mount)
 
 
 def _check_pictures(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int], source: str) -> None:
@@ -53,7 +53,7 @@ def imported_lens(
     lens: StatedLens,
     source: str,
     camera: str | None,
-    on: str | None,
+    carrier: str | None,
     status: LensStatus,
     mount: SE3 | None = None,
 ) -> Imported:
@@ -64,7 +64,7 @@ def imported_lens(
         lens: What was read.
         source: The file, as the user named it.
         camera: Name of the camera; the only one of the cell where None.
-        on: The robot that carries it, or `world`; what the cell says where None.
+        carrier: The robot that carries it, or `world`; what the cell says where None.
         status: `fixed`, or `free`: a start for intrinsics that are estimated.
         mount: Where it is roughly, in what carries it; None if not known.
 
@@ -81,7 +81,7 @@ def imported_lens(
             raise InputError(f"{sizes}: import the calibration of the pictures' size, or correct size_px")
     data: dict[str, Any] = {"cameras": {name: entry}}
     if known is None:
-        data = _camera_data(cell, name, on)
+        data = _camera_data(cell, name, carrier)
         data["cameras"] = {name: {**data["cameras"][name], **entry}}
     if mount is not None and (known is None or (known.mount.status == "free" and known.mount.mean is None)):
         data["cameras"][name]["mount"] = {"status": "free", "guess": pose_dict(mount)}
@@ -105,18 +105,18 @@ def chosen_camera(cell: Cell | None, camera: str | None) -> str:
     return next(iter(cell.cameras))
 
 
-def _camera_data(cell: Cell | None, camera: str, on: str | None) -> dict[str, Any]:
+def _camera_data(cell: Cell | None, camera: str, carrier: str | None) -> dict[str, Any]:
     """The data of a camera that is new to a cell, and of a cell that is new."""
     if cell is not None:
-        if on is None and len(cell.cameras) == 0 and len(cell.robots) == 1:
-            on = next(iter(cell.robots))
-        if on is None or (on != WORLD and on not in cell.robots):
+        if carrier is None and len(cell.cameras) == 0 and len(cell.robots) == 1:
+            carrier = next(iter(cell.robots))
+        if carrier is None or (carrier != WORLD and carrier not in cell.robots):
             known = list_names([*cell.robots, WORLD])
             raise InputError(f"camera {camera!r} is not in cell.yaml: say what carries it, --on one of {known}")
-        return {"cameras": {camera: _carrier_data(on)}}
-    if on == WORLD:
+        return {"cameras": {camera: _carrier_data(carrier)}}
+    if carrier == WORLD:
         raise InputError(f"there is no cell.yaml to put camera {camera!r} into: `basecal new`, or --on ROBOT makes one")
-    robot = on or "eye"
+    robot = carrier or "eye"
     return {"robots": {robot: {}}, "cameras": {camera: _carrier_data(robot)}}
 
 
@@ -142,7 +142,7 @@ def mount_by_chain(cell: Cell | None, lenses: Sequence[StatedLens], name: str) -
 
 
 def imported_target(
-    cell: Cell | None, target: Mapping[str, Any], source: str, name: str | None, on: str | None
+    cell: Cell | None, target: Mapping[str, Any], source: str, name: str | None, carrier: str | None
 ) -> Imported:
     """A target of which a file states kind and sizes.
 
@@ -151,7 +151,7 @@ def imported_target(
         target: What `cell.yaml` says of its kind and sizes.
         source: The file, as the user named it.
         name: Of the target; the only one of the cell where None.
-        on: The robot that carries it, or `world`; what the cell says where None.
+        carrier: The robot that carries it, or `world`; what the cell says where None.
 
     Raises:
         InputError: if there is no cell, or it is not clear which target it is or what carries it.
@@ -166,10 +166,10 @@ def imported_target(
             raise InputError(f"which target? --target is one of: {list_names(list(cell.targets))}")
     entry: dict[str, Any] = dict(target)
     if name not in cell.targets:
-        if on is None or (on != WORLD and on not in cell.robots):
+        if carrier is None or (carrier != WORLD and carrier not in cell.robots):
             known = list_names([*cell.robots, WORLD])
             raise InputError(f"target {name!r} is not in cell.yaml: say what carries it, --on one of {known}")
-        entry = {**_carrier_data(on), **entry}
+        entry = {**_carrier_data(carrier), **entry}
     sizes = ", ".join(f"{key} {value}" for key, value in target.items() if key != "kind")
     what = f"a target, {target['kind']}: {sizes}"
     return Imported(source, what, cell={"targets": {name: entry}}, advice="check its sizes")

@@ -36,13 +36,13 @@ class Pairing:
     unpaired_samples: tuple[int, ...] = ()
 
 
-def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int], replace: bool = False) -> Pairing:
+def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int], replace: bool = False) -> Pairing:
     """The samples of the rows; a number that no sample has is that of a new one.
 
     Samples that hold already what the rows bring belong to an earlier session, and take none of them.
 
     Args:
-        imported: What was read.
+        imports: What was read.
         samples: Those that are recorded.
         names: Samples of the pictures that a table named before.
         replace: Whether rows stand in for what is recorded.
@@ -51,11 +51,11 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
         InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
             if it is to be by name and nothing that is recorded has one; if what it reports is recorded already.
     """
-    rows, by = imported.rows, imported.by
+    rows, by = imports.rows, imports.by
     waiting = samples if replace else open_samples(rows, samples)
     is_numbered = all(row.sample is not None for row in rows)
-    if imported.is_stream or imported.is_session or (samples and not waiting and not is_numbered):
-        return _own_samples(imported, samples)
+    if imports.is_stream or imports.is_session or (samples and not waiting and not is_numbered):
+        return _own_samples(imports, samples)
     known = dict(names)
     if by == "image" or not any(row.pictures for row in rows):
         # Pictures of one camera are named by chance as those of another.
@@ -64,14 +64,14 @@ def pair(imported: Imported, samples: Sequence[Sample], names: Mapping[str, int]
     if not samples and chosen != "sample":
         numbers: list[int | None] = list(range(len(rows)))
     elif chosen == "image":
-        numbers = _pair_by_name(imported, samples, known)
+        numbers = _pair_by_name(imports, samples, known)
     elif chosen == "sample":
         numbers = [row.sample for row in rows]
     elif chosen == "stamp_s":
         numbers = _pair_by_time(rows, waiting)
     else:
-        numbers = _pair_by_order(imported, waiting)
-    _check_unique(imported, numbers)
+        numbers = _pair_by_order(imports, waiting)
+    _check_unique(imports, numbers)
     paired = set(numbers)
     return Pairing(
         chosen,
@@ -93,22 +93,22 @@ def open_samples(rows: Sequence[Row], samples: Sequence[Sample]) -> list[Sample]
     return [sample for sample in samples if not (views or brought) & _content_names([sample])]
 
 
-def _own_samples(imported: Imported, samples: Sequence[Sample]) -> Pairing:
+def _own_samples(imports: Imported, samples: Sequence[Sample]) -> Pairing:
     """Numbers beyond all that are recorded.
 
     Raises:
         InputError: if rows are recorded already, or may be.
     """
-    again = sorted(_content_names(imported.rows) & _content_names(samples))
-    is_whole = all(row.robots and (row.observations or row.pictures) for row in imported.rows)
-    is_apart = imported.is_session or (is_whole and not imported.is_stream)
-    if again and (not is_apart or _holds_copies(imported.rows, samples)):
+    again = sorted(_content_names(imports.rows) & _content_names(samples))
+    is_whole = all(row.robots and (row.observations or row.pictures) for row in imports.rows)
+    is_apart = imports.is_session or (is_whole and not imports.is_stream)
+    if again and (not is_apart or _holds_copies(imports.rows, samples)):
         do = "add --session for other samples, or --replace for better ones"
-        raise InputError(f"{imported.source}: {list_names(again)} is recorded already: {do}")
-    if again and imported.is_stream:
-        _check_times(imported, samples)
+        raise InputError(f"{imports.source}: {list_names(again)} is recorded already: {do}")
+    if again and imports.is_stream:
+        _check_times(imports, samples)
     first = max((sample.sample for sample in samples), default=-1) + 1
-    return Pairing("sample", tuple(range(first, first + len(imported.rows))))
+    return Pairing("sample", tuple(range(first, first + len(imports.rows))))
 
 
 def _holds_copies(rows: Sequence[Row], samples: Sequence[Sample]) -> bool:
@@ -132,17 +132,17 @@ def _matrix(state: RobotState) -> Array | None:
     return None if state.base_from_flange is None else state.base_from_flange.matrix
 
 
-def _check_times(imported: Imported, samples: Sequence[Sample]) -> None:
+def _check_times(imports: Imported, samples: Sequence[Sample]) -> None:
     """Lines of robots alone are interpolated by time: two sessions at one time would be taken for one.
 
     Raises:
         InputError: if they would.
     """
-    rows = [row.stamp_s for row in imported.rows if row.stamp_s is not None]
+    rows = [row.stamp_s for row in imports.rows if row.stamp_s is not None]
     stamps = [sample.stamp_s for sample in samples if sample.stamp_s is not None]
     if rows and stamps and min(rows) <= max(stamps) and min(stamps) <= max(rows):
         raise InputError(
-            f"{imported.source}: its times lie within those that are recorded, by which streams are joined: "
+            f"{imports.source}: its times lie within those that are recorded, by which streams are joined: "
             "import into another folder, or shift them"
         )
 
@@ -155,11 +155,11 @@ def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
     return found | {f"camera {name!r}" for each in pictures for name in each}
 
 
-def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], known: Mapping[str, int]) -> By:
+def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Mapping[str, int]) -> By:
     names = {plain_name(row.image) for row in rows if row.image is not None}
     # A table that names other pictures tells of other samples; a folder may hold another camera's in the same order.
-    of_others = known and not any(row.pictures for row in rows)
-    if rows and all(row.image is not None for row in rows) and (of_others or names & known.keys()):
+    of_others = numbers and not any(row.pictures for row in rows)
+    if rows and all(row.image is not None for row in rows) and (of_others or names & numbers.keys()):
         return "image"
     if rows and all(row.sample is not None for row in rows):
         return "sample"
@@ -167,23 +167,23 @@ def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], known: Mappi
     return "stamp_s" if rows and samples and timed else "order"
 
 
-def _pair_by_name(imported: Imported, samples: Sequence[Sample], known: Mapping[str, int]) -> list[int | None]:
+def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name: Mapping[str, int]) -> list[int | None]:
     """The samples of rows that name pictures; new ones where none is known, as of another camera's pictures."""
-    numbers = [known.get(plain_name(row.image or "")) for row in imported.rows]
+    numbers = [samples_by_name.get(plain_name(row.image or "")) for row in imports.rows]
     if any(number is not None for number in numbers):
         return numbers
-    if not known:
+    if not samples_by_name:
         raise InputError(
-            f"{imported.source}: what is recorded names no pictures to pair by: leave `--by name` away to pair in "
+            f"{imports.source}: what is recorded names no pictures to pair by: leave `--by name` away to pair in "
             "order, or import tables with a column `image` into another folder"
         )
     first = max(sample.sample for sample in samples) + 1
-    return list(range(first, first + len(imported.rows)))
+    return list(range(first, first + len(imports.rows)))
 
 
-def _pair_by_order(imported: Imported, samples: Sequence[Sample]) -> list[int | None]:
-    if len(imported.rows) != len(samples):
-        counts = f"{imported.source} holds {len(imported.rows)}, the recording has {len(samples)} samples"
+def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | None]:
+    if len(imports.rows) != len(samples):
+        counts = f"{imports.source} holds {len(imports.rows)}, the recording has {len(samples)} samples"
         raise InputError(
             f"{counts} without it: row i belongs to sample i; where it does not, a column `image` or `sample` of a "
             "table says so, and --by name of pictures; --session if it was recorded apart, --still for one row"
@@ -208,12 +208,12 @@ def _pair_by_time(rows: Sequence[Row], samples: Sequence[Sample]) -> list[int | 
     return found
 
 
-def _check_unique(imported: Imported, numbers: Sequence[int | None]) -> None:
+def _check_unique(imports: Imported, numbers: Sequence[int | None]) -> None:
     first: dict[int, int] = {}
     for i, number in enumerate(numbers):
         if number is not None and first.setdefault(number, i) != i:
-            both = list_names([_name(imported.rows[first[number]], first[number]), _name(imported.rows[i], i)])
-            raise InputError(f"{imported.source}: two rows belong to sample {number} ({both}); keep one")
+            both = list_names([_name(imports.rows[first[number]], first[number]), _name(imports.rows[i], i)])
+            raise InputError(f"{imports.source}: two rows belong to sample {number} ({both}); keep one")
 
 
 def _name(row: Row, index: int) -> str:

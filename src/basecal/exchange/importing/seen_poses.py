@@ -60,14 +60,16 @@ def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
     }
 
 
-def _carrier(kind: str, name: str, given: str | None, known: Mapping[str, str], robots: tuple[str, ...]) -> str:
+def _carrier(
+    kind: str, name: str, stated_carrier: str | None, carriers: Mapping[str, str], robots: tuple[str, ...]
+) -> str:
     """What carries a camera or target."""
-    if name in known:
-        if given not in (None, known[name]):
-            raise InputError(f"{kind} {name!r} is on {known[name]!r} in cell.yaml, not on {given!r}")
-        return known[name]
-    if given is not None:
-        return given
+    if name in carriers:
+        if stated_carrier not in (None, carriers[name]):
+            raise InputError(f"{kind} {name!r} is on {carriers[name]!r} in cell.yaml, not on {stated_carrier!r}")
+        return carriers[name]
+    if stated_carrier is not None:
+        return stated_carrier
     if len(robots) == 1:
         return robots[0]
     option = "--on" if kind == "camera" else "--target-on"

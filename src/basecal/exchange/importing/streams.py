@@ -11,8 +11,8 @@ from typing import Literal, TypeVar
 from basecal.cell import Cell, CellCamera, CellTarget
 from basecal.errors import InputError
 from basecal.exchange.assemble import recording_from_streams
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
-from basecal.exchange.importing.known import known_cell
 from basecal.exchange.importing.template import cell_text
 from basecal.exchange.pixels import read_pixels
 from basecal.exchange.poses import LengthUnit, PoseStream, read_poses
@@ -34,7 +34,7 @@ class Streams:
     sigma_px: float | None = None
 
     @property
-    def by_option(self) -> dict[Inverted, str | None]:
+    def option_files(self) -> dict[Inverted, str | None]:
         """Files of poses by the name of their option."""
         return {
             "eye-base-from-flange": self.eye,
@@ -43,9 +43,9 @@ class Streams:
         }
 
     @property
-    def named(self) -> list[str]:
+    def files(self) -> list[str]:
         """All files, as the user named them."""
-        return [file for file in (*self.by_option.values(), self.pixels) if file is not None]
+        return [file for file in (*self.option_files.values(), self.pixels) if file is not None]
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def read_streams(cell: str | Path, files: Streams, camera: str | None, target: s
     inverted = f", inverted: {', '.join(files.invert)}" if files.invert else ""
     what = f"{len(rows)} instants of {', '.join(poses)}, lengths in {files.length_unit}{inverted}"
     advice = "check --length-unit and --invert"
-    return Imported(" and ".join(files.named), what, rows, new_cell=text, is_strict=False, advice=advice)
+    return Imported(" and ".join(files.files), what, rows, new_cell=text, is_strict=False, advice=advice)
 
 
 def _new_places(folder: str | Path, files: Streams, camera: str | None, target: str | None) -> Places:
@@ -105,8 +105,8 @@ def _new_places(folder: str | Path, files: Streams, camera: str | None, target: 
 
 
 def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | None) -> Places:
-    seeing = _chosen("camera", camera, cell.cameras)
-    seen = _chosen("target", target, cell.targets)
+    seeing = _choose("camera", camera, cell.cameras)
+    seen = _choose("target", target, cell.targets)
     eye = _carrier(cell, seeing, "--eye-base-from-flange", files.eye)
     hand = _carrier(cell, seen, "--hand-base-from-flange", files.hand)
     if eye is not None and eye == hand:
@@ -114,13 +114,13 @@ def _known_places(cell: Cell, files: Streams, camera: str | None, target: str | 
     return Places(seeing.name, seen.name, eye, hand)
 
 
-def _chosen(kind: str, name: str | None, known: Mapping[str, Thing]) -> Thing:
-    if name is not None and name in known:
-        return known[name]
-    if name is None and len(known) == 1:
-        return next(iter(known.values()))
+def _choose(kind: str, name: str | None, things: Mapping[str, Thing]) -> Thing:
+    if name is not None and name in things:
+        return things[name]
+    if name is None and len(things) == 1:
+        return next(iter(things.values()))
     question = "which one" if name is None else f"no {kind} {name!r}"
-    raise InputError(f"{question}? --{kind} is one of: {', '.join(known) or 'none in this cell'}")
+    raise InputError(f"{question}? --{kind} is one of: {', '.join(things) or 'none in this cell'}")
 
 
 def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str | None) -> str | None:
@@ -135,7 +135,7 @@ def _carrier(cell: Cell, thing: CellCamera | CellTarget, option: str, file: str 
 
 
 def _read(files: Streams) -> dict[Inverted, PoseStream]:
-    given = {option: file for option, file in files.by_option.items() if file is not None}
+    given = {option: file for option, file in files.option_files.items() if file is not None}
     strangers = [option for option in files.invert if option not in given]
     if strangers:
         raise InputError(f"--invert {strangers[0]}, but no file is given by --{strangers[0]}")

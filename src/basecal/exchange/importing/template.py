@@ -55,8 +55,11 @@ def cell_text(
     for name in names[1:]:
         about = f"{names[0]}_base_from_{name}_base; free is the default; `guess: {{...}}` is optional"
         parts.append(f"{f'  {name}: {{status: free}}':<37}# {about}\n")
-    parts += ["cameras:\n", *(_camera(_numbered("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs))]
-    places = [(_numbered("target", i), on) for i, (_, on) in enumerate(pairs)]
+    parts += [
+        "cameras:\n",
+        *(_camera(_numbered_name("camera", i), on, names[0], kind) for i, (on, _) in enumerate(pairs)),
+    ]
+    places = [(_numbered_name("target", i), on) for i, (_, on) in enumerate(pairs)]
     parts += ["targets:\n"]
     parts += [
         f"  {name}:\n{_mount(on, names[0], name)}{_fields(kind, shape, i)}" for i, (name, on) in enumerate(places)
@@ -74,18 +77,18 @@ def robot_names(robots: int) -> list[str]:
     return ["eye", "hand", *(f"arm{i}" for i in range(3, robots + 1))][:robots]
 
 
-def _numbered(name: str, place: int) -> str:
+def _numbered_name(name: str, place: int) -> str:
     return name if place == 0 else f"{name}{place + 1}"
 
 
-def _mount(on: str, reference: str, name: str) -> str:
-    carrier = f"{reference}_base" if on == "world" else f"{on}_flange"
-    carried = f"    on: {on:<29}# a robot (its flange) or `world`\n"
-    return f"{carried}    mount: {{status: free}}            # {carrier}_from_{name}\n"
+def _mount(carrier: str, reference: str, name: str) -> str:
+    end = f"{reference}_base" if carrier == "world" else f"{carrier}_flange"
+    carried = f"    on: {carrier:<29}# a robot (its flange) or `world`\n"
+    return f"{carried}    mount: {{status: free}}            # {end}_from_{name}\n"
 
 
-def _camera(name: str, on: str, reference: str, kind: Kind) -> str:
-    text = f"  {name}:\n{_mount(on, reference, name)}"
+def _camera(name: str, carrier: str, reference: str, kind: Kind) -> str:
+    text = f"  {name}:\n{_mount(carrier, reference, name)}"
     if kind == "pose":
         return text
     text += f"    model: pinhole                   # {' or '.join(f'{m} ({terms_text(m)})' for m in lens_models())}\n"

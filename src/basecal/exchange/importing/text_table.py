@@ -153,19 +153,19 @@ def _cells(
     return dict(zip(expected, cells, strict=True))
 
 
-def _leading_picture(line: str, bracketed: str) -> dict[str, str]:
+def _leading_picture(line: str, pose_text: str) -> dict[str, str]:
     """The picture whose name stands before a pose in brackets; nothing if none does."""
-    before = re.split(r"[,;\t ]", line[: len(line) - len(bracketed)].strip())[0].strip("\"'")
+    before = re.split(r"[,;\t ]", line[: len(line) - len(pose_text)].strip())[0].strip("\"'")
     return {"image": before} if is_picture(before) else {}
 
 
-def _count_message(cells: Sequence[str], expected: Sequence[str], separator: str | None, is_bare: bool) -> str:
-    if separator == "," and len(expected) < len(cells) <= 2 * len(expected) and not any("." in c for c in cells):
+def _count_message(cells: Sequence[str], columns: Sequence[str], separator: str | None, is_bare: bool) -> str:
+    if separator == "," and len(columns) < len(cells) <= 2 * len(columns) and not any("." in c for c in cells):
         return (
-            f"{len(cells)} cells for {len(expected)} columns: decimal commas need another separator than a comma, "
+            f"{len(cells)} cells for {len(columns)} columns: decimal commas need another separator than a comma, "
             "such as a semicolon"
         )
-    of = f"expected {', '.join(expected)}" if is_bare else f"the header has {len(expected)}"
+    of = f"expected {', '.join(columns)}" if is_bare else f"the header has {len(columns)}"
     return f"{len(cells)} columns, {of}"
 
 

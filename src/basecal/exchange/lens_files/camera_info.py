@@ -12,7 +12,7 @@ from pathlib import Path
 
 from basecal.errors import DatasetError, list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.lens_files.stated import StatedLens, made_camera, matrix_parameters, opencv_terms
+from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera, matrix_parameters, opencv_terms
 
 _FISHEYE = {"equidistant", "fisheye"}
 _PINHOLE = {"plumb_bob", "rational_polynomial", "thin_prism", ""}
@@ -32,10 +32,10 @@ def read_camera_info(path: str | Path) -> StatedLens:
 def camera_info_lens(root: Field) -> StatedLens:
     """The lens of the fields of a camera_info; likewise."""
     try:
-        matrix = root.at("camera_matrix", "K", "k")
+        matrix = root.find("camera_matrix", "K", "k")
     except DatasetError as error:
         raise root.error(f"{error.reason}: {_EXPECTED}") from None
-    size = (root.at("image_width", "width").whole(), root.at("image_height", "height").whole())
+    size = (root.find("image_width", "width").integer(), root.find("image_height", "height").integer())
     _refuse_parts(root, size)
     kind = root.first("distortion_model")
     named = "" if kind is None else kind.text()
@@ -50,7 +50,7 @@ def camera_info_lens(root: Field) -> StatedLens:
         camera = made_camera(matrix, "pinhole", [*parameters, *opencv_terms(terms or root, values)], size)
     else:
         known = list_names(sorted((_PINHOLE | _FISHEYE) - {""}))
-        raise root.at("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
+        raise root.find("distortion_model").error(f"{named!r} has no equal here; there are: {known}")
     name = root.first("camera_name")
     return StatedLens(
         camera,
@@ -60,9 +60,9 @@ def camera_info_lens(root: Field) -> StatedLens:
     )
 
 
-def _data(where: Field) -> Field:
+def _data(field: Field) -> Field:
     """The numbers of a matrix: beside `rows` and `cols` in a file, alone in a message."""
-    return where.at("data") if isinstance(where.data, dict) else where
+    return field.find("data") if isinstance(field.data, dict) else field
 
 
 def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
@@ -72,9 +72,9 @@ def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
         DatasetError: if they are binned or cropped.
     """
     for axis in ("binning_x", "binning_y"):
-        if (binning := root.first(axis)) is not None and binning.whole(0) > 1:
+        if (binning := root.first(axis)) is not None and binning.integer(0) > 1:
             raise binning.error("the matrix is of the unbinned image, the pictures are not: give that of the pictures")
     part = root.first("roi")
-    sides = [0, 0] if part is None else [part.at(side).whole(0) for side in ("width", "height")]
+    sides = [0, 0] if part is None else [part.find(side).integer(0) for side in ("width", "height")]
     if part is not None and all(sides) and tuple(sides) != size:
         raise part.error("the matrix is of the whole image, the pictures are a part of it: give that of the pictures")

@@ -15,7 +15,7 @@ from typing import Any
 
 from basecal.errors import list_names
 from basecal.exchange.fields import Field, read_fields
-from basecal.exchange.lens_files.stated import StatedLens, made_camera
+from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera
 
 _PROJECTION = "pinhole"  # the one of Kalibr's that lenses here have
 _MODELS = {"radtan": ("pinhole", 4), "equidistant": ("fisheye", 4), "none": ("pinhole", 0)}
@@ -34,24 +34,24 @@ def read_camchain(path: str | Path) -> tuple[StatedLens, ...]:
     if not names:
         held = list_names(list(root.data)) if isinstance(root.data, dict) else "no fields"
         raise root.error(f"holds {held}: a camchain of Kalibr has cam0, cam1, ...; a target of it has target_type")
-    return tuple(_lens(root.at(name), name) for name in names)
+    return tuple(_lens(root.find(name), name) for name in names)
 
 
 def _lens(camera: Field, name: str) -> StatedLens:
-    projection = camera.at("camera_model")
+    projection = camera.find("camera_model")
     if projection.text() != _PROJECTION:
         raise projection.error(f"{projection.data!r} has no equal here: calibrate with pinhole-radtan or pinhole-equi")
-    distortion = camera.at("distortion_model")
+    distortion = camera.find("distortion_model")
     if distortion.text() not in _MODELS:
         raise distortion.error(f"{distortion.data!r} has no equal here; there are: {list_names(list(_MODELS))}")
     model, count = _MODELS[distortion.data]
-    terms = camera.at("distortion_coeffs").numbers(count) if count else []
-    resolution = camera.at("resolution")
+    terms = camera.find("distortion_coeffs").numbers(count) if count else []
+    resolution = camera.find("resolution")
     sides = resolution.items("width and height")
     if len(sides) != 2:
         raise resolution.error(f"has {len(sides)} numbers, expected width and height")
-    width, height = (side.whole() for side in sides)
-    intrinsics = camera.at("intrinsics")
+    width, height = (side.integer() for side in sides)
+    intrinsics = camera.find("intrinsics")
     made = made_camera(intrinsics, model, [*intrinsics.numbers(4), *terms], (width, height))
     before = camera.first("T_cn_cnm1")
     return StatedLens(
@@ -79,29 +79,29 @@ def read_target(path: str | Path) -> dict[str, Any]:
         DatasetError: if it is none, or has no equal here.
     """
     root = read_fields(path)
-    kind = root.at("target_type")
+    kind = root.find("target_type")
     if kind.text() not in _TARGETS:
         raise kind.error(f"{kind.data!r} is no target of Kalibr's; there are: {list_names(list(_TARGETS))}")
     return _TARGETS[kind.data](root)
 
 
 def _aprilgrid(root: Field) -> dict[str, Any]:
-    if (first := root.first("codeOffset")) is not None and first.whole(0):
+    if (first := root.first("codeOffset")) is not None and first.integer(0):
         raise first.error("the tags of a grid here begin with number 0: print one that does")
     return {
         "kind": "aprilgrid",
-        "tags": [root.at("tagCols").whole(), root.at("tagRows").whole()],
-        "tag_m": root.at("tagSize").number(),
-        "spacing": root.at("tagSpacing").number(),
+        "tags": [root.find("tagCols").integer(), root.find("tagRows").integer()],
+        "tag_m": root.find("tagSize").number(),
+        "spacing": root.find("tagSpacing").number(),
         "family": _FAMILY,
     }
 
 
 def _checkerboard(root: Field) -> dict[str, Any]:
-    across, down = root.at("colSpacingMeters"), root.at("rowSpacingMeters")
+    across, down = root.find("colSpacingMeters"), root.find("rowSpacingMeters")
     if abs(across.number() - down.number()) > _EQUAL_SIDES * abs(across.number()):
         raise down.error(f"is {down.data}, colSpacingMeters {across.data}: the squares of a board here are square")
-    corners = [root.at("targetCols").whole(2), root.at("targetRows").whole(2)]
+    corners = [root.find("targetCols").integer(2), root.find("targetRows").integer(2)]
     return {"kind": "chessboard", "corners": corners, "square_m": across.number()}
 
 
@@ -109,8 +109,8 @@ def _circlegrid(root: Field) -> dict[str, Any]:
     asymmetric = root.first("asymmetricGrid")
     return {
         "kind": "circles",
-        "circles": [root.at("targetCols").whole(2), root.at("targetRows").whole(2)],
-        "spacing_m": root.at("spacingMeters").number(),
+        "circles": [root.find("targetCols").integer(2), root.find("targetRows").integer(2)],
+        "spacing_m": root.find("spacingMeters").number(),
         "asymmetric": asymmetric is not None and asymmetric.yes(),
     }
 

@@ -15,7 +15,7 @@ from typing import Any
 from basecal.errors import DatasetError, list_names
 from basecal.exchange.columns import read_table_text
 from basecal.exchange.fields import Field
-from basecal.exchange.lens_files.stated import StatedLens, made_camera
+from basecal.exchange.lens_files.stated_lens import StatedLens, made_camera
 from basecal.fields.problems import Loc, shorten
 
 _TERMS = {
@@ -35,16 +35,16 @@ def read_cameramodel(path: str | Path) -> StatedLens:
         DatasetError: if it is none, or has no equal here.
     """
     root = _literal(str(path))
-    kind = root.at("lensmodel", "lens_model", "distortion_model")
+    kind = root.find("lensmodel", "lens_model", "distortion_model")
     name = kind.text().replace("DISTORTION", "LENSMODEL")
     if name not in _TERMS:
         advice = "mrcal-convert-lensmodel fits one that has"
         raise kind.error(f"{shorten(name)} has no equal here ({list_names(list(_TERMS))}): {advice}")
-    values = root.at("intrinsics")
-    size = root.at("imagersize").items("width and height")
+    values = root.find("intrinsics")
+    size = root.find("imagersize").items("width and height")
     if len(size) != 2:
-        raise root.at("imagersize").error(f"has {len(size)} numbers, expected width and height")
-    width, height = (side.whole() for side in size)
+        raise root.find("imagersize").error(f"has {len(size)} numbers, expected width and height")
+    width, height = (side.integer() for side in size)
     camera = made_camera(values, "pinhole", values.numbers(4 + _TERMS[name]), (width, height))
     return StatedLens(
         camera, f"cameramodel of mrcal, {name}, {width} x {height} px, the centre of the top-left pixel is (0, 0)"

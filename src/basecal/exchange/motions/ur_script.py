@@ -18,11 +18,11 @@ def write_motion(way: Way) -> str:
     Raises:
         InputError: if several robots are sent.
     """
-    robot = way.only()
+    robot = way.single_robot()
     lines = [f"def basecal_{robot}():", "  set_tcp(p[0, 0, 0, 0, 0, 0])"]
     for place, sample in enumerate(way.samples, start=1):
         joints = sample.robots[robot].joints_rad
-        numbers = CONVENTION.written(way.pose(robot, sample)) if joints is None else joints
+        numbers = CONVENTION.to_numbers(way.pose(robot, sample)) if joints is None else joints
         target = f"{'p' if joints is None else ''}[{', '.join(f'{float(number):.6f}' for number in numbers)}]"
         what = f"sample {sample.sample}, {place} of {len(way.samples)}"
         lines += [

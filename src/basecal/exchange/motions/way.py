@@ -37,7 +37,7 @@ class Way:
         """Of the samples."""
         return [sample.sample for sample in self.samples]
 
-    def only(self) -> str:
+    def single_robot(self) -> str:
         """The one robot that is sent.
 
         Raises:

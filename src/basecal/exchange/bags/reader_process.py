@@ -41,8 +41,8 @@ def read_frames(words: Sequence[str]) -> Iterator[Frame]:
     yield from (({"damage": why}, b"") for each in storages if (why := getattr(each, "damage", "")))
 
 
-def _messages(reader: Any, wanted: Collection[Connection]) -> Iterator[Frame]:
-    found = reader.messages(connections=wanted)
+def _messages(reader: Any, connections: Collection[Connection]) -> Iterator[Frame]:
+    found = reader.messages(connections=connections)
     for _ in range(_MOST_MESSAGES):
         try:
             connection, recorded_ns, raw = next(found)
@@ -107,9 +107,9 @@ class _Sqlite(Sqlite3Reader):
 
     def open(self) -> None:
         """Open the database, and look at what its tables are before anything is read of them."""
-        with closing(self._connected()) as database:
+        with closing(self._connect()) as database:
             _check_tables(database)
-        self.damage = _cut_off(self._file)
+        self.damage = _missing_pages(self._file)
         if self.damage:
             self._count()
         else:
@@ -125,7 +125,7 @@ class _Sqlite(Sqlite3Reader):
         return self._rows({each.id: each for each in connections}) if self.damage else super().messages(connections)
 
     def _count(self) -> None:
-        with closing(self._connected()) as database:
+        with closing(self._connect()) as database:
             topics = database.execute("SELECT id, name, type, offered_qos_profiles FROM topics").fetchall()
         text = MessageDefinition(MessageDefinitionFormat.NONE, "")
         found = {
@@ -138,7 +138,7 @@ class _Sqlite(Sqlite3Reader):
         self.connections = [each._replace(msgcount=counts[key]) for key, each in found.items()]
 
     def _rows(self, connections: dict[int, Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        with closing(self._connected()) as database:
+        with closing(self._connect()) as database:
             try:
                 for key, stamp, data in database.execute("SELECT topic_id, timestamp, data FROM messages"):
                     if key in connections:
@@ -146,7 +146,7 @@ class _Sqlite(Sqlite3Reader):
             except sqlite3.DatabaseError as error:
                 self.damage = str(error)
 
-    def _connected(self) -> sqlite3.Connection:
+    def _connect(self) -> sqlite3.Connection:
         database = sqlite3.connect(f"file:{quote(str(self._file))}?mode=ro&immutable=1", uri=True)
         database.execute("PRAGMA trusted_schema = OFF")
         database.execute("PRAGMA writable_schema = ON")  # without it one that was cut off is not opened
@@ -154,7 +154,7 @@ class _Sqlite(Sqlite3Reader):
         return database
 
 
-def _cut_off(path: Path) -> str:
+def _missing_pages(path: Path) -> str:
     """How many pages a database lacks of those it says; "" if none. Source: sqlite.org/fileformat.html."""
     with path.open("rb") as file:
         head = file.read(32)

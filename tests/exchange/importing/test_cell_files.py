@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from basecal.errors import InputError
-from basecal.exchange.importing.placed import place_files
+from basecal.exchange.importing.cell_files import place_files
 
 
 @pytest.fixture

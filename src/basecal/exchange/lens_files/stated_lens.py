@@ -36,7 +36,7 @@ class StatedLens:
     camera_from_previous: SE3 | None = None
 
 
-def made_camera(where: Field, model: str, parameters: Sequence[float], size_px: tuple[int, int] | None) -> Camera:
+def made_camera(field: Field, model: str, parameters: Sequence[float], size_px: tuple[int, int] | None) -> Camera:
     """The camera of fx, fy, cx, cy [px] and distortion terms that stand at a place of a file.
 
     Raises:
@@ -45,10 +45,10 @@ def made_camera(where: Field, model: str, parameters: Sequence[float], size_px: 
     try:
         return Camera(model, np.array(parameters, dtype=np.float64), size_px)
     except InputError as error:
-        raise where.error(str(error)) from None
+        raise field.error(str(error)) from None
 
 
-def opencv_terms(where: Field, terms: Sequence[float]) -> list[float]:
+def opencv_terms(field: Field, terms: Sequence[float]) -> list[float]:
     """Distortion terms in OpenCV's order, without those of a sensor that is not tilted.
 
     Raises:
@@ -56,17 +56,17 @@ def opencv_terms(where: Field, terms: Sequence[float]) -> list[float]:
     """
     if len(terms) == _TILTED_TERMS:
         if any(terms[-2:]):
-            raise where.error(
+            raise field.error(
                 "the last two of 14 terms tilt the sensor, which no lens here does: calibrate without them"
             )
         terms = terms[:-2]
     if len(terms) not in OPENCV_TERMS:
         known = " or ".join(map(str, (*OPENCV_TERMS, _TILTED_TERMS)))
-        raise where.error(f"has {len(terms)} distortion terms, expected {known}, in OpenCV's order")
+        raise field.error(f"has {len(terms)} distortion terms, expected {known}, in OpenCV's order")
     return list(terms)
 
 
-def matrix_parameters(where: Field, matrix: Sequence[float]) -> list[float]:
+def matrix_parameters(field: Field, matrix: Sequence[float]) -> list[float]:
     """fx, fy, cx, cy of the nine numbers of a camera matrix, row by row.
 
     Raises:
@@ -74,11 +74,11 @@ def matrix_parameters(where: Field, matrix: Sequence[float]) -> list[float]:
     """
     fx, skew, cx, lower, fy, cy, *last = matrix
     if not any(matrix[:6]):
-        raise where.error("is all zero: the camera is not calibrated; calibrate it, or leave its intrinsics free")
+        raise field.error("is all zero: the camera is not calibrated; calibrate it, or leave its intrinsics free")
     if lower or list(last) != [0.0, 0.0, 1.0]:
-        raise where.error("is not a camera matrix, row by row: fx 0 cx, 0 fy cy, 0 0 1; is it transposed?")
+        raise field.error("is not a camera matrix, row by row: fx 0 cx, 0 fy cy, 0 0 1; is it transposed?")
     if skew:
-        raise where.error(f"has a skew of {skew:g} px, which no lens here has: calibrate without it")
+        raise field.error(f"has a skew of {skew:g} px, which no lens here has: calibrate without it")
     return [fx, fy, cx, cy]
 
 

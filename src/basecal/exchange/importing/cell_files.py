@@ -72,13 +72,13 @@ def _place_file(source: Path, target: Path, link: bool) -> None:
     write_atomically(target, read_bounded(source, _LARGEST_BYTES), durable=False)
 
 
-def _remove_files(made: list[Path], folder: Path, existed: bool) -> None:
+def _remove_files(files: list[Path], folder: Path, had_cell: bool) -> None:
     """Remove files that were made, and folders that are empty then; the cell itself only where it is new."""
-    for path in made:
+    for path in files:
         with suppress(OSError):
             path.unlink(missing_ok=True)
-    above = {parent for path in made for parent in path.parents if parent.is_relative_to(folder)}
+    above = {parent for path in files for parent in path.parents if parent.is_relative_to(folder)}
     for parent in sorted(above, key=lambda path: len(path.parts), reverse=True):
-        if parent != folder or not existed:
+        if parent != folder or not had_cell:
             with suppress(OSError):
                 parent.rmdir()

@@ -6,7 +6,7 @@ import pytest
 
 from basecal.errors import DatasetError
 from basecal.exchange.fields import parse_fields
-from basecal.exchange.lens_files.stated import (
+from basecal.exchange.lens_files.stated_lens import (
     OPENCV_TERMS,
     camera_entry,
     made_camera,
@@ -15,7 +15,7 @@ from basecal.exchange.lens_files.stated import (
 )
 from basecal.geometry.lenses.registry import model_lenses
 
-HERE = parse_fields("k: 1", "a.yaml").at("k")
+HERE = parse_fields("k: 1", "a.yaml").find("k")
 
 
 def test_terms_are_those_of_the_lenses_there_are() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from basecal.cli import main
-from basecal.exchange.importing.known import known_cell, recorded_samples
+from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 
 
 def test_a_cell_that_may_be_there(tmp_path: Path) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from basecal.errors import UsageError
-from basecal.exchange.importing.paired import paired
+from basecal.exchange.importing.name_options import parse_name_options
 
 
 def test_words_stand_by_their_names():
     """What comes behind the first equals sign is the words, whatever is in them."""
-    assert paired("--robot", ["left=a,b", "right=/x=y"], "NAME=WORDS") == {"left": "a,b", "right": "/x=y"}
+    assert parse_name_options("--robot", ["left=a,b", "right=/x=y"], "NAME=WORDS") == {"left": "a,b", "right": "/x=y"}
 
 
 @pytest.mark.parametrize(
@@ -20,4 +20,4 @@ def test_words_stand_by_their_names():
 def test_what_has_another_form(given, error):
     """No name, no words, and the same name twice."""
     with pytest.raises(UsageError, match=f"--robot .*: {error}"):
-        paired("--robot", given, "NAME=WORDS")
+        parse_name_options("--robot", given, "NAME=WORDS")
