@@ -21,7 +21,7 @@ from tests.ends import with_eye, with_hand
 
 from basecal.cell import Cell
 from basecal.estimation.least_squares.normal_equations import linearise
-from basecal.estimation.least_squares.studentized import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import studentize_views
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
 from basecal.estimation.outliers.noise_and_outliers import solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution, solve_robustly
@@ -30,7 +30,7 @@ from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
@@ -308,7 +308,7 @@ def trial(name: str, seed: int) -> Trial:
     ours = _with_noise(spoilt.problem, made.cell) if estimated else solve_robustly(spoilt.problem, made.cell)
     took = time.perf_counter() - began
     settings = Settings(robot_noise="estimated" if estimated else "stated")
-    oracle = solve_packed(inlier_problem(spoilt.problem, spoilt.clean), made.cell, settings)
+    oracle = solve_problem(inlier_problem(spoilt.problem, spoilt.clean), made.cell, settings)
     return Trial(
         _error(made, oracle.state.transforms[BASE]),
         _error(made, ours.solution.state.transforms[BASE]),
@@ -319,7 +319,7 @@ def trial(name: str, seed: int) -> Trial:
 
 def _with_noise(problem: Problem, cell: Cell) -> RobustSolution:
     """As `calibrate` does where robots state no noise."""
-    plain = solve_packed(problem, cell)
+    plain = solve_problem(problem, cell)
     return solve_with_noise(cell, Settings(), plain, with_noise(plain, Settings()))
 
 

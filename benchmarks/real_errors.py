@@ -23,7 +23,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State, chain
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
@@ -103,7 +103,7 @@ def reality(cell: Cell, recording: Recording) -> Reality:
     """What a recording says: `solve` with noise and outliers, as `calibrate` has it, nothing else."""
     settings = Settings()
     problem, _ = build_problem(cell, recording)
-    plain = solve_packed(problem, cell, replace(settings, robot_noise="stated"))
+    plain = solve_problem(problem, cell, replace(settings, robot_noise="stated"))
     solution = solve_with_noise(cell, settings, plain, with_noise(plain, settings)).solution
     used = {int(number) for group in solution.problem.groups for number in group.sample}
     samples = tuple(_bare(sample) for sample in recording.samples if sample.sample in used)

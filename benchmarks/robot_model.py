@@ -74,7 +74,8 @@ def outcome(seed: int) -> Outcome:
     xi = (base.mean.inverse() @ made.truth[BASE]).log()
     found = robot_parameters(estimated).get("joint_offsets", {})
     inside = {
-        robot: np.abs(of.values - made.robots[robot].of("joint_offsets"))[of.seen] < WITHIN_95 * of.sigma[of.seen]
+        robot: np.abs(of.values - made.robots[robot].kind_values("joint_offsets"))[of.seen]
+        < WITHIN_95 * of.sigma[of.seen]
         for robot, of in found.items()
     }
     held = tuple((robot, int(j)) for robot, of in found.items() for j in np.flatnonzero(~of.seen))

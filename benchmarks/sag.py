@@ -22,7 +22,7 @@ from basecal.cell import Recording
 from basecal.effects.bending import candidates as sag
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from benchmarks.common import on_one_core, table, write
 from benchmarks.wrong_answers import NOISE, SAG_PER_M, sagging
@@ -54,7 +54,7 @@ def told(seed: int) -> Told:
     robots = {name: replace(robot, noise=np.repeat(NOISE, 3)) for name, robot in drawn.cell.robots.items()}
     cell = replace(drawn.cell, robots=robots)
     problem, _ = build_problem(cell, drawn.recording)
-    solution = solve_packed(problem, cell, Settings(robot_noise="stated"))
+    solution = solve_problem(problem, cell, Settings(robot_noise="stated"))
     situation = Situation(solution.problem, solution.state, problem, {})
     of_hand = next(each for each in sag(situation) if each.about == ("hand",))
     information = score(linearised(situation.problem, situation.state), of_hand).information[0]

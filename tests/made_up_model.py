@@ -71,7 +71,7 @@ def made_up(
         np.array([0, -1, 1]), np.array([0, -1, 0]), np.array([-1, 3, -1]), BLOCKS, ROWS, COLUMNS, in_common, {}, ()
     )
     open_views = [key for key in OPEN if key in parts]
-    sigmas, first = SigmaPlaces.in_turn(open_views, ("eye", "hand"), ("left",), True), len(open_views)
+    sigmas, first = SigmaPlaces.sequential(open_views, ("eye", "hand"), ("left",), True), len(open_views)
     of_eye, of_hand = first + np.repeat([0, 1], 3), first + np.repeat([2, 3], 3)
     of_errors = np.array([[*of_eye, first + 4], [*of_hand, -1]])
     of_columns = np.array([-1] * UNKNOWNS + [*of_hand, first + 7, first + 8])

@@ -23,7 +23,7 @@ LINKS = replace(ARMS, samples=30, link_error=(2e-4, 1e-3), link_parameters="free
 def squared_distance(made, covariance):
     solution = solve(made.cell, made.recording)
     off = (solution.state.transforms[BASE].inverse() @ made.truth[BASE]).log()
-    return float(off @ np.linalg.solve(solution.covariance_of([BASE]) + covariance, off))
+    return float(off @ np.linalg.solve(solution.joint_transform_covariance([BASE]) + covariance, off))
 
 
 @pytest.mark.parametrize("scenario", [OFFSETS, LINKS])

@@ -53,7 +53,7 @@ def bent(cell, size=BEND):
     problem, _ = build_problem(cell.cell, cell.recording)
     (group,) = problem.groups
     state = State(cell.truth, cell.cameras, np.zeros((len(problem.stops), 6)))
-    points = group.measurement.in_camera(state.camera_from_target(group, problem.stops))
+    points = group.measurement.camera_points(state.camera_from_target(group, problem.stops))
     shift = _bending(cell.cameras["wrist"], points) @ size
     samples = []
     for k, sample in enumerate(cell.recording.samples):
@@ -78,7 +78,7 @@ def test_a_bend_is_found_with_its_size_and_what_it_does():
     assert found.chance < 1e-5
     assert found.rms_px == pytest.approx(2.5, rel=0.3)
     off = (solution.state.transforms[BASE].inverse() @ cell.truth[BASE]).log()
-    alone, both = (s.covariance_of([BASE]) for s in (solution, widen(solution, found.moved)))
+    alone, both = (s.joint_transform_covariance([BASE]) for s in (solution, widen(solution, found.moved)))
     assert off @ np.linalg.solve(both, off) < off @ np.linalg.solve(alone, off)
 
 
@@ -276,9 +276,9 @@ def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
     found = _projected(few, alone, CAMERA)
 
     def pixels(pose, camera=CAMERA):
-        return camera.project(few.in_camera(pose))
+        return camera.project(few.camera_points(pose))
 
-    bend = _bending(CAMERA, few.in_camera(alone))
+    bend = _bending(CAMERA, few.camera_points(alone))
     bend[1, 4] = 0.0
     steps = np.maximum(1e-6, 1e-6 * np.abs(CAMERA.parameters))
     lens = [CAMERA.with_parameters(CAMERA.parameters + s * e) for s, e in zip(steps, np.eye(9), strict=True)]
@@ -339,7 +339,7 @@ def test_size_in_pixels_is_over_the_points_that_were_seen(solved, monkeypatch):
     monkeypatch.setattr(lens_structure, "_moved", lambda solution, name, size, settings: 2 * size)
     found = _of_camera(two, "wrist", SETTINGS)
     ((few, alone),) = _alone(solved, solved.problem.groups[0])
-    shift = (_bending(solved.state.cameras["wrist"], few.in_camera(alone)) @ size)[few.weight > 0]
+    shift = (_bending(solved.state.cameras["wrist"], few.camera_points(alone)) @ size)[few.weight > 0]
     assert (found.camera, found.chance) == ("wrist", 1e-9)
     assert found.rms_px == pytest.approx(np.sqrt(np.sum(shift**2) / shift.size), rel=1e-12)
     np.testing.assert_array_equal(found.moved, 2 * size)
@@ -362,7 +362,7 @@ def test_the_answer_moves_as_that_of_pixels_without_the_bend(solved):
     """Pixels with a bend added: taking the same bend out again leads back to the answer before."""
     size = np.array([0.0, 0.5, 0.0, -0.5, 0.0])
     (group,) = solved.problem.groups
-    points = group.measurement.in_camera(solved.state.camera_from_target(group, solved.problem.stops))
+    points = group.measurement.camera_points(solved.state.camera_from_target(group, solved.problem.stops))
     shift = _bending(solved.state.cameras["wrist"], points) @ size
     bent_group = replace(group, measurement=replace(group.measurement, pixels=group.measurement.pixels + shift))
     bent_solution = replace(solved, problem=solved.problem.with_groups([bent_group]))

@@ -70,7 +70,7 @@ def test_compliances_are_found_where_gravity_shows_them():
     for robot, found in robot_parameters(solution)["deflection"].items():
         assert found.seen[1:3].all()
         assert not found.seen[0]
-        off = np.abs(found.values - made.robots[robot].of("deflection"))
+        off = np.abs(found.values - made.robots[robot].kind_values("deflection"))
         assert np.all(off[found.seen] < 4 * found.sigma[found.seen])
 
 
@@ -88,7 +88,7 @@ def test_errors_of_the_base_and_of_seen_offsets_are_as_their_covariance_says(tar
         solution = solve(made.cell, made.recording)
         base, found = solution.transforms["eye_base_from_hand_base"], joint_offsets(solution)["hand"]
         xi = (base.mean.inverse() @ made.truth["eye_base_from_hand_base"]).log()
-        off = (found.values - made.robots["hand"].of("joint_offsets"))[found.seen]
+        off = (found.values - made.robots["hand"].kind_values("joint_offsets"))[found.seen]
         spread = found.covariance[np.ix_(found.seen, found.seen)]
         squares += xi @ np.linalg.solve(base.covariance, xi), off @ np.linalg.solve(spread, off)
         freedoms += 6, len(off)
@@ -104,7 +104,7 @@ def test_link_parameters_come_with_sigmas_that_hold_them():
     """
     made = simulate(replace(ARMS, link_error=(5e-4, 1e-3), link_parameters="prior"), 0)
     found = robot_parameters(solve(made.cell, made.recording))["link_parameters"]
-    errors = [(found[r].values - made.robots[r].of("link_parameters")) / found[r].sigma for r in found]
+    errors = [(found[r].values - made.robots[r].kind_values("link_parameters")) / found[r].sigma for r in found]
     assert 0.4 < np.mean(np.square(errors)) < 1.8
 
 
@@ -138,17 +138,17 @@ def test_kinematics_of_a_calibration_are_those_stated_moved_by_what_is_known():
     )
     found = calibrated_kinematics(cell, offsets)
     assert found.keys() == {"hand"}
-    np.testing.assert_array_equal(found["hand"].of("joint_offsets"), np.nan_to_num(rad))
-    np.testing.assert_array_equal(found["hand"].of("link_parameters"), np.zeros((7, 6)))
+    np.testing.assert_array_equal(found["hand"].kind_values("joint_offsets"), np.nan_to_num(rad))
+    np.testing.assert_array_equal(found["hand"].kind_values("link_parameters"), np.zeros((7, 6)))
     assert "deflection" not in found["hand"].values
     assert found["hand"].chain is chain
     bent = RobotParameters(names, rad, nothing, np.isfinite(rad))
     links = RobotParameters((), tangents, np.ones((7, 6)), np.ones((7, 6), dtype=bool))
     both = Calibration("good", robot_parameters={"link_parameters": {"eye": links}, "deflection": {"hand": bent}})
     found = calibrated_kinematics(cell, both)
-    np.testing.assert_array_equal(found["eye"].of("link_parameters"), tangents)
-    np.testing.assert_array_equal(found["eye"].of("deflection"), np.zeros(6))
-    np.testing.assert_array_equal(found["hand"].of("deflection"), np.nan_to_num(rad))
+    np.testing.assert_array_equal(found["eye"].kind_values("link_parameters"), tangents)
+    np.testing.assert_array_equal(found["eye"].kind_values("deflection"), np.zeros(6))
+    np.testing.assert_array_equal(found["hand"].kind_values("deflection"), np.nan_to_num(rad))
     bare = replace(cell, robots={**cell.robots, "hand": replace(cell.robots["hand"], chain=None)})
     with pytest.raises(InputError, match="'hand', which has no urdf"):
         calibrated_kinematics(bare, offsets)

@@ -19,11 +19,11 @@ from basecal.accuracy.stated_sigmas import (
     without_contradicted,
 )
 from basecal.cell import Robot
-from basecal.estimation.least_squares.studentized import leave_one_out
+from basecal.estimation.least_squares.studentized_residuals import leave_one_out
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.simulation import Scenario, simulate
 
 NOISE = (1e-3, 1e-3)
@@ -36,7 +36,7 @@ def solved(pixels=1.0, robots=1.0, seed=0, **changed):
     cell = made.cell
     stated = {name: Robot(name, None if r.noise is None else robots * r.noise) for name, r in cell.robots.items()}
     cell = replace(cell, pixel_px=pixels * 0.2, robots=stated)
-    return solve_packed(build_problem(cell, made.recording)[0], cell, SETTINGS)
+    return solve_problem(build_problem(cell, made.recording)[0], cell, SETTINGS)
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
@@ -82,7 +82,7 @@ def test_contradicted_sigmas_are_estimated():
     after = without_contradicted(before, contradicted_sigmas(small), SETTINGS).solution
     assert after.noise.noise.pixel_px == pytest.approx(0.2, rel=0.1)
     base = ["eye_base_from_hand_base"]
-    ratio = np.diag(after.covariance_of(base)) / np.diag(true.covariance_of(base))
+    ratio = np.diag(after.joint_transform_covariance(base)) / np.diag(true.joint_transform_covariance(base))
     assert np.all(np.abs(np.log(ratio)) < 0.5)
     large = solved(pixels=2.0)
     before = RobustSolution(large, (), large.problem.with_groups(()), 20, 0)
@@ -102,7 +102,7 @@ def test_where_nothing_was_solved_nothing_is_judged():
 def test_freedoms_of_all_parts_are_those_of_the_whole(changed):
     """Residuals less unknowns, shared out between what each camera saw and where each robot stood; squares alike."""
     solution = solved(**changed)
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
     parts = [*_view_squares(about), *_stop_squares(about)]
     assert {name for name, *_ in parts} == {"wrist", "eye", "hand"}

@@ -91,7 +91,7 @@ def test_bases_are_as_far_off_as_is_said():
         made = simulate(scenario, seed)
         solution = solve(made.cell, made.recording, Settings(robot_noise="stated"))
         order = tuple(name for name in solution.transforms if name in solution.problem.columns)
-        covariance = solution.covariance_of(list(order))
+        covariance = solution.joint_transform_covariance(list(order))
         found = Calibration("good", solution.transforms, order=order, joint_covariance=covariance)
         bases = [f"r1_base_from_{name}_base" for name in ("r3", "r4")]
         truth = made.truth[bases[0]].inverse() @ made.truth[bases[1]]

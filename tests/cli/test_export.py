@@ -118,7 +118,7 @@ def test_any_two_frames_are_exported(tmp_path: Path, capsys: pytest.CaptureFixtu
     solution = solve(made.cell, made.recording, Settings(robot_noise="stated"))
     order = tuple(solution.transforms)
     status = dict.fromkeys(order, "free")
-    joint = solution.covariance_of(list(order))
+    joint = solution.joint_transform_covariance(list(order))
     calibration = Calibration("good", solution.transforms, status, order=order, joint_covariance=joint)
     folder = tmp_path / "ring"
     folder.mkdir()

@@ -65,7 +65,7 @@ def are_offsets_within_three_sigmas(made: SimulatedCell, place: Path) -> bool:
     for robot, name in (("eye", "leader"), ("hand", "follower")):
         found = calibration.parameters_of_robot(name)["joint_offsets"]
         assert found.covariance is not None
-        off = (found.values - made.robots[robot].of("joint_offsets"))[found.seen]
+        off = (found.values - made.robots[robot].kind_values("joint_offsets"))[found.seen]
         squares += float(off @ np.linalg.solve(found.covariance[np.ix_(found.seen, found.seen)], off))
         count += len(off)
     return bool(count > 4 and squares < chi2.isf(THREE_SIGMAS, count))

@@ -9,7 +9,7 @@ import numpy as np
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
-from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.simulation import simulate
 from tests.shared.kinds import scenario_of
 
@@ -44,7 +44,7 @@ def trial(kind: str, seed: int) -> Trial:
     truth = State(made.truth, made.cameras if problem.lenses else {}, np.zeros((len(problem.stops), 6)))
     best = solve_from(problem, truth)
     began = time.perf_counter()
-    found = solve_packed(problem, made.cell)
+    found = solve_problem(problem, made.cell)
     took = time.perf_counter() - began
     off = _off(found, best)
     settled = found.converged and best.converged and np.isfinite(found.cost)

@@ -58,7 +58,7 @@ def held_gauges(solution: Solution, order: Sequence[str]) -> tuple[HeldGauge, ..
             moved = _moved_columns(solution, replace(solution.problem.models[robot], columns=columns))
             held = block_diag(*(_squares(kind.sigmas, kind.held) for kind in kinds if kind.held.shape[1]))
             wide = replace(solution, covariance=square * moved @ held @ moved.T)
-            gauges.append(HeldGauge(robot, tuple(columns), wide.covariance_of(list(order))))
+            gauges.append(HeldGauge(robot, tuple(columns), wide.joint_transform_covariance(list(order))))
     return tuple(gauges)
 
 

@@ -150,7 +150,7 @@ class _Projected(NamedTuple):
 
 
 def _projected(measurement: PixelMeasurement, alone: SE3, camera: Camera) -> _Projected:
-    p_in_camera = measurement.in_camera(alone)
+    p_in_camera = measurement.camera_points(alone)
     pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
     weight = np.where(np.isnan(pixels).any(-1), 0.0, measurement.weight)
     bent = np.where(weight[..., None, None] > 0, _bending(camera, p_in_camera), 0.0)
@@ -193,7 +193,7 @@ def _moved(solution: Solution, name: str, size: Array, settings: Settings) -> Ar
         measurement = group.measurement
         if group.camera == name and isinstance(measurement, PixelMeasurement):
             predicted = solution.state.camera_from_target(group, solution.problem.stops)
-            shift = _bending(solution.state.cameras[name], measurement.in_camera(predicted)) @ size
+            shift = _bending(solution.state.cameras[name], measurement.camera_points(predicted)) @ size
             group = replace(group, measurement=replace(measurement, pixels=measurement.pixels - shift))
         groups.append(group)
     problem = solution.problem.with_groups(groups)

@@ -61,7 +61,7 @@ def calibrated_kinematics(cell: Cell, calibration: Calibration) -> dict[str, Kin
 def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> RobotParameters:
     """Values that are seen together, from all of their columns."""
     where, basis = solution.problem.columns[f"{model.robot}_{kind}"], model.columns[kind].basis
-    values = solution.state.kinematics(model).of(kind)
+    values = solution.state.kinematics(model).kind_values(kind)
     covariance = basis @ solution.covariance[where, where] @ basis.T
     sigma = np.sqrt(np.diag(covariance)).reshape(values.shape)
     return RobotParameters((), values, sigma, np.ones(values.shape, dtype=bool))
@@ -74,7 +74,7 @@ def _parameters_by_joint(solution: Solution, model: RobotModel, kind: str, unobs
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
     known = ~unobserved[where]
     joints = basis.argmax(axis=0)[known]
-    values[joints] = solution.state.kinematics(model).of(kind)[joints]
+    values[joints] = solution.state.kinematics(model).kind_values(kind)[joints]
     covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]
     variance = np.diag(solution.observability.inverse)[where][known]
     largest = ROBOT_PARAMETERS[kind].largest_sigma

@@ -15,7 +15,7 @@ from scipy.special import chdtr
 
 from basecal.accuracy.model_comparison.comparison import decide
 from basecal.accuracy.model_comparison.nested import ALONE, log_chance
-from basecal.estimation.least_squares.studentized import LeaveOneOut, leave_one_out
+from basecal.estimation.least_squares.studentized_residuals import LeaveOneOut, leave_one_out
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
@@ -57,7 +57,7 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
     """
     if not solution.converged or not np.isfinite(solution.cost):
         return ()
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     about = leave_one_out(problem, solution.state, [np.ones(len(g)) for g in problem.groups])
     sums: dict[tuple[str, bool], list[float]] = {}
     for name, of_robot, squares, freedoms in (*_view_squares(about), *_stop_squares(about)):

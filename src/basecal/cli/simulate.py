@@ -158,7 +158,7 @@ def write_simulation(folder: Path, simulation: SimulatedCell, image_seed: int | 
             if robot.chain is not None and robot.urdf and robot.base_link and robot.flange_link:
                 text = chain_urdf(robot.chain, robot.base_link, robot.flange_link, robot.name)
                 (part / robot.urdf).write_text(text, encoding="utf-8")
-        offsets = {name: of.of("joint_offsets").tolist() for name, of in simulation.robots.items()}
+        offsets = {name: of.kind_values("joint_offsets").tolist() for name, of in simulation.robots.items()}
         write_truth(part, simulation.truth, **({"joint_offsets_rad": offsets} if offsets else {}))
     return replace(simulation, recording=replace(simulation.recording, folder=str(folder)))
 

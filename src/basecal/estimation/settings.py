@@ -69,11 +69,11 @@ class Settings:
         LOG.info("stage: %s", name)
         return nullcontext() if self.stages is None else self.stages.stage(name)
 
-    def part(self, done: int, total: int) -> None:
+    def part(self, done_count: int, total: int) -> None:
         """How much of the present stage is done."""
-        LOG.info("%d of %d", done, total)
+        LOG.info("%d of %d", done_count, total)
         if self.stages is not None:
-            self.stages.part(done, total)
+            self.stages.part(done_count, total)
 
 
 DEFAULT = Settings()

@@ -65,9 +65,12 @@ class Solution:
     @property
     def transforms(self) -> dict[str, PoseEstimate]:
         """Every transform, (6, 6) covariances; a single point's mount has none of rotation."""
-        return {name: PoseEstimate(mean, self.covariance_of([name])) for name, mean in self.state.transforms.items()}
+        return {
+            name: PoseEstimate(mean, self.joint_transform_covariance([name]))
+            for name, mean in self.state.transforms.items()
+        }
 
-    def covariance_of(self, names: list[str]) -> Array:
+    def joint_transform_covariance(self, names: list[str]) -> Array:
         """Joint covariance of transforms, (6 n, 6 n) [m, rad]; fixed ones have none."""
         out = np.zeros((6 * len(names), 6 * len(names)))
         rows, source = [], []
@@ -99,10 +102,10 @@ def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solu
         InputError: if the cell contradicts the recording.
     """
     problem, findings = build_problem(cell, synchronous(cell, recording))
-    return solve_packed(problem, cell, settings, tuple(findings))
+    return solve_problem(problem, cell, settings, tuple(findings))
 
 
-def solve_packed(
+def solve_problem(
     problem: Problem,
     cell: Cell,
     settings: Settings = STATED,
@@ -126,15 +129,15 @@ def solve_from(
         return integrate_solution(found)
 
 
-def integrate_solution(solution: Solution, is_quick: bool = False, near: NoiseEstimate | None = None) -> Solution:
+def integrate_solution(solution: Solution, is_quick: bool = False, guess: NoiseEstimate | None = None) -> Solution:
     """A solution whose covariance holds how well its sigmas are known, where these were estimated jointly.
 
     Args:
         solution: At the most likely sigmas.
         is_quick: Whether a covariance that is good to a tenth will do.
-        near: The integrated sigmas of nearly the same views, to start from.
+        guess: The integrated sigmas of nearly the same views, to start from.
     """
-    noise = integrate_sigmas(solution.problem, solution.state, solution.noise, is_quick, near)
+    noise = integrate_sigmas(solution.problem, solution.state, solution.noise, is_quick, guess)
     if noise.covariance is None:
         return solution
     seen = solution.observability
@@ -149,7 +152,7 @@ def solve_at_mode(
     start: State,
     settings: Settings = STATED,
     findings: tuple[Finding, ...] = (),
-    near: NoiseEstimate | None = None,
+    guess: NoiseEstimate | None = None,
 ) -> Solution:
     """As `solve_from`, with the covariance at the most likely sigmas.
 
@@ -158,12 +161,12 @@ def solve_at_mode(
         start: Where to start.
         settings: How to go about it.
         findings: What is known to be wrong already.
-        near: Sigmas of nearly the same views, to start from.
+        guess: Sigmas of nearly the same views, to start from.
     """
     dof = degrees_of_freedom(problem)
     if settings.robot_noise == "estimated":
         with settings.stage("noise"):
-            problem, end, noise = estimate_jointly(problem, start, settings.iterations, near, settings.part)
+            problem, end, noise = estimate_jointly(problem, start, settings.iterations, guess, settings.part)
     else:
         with settings.stage("descent"):
             end = bundle_adjust(problem, start, dof, settings.iterations)

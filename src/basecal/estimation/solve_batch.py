@@ -44,7 +44,7 @@ def solve_batch(problem: Problem, starts: State, iterations: int = 100) -> Solut
     Raises:
         InputError: if sigmas of several kinds are to be estimated: that is done one problem at a time.
     """
-    first = problem.of_batch(np.array([0]))
+    first = problem.take_batch(np.array([0]))
     kinds = [kind for kind, count in residual_counts(first).items() if count]
     if len(kinds) > 1:
         raise InputError(f"a batch takes residuals of one kind, here are {' and '.join(kinds)}: solve them one by one")

@@ -50,10 +50,10 @@ class Stages:
         self._tell = tell
         self._running = ""
 
-    def part(self, done: int, total: int) -> None:
+    def part(self, done_count: int, total: int) -> None:
         """Tell how much of the present stage is done."""
         if self._tell is not None and self._running:
-            self._tell(f"{self._running}, {done} of {total}")
+            self._tell(f"{self._running}, {done_count} of {total}")
 
     @contextmanager
     def stage(self, name: StageName) -> Iterator[None]:

@@ -18,7 +18,7 @@ from basecal.estimation.axis_shift.closed_form import (
     orthonormalise,
 )
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import refined
+from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import nearest_rotation, rotation_log
 from basecal.simulation.shifts import shift_directions
@@ -132,7 +132,7 @@ def _length_errors(bed: Testbed, shift_m: float, seed: int, draws: int) -> dict[
     points = shift_m * shift_directions(is_two_sided=False)
     measurement = PixelMeasurement(points, seen, everywhere, weight, weight)
     camera = Camera("pinhole", np.array([*bed.focal_px, 0.0, 0.0]))
-    likely = refined(measurement, closed, camera, iterations=100).camera_from_target
+    likely = refine_poses(measurement, closed, camera, iterations=100).camera_from_target
     at_truth = measurement.take(slice(0, 1)).linearise(SE3(true.rotation[None], true.translation[None]), camera, False)
     bound = np.diag(np.linalg.inv(at_truth.information[0]))
     return {

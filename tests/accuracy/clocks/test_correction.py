@@ -18,7 +18,7 @@ from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.step import ClockStep
 from basecal.cell import Clock, Recording, RollingShutter
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.streams.rolling_shutter import line_time_name
 from basecal.estimation.streams.streams import recording_streams, synchronise
 from stream_cells import MOUNT, Streamed, pictured, streamed
@@ -31,7 +31,7 @@ def solved(made: Streamed, offset_s: float) -> tuple[Clocked, Solution]:
     assert streams is not None
     offsets = {"arm": 0.0, "wrist": offset_s}
     of = Clocked(streams, offsets, synchronise(streams, offsets))
-    return of, solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
+    return of, solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
 
 
 def test_the_answer_moves_to_the_optimum_of_the_offset() -> None:

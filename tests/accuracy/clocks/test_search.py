@@ -14,7 +14,7 @@ from basecal.cell import Clock, Robot, RollingShutter
 from basecal.errors import NotObservable
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve, solve_packed
+from basecal.estimation.solve import solve, solve_problem
 from basecal.estimation.streams.streams import recording_streams
 from quick import quick
 from stream_cells import Streamed, pictured, streamed
@@ -71,7 +71,7 @@ def test_rows_are_mended_by_the_line_time_that_is_found(shutter: RollingShutter)
     of = search_offsets(streams, Settings())
     assert of.offsets_s["wrist line"] == pytest.approx(3e-5, abs=1e-6)
     solution = solve(of.streams.cell, made.recording)
-    mended = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
+    mended = solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
     assert mended.cost < 1.2 * mended.dof
     assert solution.cost > 5 * mended.cost  # each view by its mean row alone
 
@@ -88,7 +88,7 @@ def tried(made: Streamed, monkeypatch: pytest.MonkeyPatch, misfit) -> tuple[list
         return misfit(offsets["wrist"])
 
     monkeypatch.setattr(search, "_misfit", misfit_of)
-    return seen, search._best_offset(streams, {**streams.stated, "wrist": -5.0}, "wrist", Settings())["wrist"]
+    return seen, search._best_offset(streams, {**streams.stated_offsets, "wrist": -5.0}, "wrist", Settings())["wrist"]
 
 
 def test_an_offset_is_looked_for_within_a_second_or_three_sigmas(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,8 +112,10 @@ def test_the_misfit_is_least_at_the_true_offset() -> None:
     """For each residual about one by stated sigmas; more where views are taken for those of other instants."""
     streams = recording_streams((made := streamed(0.03)).cell, made.recording)
     assert streams is not None
-    few = streams.thinned(12)
-    at, beside = (search._misfit(few, {**streams.stated, "wrist": offset}, Settings()) for offset in (0.03, 0.13))
+    few = streams.thin(12)
+    at, beside = (
+        search._misfit(few, {**streams.stated_offsets, "wrist": offset}, Settings()) for offset in (0.03, 0.13)
+    )
     assert 0.3 < at < 1.5
     assert beside > 10 * at
 
@@ -276,11 +278,11 @@ def test_where_nothing_is_solved_the_misfit_is_infinite(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(("noise", "expected"), [("stated", "plain"), ("estimated", "with noise")])
 def test_noise_of_robots_is_estimated_unless_taken_as_stated(monkeypatch: pytest.MonkeyPatch, noise, expected) -> None:
     """Of the problem of samples by these offsets."""
-    monkeypatch.setattr(search, "solve_packed", lambda problem, cell, settings: "plain")
+    monkeypatch.setattr(search, "solve_problem", lambda problem, cell, settings: "plain")
     monkeypatch.setattr(search, "with_noise", lambda plain, settings: "with noise")
     made = streamed(seconds=2.0)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    solution, samples = search._solve_at_offsets(streams, streams.stated, Settings(robot_noise=noise))
+    solution, samples = search._solve_at_offsets(streams, streams.stated_offsets, Settings(robot_noise=noise))
     assert solution == expected
     assert len(samples.recording.samples) == len(streams.instants)

@@ -11,7 +11,7 @@ from basecal.accuracy.clocks import step
 from basecal.accuracy.clocks.step import ClockStep, clock_step
 from basecal.cell import Clock, RollingShutter
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.streams.rolling_shutter import Known
 from basecal.estimation.streams.streams import Synchronised, recording_streams, synchronise
 from basecal.geometry import SE3
@@ -25,7 +25,7 @@ def solved(made: Streamed, offset_s: float) -> tuple[ClockStep, Solution, Synchr
     offsets = {"arm": 0.0, "wrist": offset_s}
     samples = synchronise(streams, offsets)
     problem, _ = build_problem(made.cell, samples.recording)
-    solution = solve_packed(problem, made.cell)
+    solution = solve_problem(problem, made.cell)
     return clock_step(streams, samples, offsets, solution), solution, samples
 
 
@@ -73,7 +73,7 @@ def test_two_arms_of_the_same_clock_count_together() -> None:
     offsets = {"arm": 0.0, "wrist": 0.028}
     samples = synchronise(streams, offsets)
     problem, _ = build_problem(made.cell, samples.recording)
-    found = clock_step(streams, samples, offsets, solve_packed(problem, made.cell))
+    found = clock_step(streams, samples, offsets, solve_problem(problem, made.cell))
     assert set(found.clocks) == {"arm", "wrist"}
     np.testing.assert_allclose(found.by_offsets[:, 0], -found.by_offsets[:, 1], rtol=1e-9)
 
@@ -84,13 +84,13 @@ def test_a_step_leads_to_the_true_line_time(away_s: float) -> None:
     made = pictured(2e-5, RollingShutter("free", 2e-5 + away_s))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    of, solution = synchronise(streams, streams.stated), None
+    of, solution = synchronise(streams, streams.stated_offsets), None
     for _ in range(2):  # as the line time stands, pixels are mended by the first solution
-        solution = solve_packed(build_problem(made.cell, of.recording)[0], made.cell)
+        solution = solve_problem(build_problem(made.cell, of.recording)[0], made.cell)
         known = Known(made.cell, solution.state.transforms, solution.state.cameras)
-        of = synchronise(streams, streams.stated).correct_rows(known, streams.stated)
+        of = synchronise(streams, streams.stated_offsets).correct_rows(known, streams.stated_offsets)
     assert solution is not None
-    found = clock_step(streams, of, streams.stated, solution)
+    found = clock_step(streams, of, streams.stated_offsets, solution)
     assert found.clocks == ("wrist line",)
     sigma = float(np.sqrt(found.covariance[0, 0]))
     assert sigma < 5e-7

@@ -45,7 +45,7 @@ def test_robots_held_to_be_exact_have_one():
     rival = cross_validate(solution, made.cell.requested_transforms, EXACT).rival
     assert rival.ratio > 1.1
     where = solution.problem.columns[MOUNT]
-    sigma = np.sqrt(np.diag(solution.covariance_of([MOUNT])))
+    sigma = np.sqrt(np.diag(solution.joint_transform_covariance([MOUNT])))
     assert np.abs(rival.moved[where] / sigma).max() > 3.0
     others = np.ones(len(rival.moved), dtype=bool)
     others[where] = others[solution.problem.columns["arm_base_from_board"]] = False

@@ -202,7 +202,7 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
 def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, off_m, error_m):
     """Roots of mean squares, of lengths where every view has one; and the score of each station."""
     scores = StationScores(np.array([0.1, 0.2]), 0.25, np.array(off_m))
-    monkeypatch.setattr(module, "_of", lambda problem, chains, candidate: candidate.kind)
+    monkeypatch.setattr(module, "_take_rows", lambda problem, chains, candidate: candidate.kind)
     monkeypatch.setattr(module, "score_stations", lambda modelled, state, split, steps: scores if steps == 7 else None)
     trials = _Trials(SimpleNamespace(with_models=lambda models: models), {}, None, None, 7)
     found = trials.scored("joint", ("hand",), 2)

@@ -27,7 +27,7 @@ def test_held_out_errors_are_alike(pixel_noise: bool, monkeypatch: pytest.Monkey
     few = of_some_views(whole, STATED)
     assert [len(group) for group in few.problem.groups] == [40]
     name = "eye_base_from_hand_base"
-    sizes = [np.sqrt(np.diag(each.covariance_of([name]))) for each in (whole, few)]
+    sizes = [np.sqrt(np.diag(each.joint_transform_covariance([name]))) for each in (whole, few)]
     assert 1.5 < np.median(sizes[1] / sizes[0]) < 2.0
     off = (whole.state.transforms[name].inverse() @ few.state.transforms[name]).log()
     assert np.all(np.abs(off) < 4 * sizes[1])

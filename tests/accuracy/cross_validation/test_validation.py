@@ -39,7 +39,7 @@ from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
@@ -59,7 +59,7 @@ def validated(scenario: Scenario, seed: int, **told) -> tuple[Validation | None,
 
 def checked(cell: Cell, recording: Recording) -> tuple[Validation | None, tuple[Finding, ...]]:
     problem, _ = build_problem(cell, recording)
-    solution = solve_packed(problem, cell)
+    solution = solve_problem(problem, cell)
     found = cross_validate(solution, cell.requested_transforms)
     evidence = evidence_of(cell, solution, found)
     return found and found.summary, (*not_validated(evidence), *inconsistent_folds(evidence), *overfit(evidence))
@@ -90,7 +90,7 @@ def test_many_robots_are_validated_as_few(monkeypatch):
     def checked_ring() -> CrossValidation:
         """Solved and validated."""
         found = cross_validate(
-            solve_packed(problem, made.cell, Settings(robot_noise="stated")), made.cell.requested_transforms
+            solve_problem(problem, made.cell, Settings(robot_noise="stated")), made.cell.requested_transforms
         )
         assert found is not None
         return found
@@ -150,7 +150,7 @@ def test_the_offset_of_a_light_moves_as_its_covariance_says():
     """Asked for alone it has three numbers, whose change is of the size of their covariance."""
     made = simulate(LIGHT, 0)
     problem, _ = build_problem(made.cell, made.recording)
-    found = cross_validate(solve_packed(problem, made.cell), [made.cell.mount_name("board")])
+    found = cross_validate(solve_problem(problem, made.cell), [made.cell.mount_name("board")])
     assert found is not None
     assert 0.05 < found.summary.base_change < 4.0
 
@@ -180,7 +180,7 @@ def test_too_few_views_for_a_lens_predict_badly():
     for seed in range(2):
         made = simulate(Scenario(samples=5, intrinsics="free"), seed)
         problem, _ = build_problem(made.cell, made.recording)
-        found = cross_validate(solve_packed(problem, made.cell), made.cell.asked)
+        found = cross_validate(solve_problem(problem, made.cell), made.cell.asked)
         assert found.predicted.cost > 4 * found.fitted.cost
         assert 0.05 < found.predicted.cost / (found.fitted.cost + found.predicted.uncertain) < 9
 
@@ -191,7 +191,7 @@ def test_held_out_views_cost_what_is_expected():
     for seed in range(3):
         made = simulate(replace(NOISY, samples=8), seed)
         problem, _ = build_problem(made.cell, made.recording)
-        found = cross_validate(solve_packed(problem, made.cell), made.cell.asked)
+        found = cross_validate(solve_problem(problem, made.cell), made.cell.asked)
         cost, expected = cost + found.predicted.cost, expected + found.fitted.cost + found.predicted.uncertain
     assert cost == pytest.approx(expected, rel=0.33)
 

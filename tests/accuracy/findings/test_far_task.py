@@ -17,7 +17,7 @@ MADE = simulate(Scenario(samples=8), 0)
 def evidence_at(made, aside_m):
     """Evidence of a task point so far above all flanges of both arms; without one if None."""
     solution = solve(made.cell, made.recording)
-    flanges = solution.problem.ends_of("eye")[0].base_from_flange.translation
+    flanges = solution.problem.robot_ends("eye")[0].base_from_flange.translation
     highest = flanges[np.argmax(flanges[:, 2])]
     point = None if aside_m is None else tuple(highest + np.array([0, 0, aside_m]))
     return replace(evidence_of(made.cell, solution), settings=Settings(task_point=point))

@@ -78,7 +78,7 @@ def test_links_that_help():
     """How far the worst link of any robot is off, and both entries to write; a better model beside is named."""
     links = np.zeros((3, 6))
     links[1], links[2] = [3e-3, 4e-3, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.01]
-    robots = [SimpleNamespace(of={"link_parameters": each}.get) for each in (np.zeros((2, 6)), links)]
+    robots = [SimpleNamespace(kind_values={"link_parameters": each}.get) for each in (np.zeros((2, 6)), links)]
     (found,) = robot_model_findings(choice(candidate("links"), candidate("offsets", ("hand",)), robots=robots))
     assert "Links are off by up to 5 mm and 0.57 deg" in found.message
     assert "Whether freeing the joint offsets of hand helps more is undecided" in found.message
@@ -104,7 +104,7 @@ def found(effect, about="hand", is_certain=True, alternatives=()):
 ])  # fmt: skip
 def test_offsets_that_stand_in_for_another_effect_are_left_out(evidence, other, chosen, is_left_out):
     """A certain effect of the same robot's joints that is no offset, and that the data tell from one."""
-    arm = SimpleNamespace(of=lambda _: np.zeros((7, 6)))
+    arm = SimpleNamespace(kind_values=lambda _: np.zeros((7, 6)))
     chosen_model = choice(candidate(chosen, ("hand",), 1, error_m=2e-3), robots=(arm,))
     made = evidence(robot_model=chosen_model, systematic_error=other)
     assert (robot_model(made) == []) == is_left_out

@@ -24,7 +24,7 @@ from basecal.accuracy.findings.unobservable_direction import unobservable_by_pos
 from basecal.cell import Calibration, Recording, RobotState
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from quick import quick
@@ -227,7 +227,7 @@ def test_what_is_known_is_not_left_open_by_the_poses():
 def test_where_nothing_was_solved_the_poses_are_asked_first(monkeypatch, converged, by_poses):
     """What the solution says counts where there is one, or where the poses say nothing."""
     made = recorded(SEEN["charuco"], 3, hand=SHIFTS)
-    solution = replace(solve_packed(problem_of(made), made.cell, EXACT), converged=converged)
+    solution = replace(solve_problem(problem_of(made), made.cell, EXACT), converged=converged)
     monkeypatch.setattr(unobservable_direction, "unobservable_by_poses", lambda *given: list(by_poses))
     found = unobservable_direction.unobservable_directions(SimpleNamespace(cell=made.cell, solution=solution))
     if by_poses and not converged:

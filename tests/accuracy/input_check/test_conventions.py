@@ -23,7 +23,7 @@ from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.problem.robot_parameters import Kinematics
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3, Camera
 from basecal.simulation import Scenario, simulate
 
@@ -105,7 +105,7 @@ def test_links_explain_no_mix_up(factor):
     made = simulate(scenario, 7)
     cell = resized(made.cell, {"board": factor})
     problem, _ = build_problem(cell, made.recording)
-    plain = solve_packed(problem, cell, STATED)
+    plain = solve_problem(problem, cell, STATED)
     found = conventions.check_conventions(cell, made.recording, problem, plain, STATED)
     assert [f.code for f in found] == (["board-size"] if factor > 1 else [])
 
@@ -491,7 +491,7 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
     }  # fmt: skip
     for name, value in known.items():
         judged_by_name.setattr(conventions, name, lambda *given, value=value: value)
-    judged_by_name.setattr(conventions, "stops_made", lambda problem, robot: {"eye": 1, "hand": 2}[robot])
+    judged_by_name.setattr(conventions, "count_stops", lambda problem, robot: {"eye": 1, "hand": 2}[robot])
     judged_by_name.setattr(conventions, "_tried", tried)
     judged_by_name.setattr(conventions, "decide_hypotheses", decide)
     few = replace(BOARD.recording, samples=BOARD.recording.samples[:samples])

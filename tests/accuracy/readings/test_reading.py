@@ -149,7 +149,7 @@ def test_a_grid_of_another_size_is_turned_about_another_middle():
 def test_samples_are_thinned_evenly(kind, most):
     """At most so many, the first and the last among them."""
     made = MADE[kind]
-    reading = declared(made.cell, made.recording).thinned(most)
+    reading = declared(made.cell, made.recording).thin(most)
     rows = np.unique(np.linspace(0, 11, min(most, 12)).round().astype(int))
     few = replace(made.recording, samples=tuple(made.recording.samples[k] for k in rows))
     assert reading.order.tolist() == rows.tolist()

@@ -15,7 +15,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -48,7 +48,7 @@ def test_each_robot_camera_and_target_is_in_a_pair(pairs):
 def test_a_pair_tells_how_its_bases_stand(pairs):
     """Solved alone, with the eye's base where it is, the hand's base is the truth within six sigmas an axis."""
     for pair in pairs[:3]:
-        found = solve_packed(pair.reading.problem, pair.reading.cell, Settings(robot_noise="stated"))
+        found = solve_problem(pair.reading.problem, pair.reading.cell, Settings(robot_noise="stated"))
         name = pair.reading.cell.requested_transforms[0]
         estimate = found.transforms[name]
         off = (estimate.mean.inverse() @ RING.truth[name]).log() / np.sqrt(np.diag(estimate.covariance))

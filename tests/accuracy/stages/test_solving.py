@@ -25,7 +25,7 @@ def case(**parts):
 def test_noise_is_estimated_unless_the_stated_one_is_asked_for(monkeypatch, robot_noise, noisy):
     """And the first solution has the noise as stated."""
     given = []
-    monkeypatch.setattr(solving, "solve_packed", lambda *words: given.append(words) or "plain")
+    monkeypatch.setattr(solving, "solve_problem", lambda *words: given.append(words) or "plain")
     monkeypatch.setattr(solving, "with_noise", lambda *words: "noisy")
     found = solving.solve_all(case(robot_noise=robot_noise))
     assert (found.plain, found.noisy) == ("plain", noisy)

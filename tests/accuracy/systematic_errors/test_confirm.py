@@ -15,7 +15,7 @@ from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.length_scale import candidates as length_scales
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -29,7 +29,7 @@ def situation(factor):
         read = SE3(pose.rotation, factor * pose.translation)
         samples.append(Sample(sample.sample, None, {**sample.robots, "hand": RobotState(read)}, sample.observations))
     problem, _ = build_problem(made.cell, Recording(tuple(samples)))
-    return Situation(problem, solve_packed(problem, made.cell).state, problem, {})
+    return Situation(problem, solve_problem(problem, made.cell).state, problem, {})
 
 
 @pytest.mark.parametrize("factor", [0.99, 1.01])

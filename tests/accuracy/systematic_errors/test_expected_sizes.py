@@ -38,7 +38,7 @@ def with_board(cell, share=1.0, **stated):
 
 def alone(solution, module, *sigmas):
     """What one effect does to an answer."""
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     candidates = module.candidates(situation)
     effects = [Expected(module.EFFECT.name, each, np.array(sigmas)) for each in candidates]

@@ -15,7 +15,7 @@ from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import integrate_solution, solve_packed
+from basecal.estimation.solve import integrate_solution, solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -90,7 +90,7 @@ def bent():
         off = replace(hand, base_from_flange=pose @ SE3.exp(weights @ np.sin(4 * pose.translation)))
         samples.append(replace(sample, stamp_s=float(k), robots={**sample.robots, "hand": off}))
     problem, _ = build_problem(made.cell, Recording(tuple(samples)))
-    plain = solve_packed(problem, made.cell, Settings(robot_noise="stated"))
+    plain = solve_problem(problem, made.cell, Settings(robot_noise="stated"))
     return problem, integrate_solution(with_noise(plain, SETTINGS))
 
 
@@ -99,7 +99,7 @@ def test_single_stops_do_not_absorb_what_stops_share(bent):
     problem, solution = bent
     assert list(solution.noise.common) == ["smooth"]
     assert np.all(solution.noise.beside_common.robots["hand"] < solution.noise.robots["hand"])
-    of = Situation(solution.noise.held_by(solution.problem), solution.state, problem, {}, solution.noise)
+    of = Situation(solution.noise.hold_sigmas(solution.problem), solution.state, problem, {}, solution.noise)
     drift = candidate(of.flange_jacobian(0, "hand")[..., :1] * np.arange(40)[:, None, None] / 40)
     assert score(of.null, drift).information[0, 0, 0] > 2 * score(of.about, drift).information[0, 0, 0]
     views = of.null.views[0]

@@ -42,7 +42,7 @@ def stretched(share):
 def about(recording):
     """The situation of a recording, and its solution."""
     solution = solve(MADE.cell, recording, STATED)
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     return Situation(problem, solution.state, problem, {}, solution.noise), solution
 
 

@@ -23,7 +23,7 @@ from basecal.cell import Unknown
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import solve_from, solve_packed
+from basecal.estimation.solve import solve_from, solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -39,7 +39,7 @@ def solved(scenario, seed=0, off=None):
     cell = replace(made.cell, cameras={"wrist": replace(camera, mount=mount)})
     free = replace(made.cell, cameras={"wrist": replace(camera, mount=Unknown("free"))})
     problem = build_problem(cell, made.recording)[0]
-    solution = solve_packed(problem, cell)
+    solution = solve_problem(problem, cell)
     freed = solve_from(build_problem(free, made.recording)[0], solution.state)
     return Situation(solution.problem, solution.state, problem, {}), solution, freed
 
@@ -61,7 +61,7 @@ def test_statistic_is_what_solving_for_the_error_gains(arms):
     moved = (of.state.transforms[MOUNT].inverse() @ freed.state.transforms[MOUNT]).log()
     np.testing.assert_allclose(found.size[0], moved, atol=0.05 * float(np.abs(moved).max()))
     sigma = np.sqrt(np.diag(np.linalg.inv(found.information[0])))
-    np.testing.assert_allclose(sigma, np.sqrt(np.diag(freed.covariance_of([MOUNT]))), rtol=0.02)
+    np.testing.assert_allclose(sigma, np.sqrt(np.diag(freed.joint_transform_covariance([MOUNT]))), rtol=0.02)
 
 
 def test_what_an_unknown_takes_up_is_not_tested():

@@ -21,7 +21,7 @@ from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve, solve_packed
+from basecal.estimation.solve import solve, solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -45,7 +45,7 @@ def as_recorded(read, scenario=SCENARIO, seed=0):
 
 def found_in(cell, recording):
     problem, _ = build_problem(cell, recording)
-    solution = solve_packed(problem, cell, SETTINGS)
+    solution = solve_problem(problem, cell, SETTINGS)
     stamps = {s.sample: s.stamp_s for s in recording.samples}
     return solution, systematic_error(solution, problem, stamps, SETTINGS)
 
@@ -90,7 +90,7 @@ def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
     """A step is named as one where a drift of the same base is suspected after it, or before."""
     cell, recording = as_recorded(KINDS["base-moved"][0], replace(SCENARIO, state_robot_noise=False))
     problem, _ = build_problem(cell, recording)
-    exact = solve_packed(problem, cell, SETTINGS)
+    exact = solve_problem(problem, cell, SETTINGS)
     solution, stamps = with_noise(exact, Settings(), near=exact), {s.sample: s.stamp_s for s in recording.samples}
     suspects = search._suspects(search._situation(solution, problem, stamps))
     assert {"base-moved", "drift"} <= {each.candidate.code for each in suspects}
@@ -110,7 +110,7 @@ def test_the_covariance_covers_the_answer_without_the_error():
     made = simulate(SCENARIO, 0)
     base = "eye_base_from_hand_base"
     off = (solution.state.transforms[base].inverse() @ made.truth[base]).log()
-    alone, both = (s.covariance_of([base]) for s in (solution, widen(solution, error.moved)))
+    alone, both = (s.joint_transform_covariance([base]) for s in (solution, widen(solution, error.moved)))
     assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
 
@@ -177,7 +177,7 @@ def test_an_error_that_reconciles_residuals_with_their_sigmas():
         halved.append(replace(sample, observations=(replace(seen, sigma=0.5 * seen.sigma),)))
     for recording, code in ((moved, "base-moved"), (Recording(tuple(halved)), None)):
         problem, _ = build_problem(cell, recording)
-        solution = solve_packed(problem, cell, SETTINGS)
+        solution = solve_problem(problem, cell, SETTINGS)
         assert any(each.is_too_small for each in contradicted_sigmas(solution))
         found = _reconciling(solution, solution, problem, {s.sample: s.stamp_s for s in recording.samples}, SETTINGS)
         assert (None if found is None else found.code) == code
@@ -217,7 +217,7 @@ def test_a_joint_that_is_off_is_found():
     assert (finding.code, finding.severity, finding.about) == ("robot-model", "warning", ("hand",))
     base = "eye_base_from_hand_base"
     off = (solution.state.transforms[base].inverse() @ made.truth[base]).log()
-    alone, both = (s.covariance_of([base]) for s in (solution, widen(solution, error.moved)))
+    alone, both = (s.joint_transform_covariance([base]) for s in (solution, widen(solution, error.moved)))
     assert off @ np.linalg.solve(alone, off) > MOST_SQUARED
     assert off @ np.linalg.solve(both, off) < MOST_SQUARED
 

@@ -10,7 +10,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.estimation.least_squares.jacobians import unknown_jacobian
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Chain, Link
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -18,7 +18,7 @@ from basecal.simulation import Scenario, simulate
 def situation(scenario, seed=0, stamps=None):
     made = simulate(scenario, seed)
     problem, _ = build_problem(made.cell, made.recording)
-    solution = solve_packed(problem, made.cell)
+    solution = solve_problem(problem, made.cell)
     times = {s.sample: float(s.sample) for s in made.recording.samples} if stamps is None else stamps
     return Situation(problem, solution.state, problem, times)
 

@@ -14,7 +14,7 @@ from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=12, robot_noise=(2e-4, 5e-4), position_m=0.03, spread_rad=0.3), 4)
 SOLUTION = solve(MADE.cell, MADE.recording, Settings(robot_noise="stated"))
-PLACES = SOLUTION.problem.ends_of("hand")[0].base_from_flange.translation
+PLACES = SOLUTION.problem.robot_ends("hand")[0].base_from_flange.translation
 
 
 def added(points_m, is_total=False, has_base=True):

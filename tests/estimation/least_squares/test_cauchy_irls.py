@@ -11,7 +11,7 @@ from tests.pose_problem import MOUNT, pose_problem
 from basecal.estimation.least_squares import cauchy_irls as module
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust
 from basecal.estimation.least_squares.cauchy_irls import cauchy_irls
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 
 SIGMA = np.full(6, 1e-3)
 

@@ -170,7 +170,7 @@ def test_what_fits_to_the_last_bit_is_off_by_a_nanometre():
 
 def test_an_estimate_that_did_not_come_to_rest_says_so(rng, monkeypatch):
     """After one round of what takes several."""
-    monkeypatch.setattr(module, "_ROUNDS", 1)
+    monkeypatch.setattr(module, "_FIXED_POINT_ROUNDS", 1)
     _, _, noise = estimated(0.1 * rng.standard_normal((4, 6)))
     assert (noise.settled, noise.factor, noise.estimated) == (False, 1.0, ("pose_m", "pose_rad"))
 
@@ -210,7 +210,7 @@ def test_a_problem_holds_what_was_estimated():
         Noise(pose_m=2e-3), 1.0, ("pose_m",), True, robots={"eye": np.full(6, 1e-4)},
         cameras={"other": Noise(pose_m=5e-3)}, jitter_s={"camera": 2e-3},
     )  # fmt: skip
-    held = noise.held_by(two)
+    held = noise.hold_sigmas(two)
     assert held.held
     assert [g.measurement.weight[0, 0] for g in held.groups] == pytest.approx([500.0, 200.0])
     assert (held.jitter_s, held.stops.robot) == ({"other": 1e-3, "camera": 2e-3}, ("eye", "eye"))

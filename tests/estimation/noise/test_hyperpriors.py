@@ -167,7 +167,7 @@ def test_twenty_freedoms_tell_how_points_scatter(freedoms, mean, factor):
 def _with_jitter(model, *cameras):
     """The model with open jitter of these cameras."""
     of = model.sigmas
-    return replace(model, sigmas=SigmaPlaces.in_turn(list(of.views), list(of.stops), cameras, bool(of.shared)))
+    return replace(model, sigmas=SigmaPlaces.sequential(list(of.views), list(of.stops), cameras, bool(of.shared)))
 
 
 def test_stamps_are_expected_to_jitter_by_a_fifth_of_a_millisecond():

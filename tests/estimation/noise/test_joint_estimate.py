@@ -186,10 +186,10 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
     state = State(s.truth, s.cameras, np.zeros((len(problem.stops), 6)))
     monkeypatch.setattr(joint_estimate, "_MANY_VIEWS", 8)
     if not settled:
-        monkeypatch.setattr(joint_estimate, "_ROUNDS", 0)
-    asked, of_all = [], joint_estimate._of_all
+        monkeypatch.setattr(joint_estimate, "_ALTERNATIONS", 0)
+    asked, of_all = [], joint_estimate._extend_estimate
     monkeypatch.setattr(
-        joint_estimate, "_of_all", lambda *given: asked.append(len(given[0].groups[0])) or of_all(*given)
+        joint_estimate, "_extend_estimate", lambda *given: asked.append(len(given[0].groups[0])) or of_all(*given)
     )
     _, _, noise = estimate_jointly(problem, state, 50)
     assert asked == ([12] if settled else [])
@@ -253,9 +253,9 @@ def test_shapes_add_to_those_that_the_problem_has(rng):
     largest = np.abs(mean).max()
     for limit in (1.01 * largest, 0.99 * largest):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(joint_estimate, "_SETTLED", limit)
-            assert joint_estimate._shaped_enough(of) == (limit > largest)
-    assert joint_estimate._shaped_enough(sigmas_found(rng))
+            patch.setattr(joint_estimate, "_SETTLED_CHANGE", limit)
+            assert joint_estimate._has_settled_shapes(of) == (limit > largest)
+    assert joint_estimate._has_settled_shapes(sigmas_found(rng))
 
 
 def test_an_estimate_holds_what_was_found(rng):
@@ -298,9 +298,9 @@ def test_errors_keep_their_size_in_other_units():
     """Of stops of an open robot they go by its sigma; at unit sigmas they are in metres and radians."""
     problem, state = pose_problem(np.zeros((2, 6)), None, stop_sigma=np.repeat([1e-3, 2e-3], 3))
     state = replace(state, stop_errors=np.ones((2, 6)))
-    unit, physical = joint_estimate._in_units(problem, state, ["eye"])
+    unit, physical = joint_estimate._unit_problem(problem, state, ["eye"])
     np.testing.assert_array_equal(unit.stops.sigma, 1.0)
     np.testing.assert_allclose(physical.stop_errors, np.tile(np.repeat([1e-3, 2e-3], 3), (2, 1)))
-    same, as_it_was = joint_estimate._in_units(problem, state, [])
+    same, as_it_was = joint_estimate._unit_problem(problem, state, [])
     np.testing.assert_array_equal(same.stops.sigma, problem.stops.sigma)
     np.testing.assert_array_equal(as_it_was.stop_errors, 1.0)

@@ -14,25 +14,25 @@ from basecal.estimation.noise import laplace
 from basecal.estimation.noise.hyperpriors import LogNormals, hyperpriors
 from basecal.estimation.noise.laplace import SigmaPosterior, integrated_covariance, moments, sigma_posterior
 from basecal.estimation.noise.mixed_model import mixed_model
-from basecal.estimation.noise.reml import columns_given, posterior
-from basecal.estimation.noise.robot_noise import stops_made
+from basecal.estimation.noise.reml import posterior, solve_columns
+from basecal.estimation.noise.robot_noise import count_stops
 from quick import quick
 
 
 def test_integrating_over_sigmas_widens_the_covariance(found):
     """The most likely sigmas are stationary, and the covariance integrated over them is larger than at them."""
-    assert np.abs(found.at_mode.slope() + found.prior.value(found.logs)[1]).max() < 0.1
-    whole = integrated_covariance([found], found.at_mode.step)
-    assert np.trace(whole[:6, :6]) > 1.02 * np.trace(found.at_mode.covariance[:6, :6])
+    assert np.abs(found.mode_posterior.slope() + found.prior.value(found.logs)[1]).max() < 0.1
+    whole = integrated_covariance([found], found.mode_posterior.step)
+    assert np.trace(whole[:6, :6]) > 1.02 * np.trace(found.mode_posterior.covariance[:6, :6])
 
 
 def test_models_count_by_how_much_likelier_one_is(found):
     """However unlikely both are: of two alike the covariance is that of either."""
     found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
-    alone = integrated_covariance([found], found.at_mode.step)
+    alone = integrated_covariance([found], found.mode_posterior.step)
     for surprise in (-1e5, 0.0, 1e5):
         both = [replace(found, surprise=surprise), replace(found, surprise=surprise)]
-        np.testing.assert_allclose(integrated_covariance(both, found.at_mode.step), alone, rtol=1e-9)
+        np.testing.assert_allclose(integrated_covariance(both, found.mode_posterior.step), alone, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("samples", "seed", "nodes"), quick([(4, 2, 1500), (5, 3, 4000)], [(4, 2, 1500)]))
@@ -45,14 +45,14 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
     model = mixed_model(*at_truth(replace(NOISY, samples=samples), seed), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
     found = sigma_posterior(model, prior)
-    whole = integrated_covariance([found], found.at_mode.step)[:6, :6]
+    whole = integrated_covariance([found], found.mode_posterior.step)[:6, :6]
     rng, width = np.random.default_rng(seed), 2.0 * np.linalg.cholesky(found.covariance)
     total, weight = np.zeros((6, 6)), 0.0
     for _ in range(nodes):
         step = rng.standard_normal(len(found.logs))
-        known = columns_given(model, found.logs + width @ step)
+        known = solve_columns(model, found.logs + width @ step)
         minus_log = 0.5 * (known.value + prior.value(known.logs)[0] - found.surprise) - 0.5 * step @ step
-        off = (known.step - found.at_mode.step)[:6]
+        off = (known.step - found.mode_posterior.step)[:6]
         share = np.exp(-minus_log)
         total += share * (known.covariance[:6, :6] + np.outer(off, off))
         weight += share
@@ -63,7 +63,7 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
 def test_moments_are_of_the_whole_posterior():
     """Of the unknowns they are the covariance integrated about the state; of sigmas more than of the likeliest."""
     problem, state = at_truth(NOISY)
-    shared = {robot: SharedErrors.repeat_coordinates(np.ones((stops_made(problem, robot), 1))) for robot in ROBOTS}
+    shared = {robot: SharedErrors.repeat_coordinates(np.ones((count_stops(problem, robot), 1))) for robot in ROBOTS}
     model = mixed_model(problem, state, ROBOTS, shared)
     found = sigma_posterior(model, hyperpriors(model, dict.fromkeys(ROBOTS, 0.5), SharedPrior((2.5, 2.0), "")))
     columns = np.arange(len(model.prior))
@@ -91,7 +91,7 @@ def found():
 def test_surprise_is_laplaces(found):
     """Minus twice the log of the height at the mode times what a normal of that covariance covers."""
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
-    here = found.at_mode
+    here = found.mode_posterior
     height = here.value + found.prior.value(found.logs)[0]
     assert found.surprise == pytest.approx(height - np.linalg.slogdet(2 * np.pi * found.covariance)[1], rel=1e-9)
     information = 0.5 * (here.average_information() + found.prior.curvature)
@@ -104,7 +104,7 @@ def test_the_mode_is_found_from_anywhere(found):
     k = len(found.logs)
 
     def height(logs):
-        return columns_given(found.model, logs).value + found.prior.value(logs)[0]
+        return solve_columns(found.model, logs).value + found.prior.value(logs)[0]
 
     for start in (found.logs[:1] + 2.0, found.logs - 1.5, found.logs + np.resize([2.5, -2.5], k)):
         again = sigma_posterior(found.model, found.prior, start)
@@ -146,7 +146,7 @@ def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
     total, weights = 0.0, 0.0
     for axis in np.linalg.cholesky(near.covariance).T:
         for sign in (1, -1):
-            node = columns_given(found.model, found.logs + sign * np.sqrt(k) * axis)
+            node = solve_columns(found.model, found.logs + sign * np.sqrt(k) * axis)
             height = node.value + found.prior.value(node.logs)[0] - found.surprise
             off = node.step - about
             total = total + np.exp(-0.5 * height) * (node.covariance + np.outer(off, off))
@@ -204,16 +204,16 @@ def test_nodes_of_cubature_hold_mean_and_covariance(of_numbers):
 
 def test_drawn_nodes_come_in_pairs_with_their_density(of_numbers):
     """Of Student's t with five freedoms, a fifth wider than the covariance; none beyond the bounds."""
-    nodes, drawn = laplace._drawn(of_numbers)
+    nodes, drawn = laplace._draw_nodes(of_numbers)
     assert (nodes.shape, drawn.shape) == ((128, 11), (128,))
     np.testing.assert_allclose(nodes[:64] + nodes[64:], np.tile(2 * of_numbers.logs, (64, 1)), atol=1e-12)
     off = nodes - of_numbers.logs
     squares = np.einsum("ni,ij,nj->n", off, np.linalg.inv(of_numbers.covariance), off) / 1.2**2
     np.testing.assert_allclose(drawn, (5 + 11) * np.log(1 + squares / 5), rtol=1e-8)
     assert 0.4 * 11 < np.median(squares) < 2.5 * 11  # the median of that t is 12.6
-    np.testing.assert_array_equal(laplace._drawn(of_numbers)[0], nodes)
+    np.testing.assert_array_equal(laplace._draw_nodes(of_numbers)[0], nodes)
     least, most = laplace._bounds(of_numbers.model, of_numbers.prior)
-    wide = laplace._drawn(replace(of_numbers, covariance=1e4 * of_numbers.covariance))[0]
+    wide = laplace._draw_nodes(replace(of_numbers, covariance=1e4 * of_numbers.covariance))[0]
     assert np.all((wide >= least) & (wide <= most))
     assert np.any(wide == most)
 
@@ -234,9 +234,9 @@ def test_how_sigmas_are_integrated(of_numbers, sigma, blocks, nodes):
     if nodes == 1:
         np.testing.assert_array_equal(found[0][1].logs, of.logs)
         return
-    where, drawn = laplace._drawn(of) if nodes == 128 else laplace._cubature(of)
+    where, drawn = laplace._draw_nodes(of) if nodes == 128 else laplace._cubature(of)
     of_node = {known.logs.tobytes(): weight for weight, known in found}
-    heights = [columns_given(of.model, node).value + of.prior.value(node)[0] for node in where]
+    heights = [solve_columns(of.model, node).value + of.prior.value(node)[0] for node in where]
     expected = np.exp(-0.5 * (np.array(heights) - drawn - np.min(np.array(heights) - drawn)))
     weights = [of_node.get(node.tobytes(), 0.0) for node in where]
     np.testing.assert_allclose(weights, expected / expected.sum(), rtol=1e-6, atol=1e-12)
@@ -249,14 +249,14 @@ def test_a_step_is_newtons_where_no_bound_holds():
     curvature = np.diag([2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
     curvature[2, 4] = curvature[4, 2] = 0.5
     curvature[0, 2] = curvature[2, 0] = 0.4
-    step = laplace._within(laplace._Surface(0.0, slope, curvature), logs, least, most, [])
+    step = laplace._bounded_step(laplace._Surface(0.0, slope, curvature), logs, least, most, [])
     free = [2, 3, 4, 5]
     expected = np.zeros(6)
     full = curvature + 2 * np.diag([0.3, 0.0, 0.0, 4.0, 0.7, 0.0])
     expected[free] = -np.linalg.solve(full[np.ix_(free, free)], slope[free])
     np.testing.assert_allclose(step, expected, rtol=1e-9)
     flat = laplace._Surface(0.0, np.array([-1.0]), np.array([[0.01]]))
-    np.testing.assert_allclose(laplace._within(flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
+    np.testing.assert_allclose(laplace._bounded_step(flat, np.zeros(1), -np.ones(1), np.ones(1), []), [10.0])
 
 
 def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
@@ -266,12 +266,12 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     about = np.array([0.1, -0.2, 0.3])
     expected = 0.0
     for share, of in ((0.75, sure), (0.25, other)):
-        known = columns_given(of.model, of.logs)
+        known = solve_columns(of.model, of.logs)
         expected = expected + share * (known.covariance + np.outer(known.step - about, known.step - about))
     np.testing.assert_allclose(integrated_covariance([sure, other], about), expected, rtol=1e-9)
     columns = np.array([0, 3, 10])
     mean, covariance, squares = moments(sure, columns)
-    known = columns_given(sure.model, sure.logs)
+    known = solve_columns(sure.model, sure.logs)
     np.testing.assert_allclose(mean, known.rescale(columns)[0])
     np.testing.assert_allclose(covariance, known.rescale(columns)[1], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(squares, np.exp(2 * sure.logs))
@@ -280,13 +280,13 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
 def test_the_mode_of_made_up_numbers_is_stationary(of_numbers):
     """The slope there is less than the last step's gain tells; curvature and surprise are of that place."""
     model, prior = of_numbers.model, of_numbers.prior
-    surface = laplace._Surface.at(model, prior, of_numbers.logs)
+    surface = laplace._Surface.evaluate(model, prior, of_numbers.logs)
     known, (height, slope) = posterior(model, of_numbers.logs), prior.value(of_numbers.logs)
     assert surface.value == pytest.approx(known.value + height)
     np.testing.assert_allclose(surface.slope, known.slope() + slope)
     np.testing.assert_allclose(surface.curvature, known.average_information() + prior.curvature)
     found = sigma_posterior(model, prior)
-    at_mode = laplace._Surface.at(model, prior, found.logs)
+    at_mode = laplace._Surface.evaluate(model, prior, found.logs)
     gain = 0.5 * at_mode.slope @ np.linalg.solve(at_mode.curvature, at_mode.slope)
     assert 0.0 <= gain < 0.01
     assert at_mode.value < surface.value

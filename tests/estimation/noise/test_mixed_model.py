@@ -14,9 +14,9 @@ from basecal.cell import Unknown
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.noise.mixed_model import chunks, estimates_of, mixed_model
+from basecal.estimation.noise.mixed_model import chunks, make_estimates, mixed_model
 from basecal.estimation.noise.reml import posterior
-from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.robot_noise import count_stops, with_robot_noise, without_errors
 from basecal.estimation.problem.problem import chain
 from basecal.geometry import SE3
 
@@ -42,7 +42,7 @@ def test_views_in_two_groups_are_those_of_one(arms):
     halves = problem.with_groups([group.take(np.arange(5)), group.take(np.arange(5, 8))])
     whole, parts = mixed_model(problem, state, ROBOTS), mixed_model(halves, state, ROBOTS)
     assert parts.white.keys() == whole.white.keys() == parts.parts.keys()
-    of_views = estimates_of(problem, state)[0]["pixel_px"]
+    of_views = make_estimates(problem, state)[0]["pixel_px"]
     assert whole.white["wrist", "pixel_px"] == (of_views.white, of_views.white_count)
     for key in whole.white:
         np.testing.assert_allclose(parts.white[key], whole.white[key], rtol=1e-9)
@@ -60,7 +60,7 @@ def test_errors_of_stops_are_their_own_and_what_they_have_in_common(arms):
     """Own ones from blocks or from columns of stops that many views tie; errors in common by each robot's stops."""
     problem, state = at_truth(replace(NOISY, arms=arms))
     rng = np.random.default_rng(0)
-    modes = {name: rng.standard_normal((stops_made(problem, name), 2)) for name in ROBOTS}
+    modes = {name: rng.standard_normal((count_stops(problem, name), 2)) for name in ROBOTS}
     shared = {name: SharedErrors.repeat_coordinates(of) for name, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
     errors, columns = rng.standard_normal(model.of_errors.shape), rng.standard_normal(len(model.prior))
@@ -165,7 +165,7 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
         problem, motion = shaken(problem, views, known_s)
         motion = motion * (known_s or 1.0)
     common = {
-        robot: SharedErrors(rng.standard_normal((stops_made(problem, robot), 6, 3)), np.array([False, True, True]))
+        robot: SharedErrors(rng.standard_normal((count_stops(problem, robot), 6, 3)), np.array([False, True, True]))
         for robot in robots_in_common
         if robot in problem.stops.robot
     }
@@ -242,7 +242,7 @@ def test_a_shape_has_columns_of_its_own(rng):
     model = mixed_model(problem, state, ROBOTS)
     shape = model.layout.shapes["board"]
     assert (shape, model.width) == (slice(18, 21), 18)
-    (view,) = estimates_of(problem, state)[0].values()
+    (view,) = make_estimates(problem, state)[0].values()
     (part,) = model.parts.values()
     np.testing.assert_allclose(part.fixed[shape], view.gradient[:, 6:].sum(0), rtol=1e-12)
     np.testing.assert_allclose(part.fixed_fixed[shape, shape], view.information[:, 6:, 6:].sum(0), rtol=1e-12)
@@ -275,9 +275,9 @@ def test_targets_without_a_shape_have_no_columns_of_it():
     problem, state = at_truth(replace(NOISY, samples=3, target="chessboard", state_pixel_noise=False))
     (of_poses,) = pose_problem(np.zeros((3, 6)), None)[0].groups
     few = problem.with_groups([replace(problem.groups[0], measurement=of_poses.measurement)])
-    (of_board,), (of_poses,) = (estimates_of(of, state) for of in (problem, few))
+    (of_board,), (of_poses,) = (make_estimates(of, state) for of in (problem, few))
     points, state_of_points = at_truth(replace(NOISY, samples=3, target="points", state_pixel_noise=False))
-    (of_points,) = estimates_of(points, state_of_points)
+    (of_points,) = make_estimates(points, state_of_points)
     assert of_points["pixel_px"].gradient.shape == (3, 6)
     assert of_board["pixel_px"].gradient.shape == (3, 9)
     assert of_poses["pose_m"].gradient.shape == (3, 6)
@@ -289,7 +289,7 @@ def test_jitter_moves_the_view_and_not_the_lens(rng):
     motion = rng.standard_normal((3, 6))
     moving = replace(problem.with_groups([replace(problem.groups[0], motion=motion)]), open_jitter=frozenset({"wrist"}))
     (part,) = mixed_model(moving, state, ROBOTS).parts.values()
-    (view,) = estimates_of(moving, state)[0].values()
+    (view,) = make_estimates(moving, state)[0].values()
     expected = np.einsum("ni,nij,nj->n", motion, view.information[:, :6, :6], motion)
     np.testing.assert_allclose(part.errors_errors[:, -1, -1], expected, rtol=1e-9)
     across = np.einsum("nij,nj->ni", view.information[:, 6:15, :6], motion)

@@ -15,8 +15,8 @@ from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.noise.neighbourhoods import (
     Neighbourhood,
     goes_by_neighbourhoods,
+    merge_estimates,
     neighbourhoods,
-    together,
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -131,13 +131,13 @@ def test_each_sigma_is_that_of_where_it_is_told():
         "r1": Neighbourhood("r1", None, None, frozenset({"a"}), frozenset({"t"})),
         "r2": Neighbourhood("r2", None, None, frozenset({"b"}), frozenset({"u"})),
     }
-    of = together(found, parts)
+    of = merge_estimates(found, parts)
     assert {name: noise.pixel_px for name, noise in of.cameras.items()} == {"a": 0.1, "b": 0.6}
     assert of.shapes == {"t": shape, "u": shape}
     np.testing.assert_allclose(of.robots["r1"], 2e-3)
     np.testing.assert_allclose(of.robots["r2"], 3e-3)
     assert (of.estimated, of.settled, of.surprise, of.plain_surprise) == (("pixel_px",), False, 7.0, 70.0)
-    assert together({**found, "r2": found["r1"]}, parts).settled
+    assert merge_estimates({**found, "r2": found["r1"]}, parts).settled
     assert of.factor == 1.0
     assert of.noise == of.cameras["a"]
 

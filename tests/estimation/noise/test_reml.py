@@ -11,8 +11,8 @@ from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWN
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
-from basecal.estimation.noise.reml import _inverse, _lost, columns_given, posterior
-from basecal.estimation.noise.robot_noise import stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.reml import _inverse, _rounding_loss, posterior, solve_columns
+from basecal.estimation.noise.robot_noise import count_stops, with_robot_noise, without_errors
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
@@ -95,7 +95,7 @@ def test_slope_is_the_derivative(arms, smooth):
     problem, state = at_truth(replace(NOISY, arms=arms, intrinsics="free", state_pixel_noise=False))
     rng = np.random.default_rng(0)
     state = replace(state, stop_errors=1e-3 * rng.standard_normal(state.stop_errors.shape))
-    modes = {robot: rng.standard_normal((stops_made(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
+    modes = {robot: rng.standard_normal((count_stops(problem, robot), 2)) for robot in ROBOTS} if smooth else {}
     shared = {robot: SharedErrors.repeat_coordinates(of) for robot, of in modes.items()}
     model = mixed_model(problem, state, ROBOTS, shared)
     logs = np.log([0.3, *[1e-3, 2e-3] * (4 if smooth else 2)]) + 0.2 * rng.standard_normal(model.sigmas.count)
@@ -126,7 +126,7 @@ def test_columns_alone_are_those_of_the_whole(arms):
     """Without the errors in blocks the columns are as with them, to the last bit."""
     problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     model, logs = mixed_model(problem, state, ROBOTS), np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
-    whole, alone = posterior(model, logs), columns_given(model, logs)
+    whole, alone = posterior(model, logs), solve_columns(model, logs)
     assert alone.value == whole.value
     np.testing.assert_array_equal(alone.step, whole.step)
     np.testing.assert_array_equal(alone.covariance, whole.covariance)
@@ -244,7 +244,7 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
         here = slice(block * ROWS, (block + 1) * ROWS)
         np.testing.assert_allclose(found.blocks.own[block], own[here, here], rtol=1e-8, atol=1e-10)
     assert not found.blocks.lost.any()
-    some, known = np.array([1, 4, 10]), columns_given(model, np.log(sigmas))
+    some, known = np.array([1, 4, 10]), solve_columns(model, np.log(sigmas))
     units = expected.scales[some]
     of_some = known.rescale(some)
     np.testing.assert_allclose(of_some[0], mean[some] * units, rtol=1e-6, atol=1e-8)
@@ -308,9 +308,9 @@ def test_errors_that_no_sigma_scales_stand_as_they_are(of_numbers):
 
 def test_an_identity_beside_what_would_round_it_away_is_raised():
     """By a ten-trillionth of it, so that what is left stays regular; a trillion leaves four digits."""
-    assert _lost(np.array([np.diag([0.9e12, 1.0])])) is None
-    assert _lost(np.zeros((0, 2, 2))) is None
-    np.testing.assert_allclose(_lost(np.array([np.diag([1.0, 2e12]), np.diag([0.9e12, 1.0])])), [0.2, 0.0])
+    assert _rounding_loss(np.array([np.diag([0.9e12, 1.0])])) is None
+    assert _rounding_loss(np.zeros((0, 2, 2))) is None
+    np.testing.assert_allclose(_rounding_loss(np.array([np.diag([1.0, 2e12]), np.diag([0.9e12, 1.0])])), [0.2, 0.0])
 
 
 def test_directions_without_information_are_held_by_a_floor():
@@ -352,4 +352,4 @@ def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
     sigmas = np.ones(11)
     diagonal = np.diag(prior) + sum(np.diag(of.fixed_fixed) for of in moments.values())
     held = replace(model, prior=prior + 1e-11 * np.diag(diagonal))
-    assert columns_given(model, np.log(sigmas)).value == pytest.approx(written(held, alike, sigmas).value, abs=1e-2)
+    assert solve_columns(model, np.log(sigmas)).value == pytest.approx(written(held, alike, sigmas).value, abs=1e-2)

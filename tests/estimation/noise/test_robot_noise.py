@@ -10,9 +10,9 @@ import pytest
 from tests.ends import with_eye, with_hand
 from tests.pose_problem import pose_problem, two_arm_problem
 
-from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
+from basecal.estimation.noise.robot_noise import count_stops, stands, with_robot_noise, without_errors
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -26,8 +26,8 @@ def test_noise_given_later_is_noise_that_was_stated(arms):
     told = simulate(Scenario(samples=8, target="points", arms=arms, robot_noise=NOISY, camera_mount="fixed"), seed=2)
     silent = {name: replace(robot, noise=None) for name, robot in told.cell.robots.items()}
     problem, _ = build_problem(replace(told.cell, robots=silent), told.recording)
-    stated = solve_packed(build_problem(told.cell, told.recording)[0], told.cell)
-    given = solve_packed(with_robot_noise(problem, {"eye": SIGMA, "hand": SIGMA}), told.cell)
+    stated = solve_problem(build_problem(told.cell, told.recording)[0], told.cell)
+    given = solve_problem(with_robot_noise(problem, {"eye": SIGMA, "hand": SIGMA}), told.cell)
     np.testing.assert_allclose(given.covariance, stated.covariance, rtol=1e-6, atol=1e-18)
     assert given.cost == pytest.approx(stated.cost, rel=1e-9)
 
@@ -48,7 +48,7 @@ def test_stops_are_counted_with_or_without_noise():
     """A still arm made one stop, a moving one as many as it was seen at."""
     s = simulate(Scenario(samples=7, arms="hand_still"), seed=0)
     problem, _ = build_problem(s.cell, s.recording)
-    assert (stops_made(problem, "eye"), stops_made(problem, "hand")) == (7, 1)
+    assert (count_stops(problem, "eye"), count_stops(problem, "hand")) == (7, 1)
 
 
 def test_noise_is_given_to_each_stop_and_to_no_more():
@@ -74,7 +74,7 @@ def test_numbers_of_stops_are_those_of_the_recording():
 def test_a_robot_that_is_nowhere_made_no_stop():
     """It has no pose, and no error."""
     problem, state = two_arm_problem(np.zeros((3, 6)), [0, 1, 1], [2, 2, 3])
-    assert [stops_made(problem, robot) for robot in ("eye", "hand", "another")] == [2, 2, 0]
+    assert [count_stops(problem, robot) for robot in ("eye", "hand", "another")] == [2, 2, 0]
     poses, seen = stands(problem, "another")
     assert (poses.shape, seen.shape) == ((0,), (0,))
     given = with_robot_noise(problem, {"another": SIGMA})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from basecal.estimation.noise.secant import Secant, corrected
+from basecal.estimation.noise.secant import Secant, correct_curvature
 
 
 def _steps(curvature: np.ndarray, seed: int, count: int) -> list[Secant]:
@@ -17,7 +17,7 @@ def test_as_many_steps_as_sigmas_tell_the_curvature() -> None:
     """Of a quadratic, k steps in general position make any curvature that is too small the right one."""
     root = np.random.default_rng(1).standard_normal((4, 4))
     right = root @ root.T + np.eye(4)
-    found = corrected(0.05 * np.eye(4), _steps(right, 2, 4))
+    found = correct_curvature(0.05 * np.eye(4), _steps(right, 2, 4))
     np.testing.assert_allclose(found, right, rtol=1e-9, atol=1e-9)
 
 
@@ -26,14 +26,14 @@ def test_a_step_along_the_slope_is_taken_as_it_was() -> None:
     for factor in (0.5, 2.0):
         right, guess = np.diag([1.0, 4.0, 9.0]), factor * np.diag([1.0, 4.0, 9.0])
         (secant,) = _steps(right, 3, 1)
-        np.testing.assert_allclose(corrected(guess, [secant]) @ secant.step, secant.change, rtol=1e-12)
+        np.testing.assert_allclose(correct_curvature(guess, [secant]) @ secant.step, secant.change, rtol=1e-12)
 
 
 def test_what_would_not_be_regular_is_left_out() -> None:
     """A slope that falls along a step, and a change at right angles to it, leave the curvature as it is."""
     unit = np.eye(2)
     for change in (np.array([-1.0, 0.0]), np.array([1.0, 3.0])):
-        np.testing.assert_array_equal(corrected(unit, [Secant(np.array([1.0, 0.0]), change)]), unit)
+        np.testing.assert_array_equal(correct_curvature(unit, [Secant(np.array([1.0, 0.0]), change)]), unit)
 
 
 @pytest.mark.parametrize(("cosine", "counts"), [(1.1e-8, True), (0.9e-8, False)])
@@ -43,7 +43,7 @@ def test_a_change_nearly_at_right_angles_says_nothing_of_the_step(cosine: float,
         for size in (1e-3, 5.0):
             off, step = size * np.array([cosine, 1.0]), np.array([length, 0.0])
             curvature = np.diag([0.0, 1e12])
-            found = corrected(curvature, [Secant(step, off)])
+            found = correct_curvature(curvature, [Secant(step, off)])
             assert np.array_equal(found, curvature) != counts
 
 
@@ -53,7 +53,7 @@ def test_a_fifth_of_the_curvature_along_a_correction_is_left(left: float) -> Non
     curvature = np.diag([4.0, 2.0])
     for axis in range(2):
         step = np.eye(2)[axis]
-        found = corrected(curvature, [Secant(step, left * curvature @ step)])
+        found = correct_curvature(curvature, [Secant(step, left * curvature @ step)])
         lowered = curvature - (1 - left) * curvature * np.outer(step, step)
         np.testing.assert_allclose(found, lowered if left > 0.2 else curvature, rtol=1e-12)
 
@@ -62,6 +62,6 @@ def test_pairs_are_taken_in_turn() -> None:
     """The second by the curvature that the first left, though the first was left out."""
     curvature = np.eye(2)
     bad, good = Secant(np.array([1.0, 0.0]), np.array([-1.0, 0.0])), Secant(np.array([0.0, 2.0]), np.array([0.0, 6.0]))
-    np.testing.assert_allclose(corrected(curvature, [bad, good]), np.diag([1.0, 3.0]))
+    np.testing.assert_allclose(correct_curvature(curvature, [bad, good]), np.diag([1.0, 3.0]))
     again = Secant(np.array([0.0, 1.0]), np.array([0.0, 5.0]))
-    np.testing.assert_allclose(corrected(curvature, [good, again]), np.diag([1.0, 5.0]))
+    np.testing.assert_allclose(correct_curvature(curvature, [good, again]), np.diag([1.0, 5.0]))

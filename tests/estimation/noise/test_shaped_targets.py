@@ -11,7 +11,7 @@ from tests.pose_problem import pose_problem
 from basecal.cell.targets.chessboard import chessboard_target
 from basecal.cell.targets.points import points_target
 from basecal.effects.target_shape import is_flat, point_shifts_m, unit_bow, unit_shifts
-from basecal.estimation.noise.shaped_targets import points_of, reshaped, shaped_targets
+from basecal.estimation.noise.shaped_targets import reshape_targets, shaped_points, shaped_targets
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -94,12 +94,12 @@ def test_how_many_coefficients_a_shape_has(points, coefficients):
 def test_poses_have_no_points():
     """Nor any shape: they are left as they are, as are targets of which none is given."""
     problem, _ = pose_problem(np.zeros((2, 6)), None)
-    assert points_of(problem.groups[0]).shape == (0, 3)
+    assert shaped_points(problem.groups[0]).shape == (0, 3)
     assert shaped_targets(problem) == {}
-    same = reshaped(problem, {"target": np.ones(3)})
+    same = reshape_targets(problem, {"target": np.ones(3)})
     assert same.groups == problem.groups
     other = of_points(BOARD.points)
-    assert reshaped(other, {"another": np.ones(3)}).groups == other.groups
+    assert reshape_targets(other, {"another": np.ones(3)}).groups == other.groups
 
 
 def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
@@ -119,8 +119,8 @@ def test_a_board_is_bowed_and_a_body_has_a_coefficient_for_each_coordinate():
 def test_shaping_is_undone_by_the_opposite(scenario, shape):
     """Coefficients are absolute: a problem shaped and shaped back has the points it began with, nearly."""
     problem = problem_of(replace(scenario, samples=3))
-    there = reshaped(problem, {"board": np.array(shape)})
-    back = reshaped(there, {"board": np.zeros(len(shape))})
+    there = reshape_targets(problem, {"board": np.array(shape)})
+    back = reshape_targets(there, {"board": np.zeros(len(shape))})
     at = [p.groups[0].measurement.points_in_target for p in (problem, there, back)]
     np.testing.assert_allclose(at[1] - at[0], unit_shifts(at[0]) @ shape, atol=1e-12)
     np.testing.assert_array_equal(there.shapes["board"], shape)
@@ -157,4 +157,4 @@ def test_a_shape_is_found_and_costs_the_mount_nothing(scenario, truth, freedoms)
         assert error @ np.linalg.pinv(told @ spread @ told, rcond=1e-9) @ error < CHI2_LIMIT[freedoms]
         mount = "hand_flange_from_board"
         error = (found.state.transforms[mount].inverse() @ as_stated.truth[mount]).log()
-        assert error @ np.linalg.solve(found.covariance_of([mount]), error) < CHI2_LIMIT[6]
+        assert error @ np.linalg.solve(found.joint_transform_covariance([mount]), error) < CHI2_LIMIT[6]

@@ -13,7 +13,7 @@ VIEWS = (("left", "pose_m"), ("right", "pixel_px"))
 @pytest.mark.parametrize("has_shared", [True, False])
 def test_sigmas_stand_one_after_the_other(has_shared):
     """Of views, a pair of each robot, jitter, and a pair of what each robot's stops share if any do."""
-    places = SigmaPlaces.in_turn(VIEWS, ("eye", "hand"), ("left",), has_shared)
+    places = SigmaPlaces.sequential(VIEWS, ("eye", "hand"), ("left",), has_shared)
     assert places.views == {VIEWS[0]: 0, VIEWS[1]: 1}
     assert places.stops == {"eye": slice(2, 4), "hand": slice(4, 6)}
     assert places.jitter == {"left": 6}
@@ -24,5 +24,5 @@ def test_sigmas_stand_one_after_the_other(has_shared):
 
 def test_nothing_open_has_no_place():
     """Neither of views nor of robots."""
-    nothing = SigmaPlaces.in_turn((), (), (), True)
+    nothing = SigmaPlaces.sequential((), (), (), True)
     assert (nothing.count, nothing.is_of_views.tolist(), dict(nothing.shared)) == (0, [], {})

@@ -10,7 +10,7 @@ from tests.pose_problem import pose_problem
 
 from basecal.estimation.noise import joint_estimate
 from basecal.estimation.noise.robot_noise import with_robot_noise
-from basecal.estimation.noise.some_views import recorded_alone, some_views
+from basecal.estimation.noise.some_views import recorded_subset, some_views
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -54,7 +54,7 @@ def test_recorded_alone_places_have_their_views(arms):
     """Every robot has as many places as views of it show, each with the pose that it had."""
     made = simulate(replace(NOISY, arms=arms), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    few, state = recorded_alone(problem, State(made.truth, {}, np.zeros((len(problem.stops), 6))), 20)
+    few, state = recorded_subset(problem, State(made.truth, {}, np.zeros((len(problem.stops), 6))), 20)
     (before,), (after,) = problem.groups, few.groups
     assert len(state.stop_errors) == len(few.stops)
     for robot, was, now in (

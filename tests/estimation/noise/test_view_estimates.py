@@ -11,7 +11,7 @@ from tests.shared.real_recordings import example
 
 from basecal.cell.targets.points import points_target
 from basecal.effects.target_shape import unit_shifts
-from basecal.estimation.noise.shaped_targets import points_of
+from basecal.estimation.noise.shaped_targets import shaped_points
 from basecal.estimation.noise.view_estimates import view_estimates
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -41,7 +41,7 @@ def test_freedoms_of_views_with_a_lens_follow_the_state_smoothly():
     def freedoms(second_term: float) -> tuple[float, int]:
         changed = lens.with_parameters(lens.parameters * np.where(np.arange(9) == 5, second_term, 1.0))
         state = replace(found.state, cameras={group.camera: changed})
-        of = view_estimates(found.problem, group, state, unit_shifts(points_of(group)))["pixel_px"]
+        of = view_estimates(found.problem, group, state, unit_shifts(shaped_points(group)))["pixel_px"]
         return of.count, int(spectrum(of.information, VIEW_ROUNDING).rank.sum())
 
     counts, ranks = np.array([freedoms(times) for times in np.arange(0.4, 1.6, 0.025)]).T
@@ -116,7 +116,7 @@ def test_a_body_of_which_each_point_may_be_off_has_no_scatter():
     problem, _ = build_problem(made.cell, made.recording)
     (group,) = problem.groups
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
-    by_shape = unit_shifts(points_of(group))
+    by_shape = unit_shifts(shaped_points(group))
     assert by_shape.shape == (12, 3, 36)
     of = view_estimates(problem, group, state, by_shape)["pixel_px"]
     seen = 2 * int(group.measurement.seen.sum())

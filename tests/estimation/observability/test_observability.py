@@ -17,7 +17,7 @@ from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.observability import analyse_observability, sparse_observability, without_priors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3, Camera
 from basecal.numerics.sparse_hessian import SparseHessian
 from basecal.simulation import Scenario, simulate
@@ -48,7 +48,7 @@ def test_sparse_matrices_say_the_same():
     """The condition of three robots is that of the dense matrix; there is none where noise leaves a direction open."""
     made = simulate(Scenario(layout="ring", robots=3, samples=30, robot_noise=(1e-4, 1e-4)), 1)
     problem, _ = build_problem(made.cell, made.recording)
-    state = solve_packed(problem, made.cell, Settings(robot_noise="stated")).state
+    state = solve_problem(problem, made.cell, Settings(robot_noise="stated")).state
     hessian = linearise(problem, state).hessian
     sparse, dense = SparseHessian(csc_array(hessian)), analyse_observability(problem, state, hessian, 1.0)
     assert sparse_observability(problem, state, sparse, 1e6) is None

@@ -7,7 +7,7 @@ import pytest
 from tests.pose_problem import MOUNT, pose_problem
 
 from basecal.cell import Unknown
-from basecal.estimation.outliers.agreeing_samples import _parted, agreeing_samples
+from basecal.estimation.outliers.agreeing_samples import _split_at_gap, agreeing_samples
 from basecal.geometry import SE3
 
 SIGMA = np.full(6, 1e-4)
@@ -55,6 +55,6 @@ def test_samples_part_at_the_first_clear_gap():
     """The largest misfit before it, and the numbers up to there, rising."""
     numbers = np.array([7, 3, 9, 1, 5, 8, 2, 4, 6, 0])
     sigmas = np.array([2.0, 1.5, 60.0, 1.7, 3.0, 70.0, 20.0, 4e18, 1.2, np.inf])
-    assert _parted(numbers, sigmas) == (3.0, (1, 3, 5, 6, 7))
-    assert _parted(numbers, np.where(sigmas < 10, 0.1, 5.1)) == (1.0, (1, 3, 5, 6, 7))
-    assert _parted(numbers, np.where(sigmas < 10, 1e15, 1e30)) == (np.inf, ())
+    assert _split_at_gap(numbers, sigmas) == (3.0, (1, 3, 5, 6, 7))
+    assert _split_at_gap(numbers, np.where(sigmas < 10, 0.1, 5.1)) == (1.0, (1, 3, 5, 6, 7))
+    assert _split_at_gap(numbers, np.where(sigmas < 10, 1e15, 1e30)) == (np.inf, ())

@@ -10,12 +10,12 @@ from scipy.stats import chi2
 from tests.ends import with_eye, with_hand
 from tests.pose_problem import pose_problem
 
-from basecal.estimation.least_squares.studentized import MahalanobisSquared, leave_one_out
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared, leave_one_out
 from basecal.estimation.outliers import classify
 from basecal.estimation.outliers.classify import CHANCE_OF_VIEW, classify_inliers, is_stated, view_scale
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
 from basecal.estimation.outliers.robust_scale import robust_scale
-from basecal.estimation.outliers.view_ransac import explained, view_ransac
+from basecal.estimation.outliers.view_ransac import explain_views, view_ransac
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.points import PointMeasurement
@@ -205,9 +205,9 @@ def test_views_of_bad_stops_are_those_that_stand_there():
     problem, _ = pose_problem(np.zeros((4, 6)), None)
     (group,) = problem.groups
     group = with_hand(with_eye(group, stop=np.array([0, 1, -1, -1])), stop=np.array([2, -1, 0, -1]))
-    assert classify._in_stops(group, np.array([True, False, False])).tolist() == [True, False, True, False]
-    assert classify._in_stops(group, np.array([False, False, True])).tolist() == [True, False, False, False]
-    assert classify._in_stops(group, np.zeros(0, dtype=bool)).tolist() == [False] * 4
+    assert classify._stop_mask(group, np.array([True, False, False])).tolist() == [True, False, True, False]
+    assert classify._stop_mask(group, np.array([False, False, True])).tolist() == [True, False, False, False]
+    assert classify._stop_mask(group, np.zeros(0, dtype=bool)).tolist() == [False] * 4
 
 
 def some_points(seen):
@@ -226,9 +226,9 @@ def test_half_of_what_was_seen_is_enough():
     left = np.array(
         [[1, 1, 1, 0, 0, 0], [1, 1, 0, 0, 0, 0], [1, 1, 0, 0, 1, 1], [1, 0, 0, 0, 1, 1], [1] * 6], dtype=bool
     )
-    assert classify._enough(some_points(seen), left).tolist() == [True, False, True, False, False]
+    assert classify._has_enough(some_points(seen), left).tolist() == [True, False, True, False, False]
     (poses,) = pose_problem(np.zeros((2, 6)), None)[0].groups
-    assert classify._enough(poses, np.zeros((2, 1), dtype=bool)).tolist() == [True, True]
+    assert classify._has_enough(poses, np.zeros((2, 1), dtype=bool)).tolist() == [True, True]
 
 
 def test_a_view_whose_points_all_agree_is_off_itself():
@@ -239,7 +239,7 @@ def test_a_view_whose_points_all_agree_is_off_itself():
     at[1, 2] += 0.5
     at[2, 5] += 9.0
     few = replace(group.measurement, points_in_camera=at)
-    found = explained(few, SE3.identity((3,)), None, 30.0)
+    found = explain_views(few, SE3.identity((3,)), None, 30.0)
     assert classify._agrees_with_itself(few, found, None, 30.0).tolist() == [True, False, True]
 
 

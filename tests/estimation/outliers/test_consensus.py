@@ -11,7 +11,7 @@ from basecal.estimation.outliers.classify import classify_inliers
 from basecal.estimation.outliers.consensus import Consensus, best_consensus, convincing, fits, implausible, is_answer
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, inlier_problem
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=10), 0)
@@ -21,7 +21,7 @@ MADE = simulate(Scenario(samples=10), 0)
 def plain():
     """The solution of a clean recording, all noise stated."""
     problem, _ = build_problem(MADE.cell, MADE.recording)
-    return solve_packed(problem, MADE.cell)
+    return solve_problem(problem, MADE.cell)
 
 
 def end_of(plain, views=10, variance=1.0):
@@ -88,7 +88,7 @@ def test_views_that_scatter_beyond_what_is_stated_are_implausible(plain):
 def test_views_that_scatter_beyond_estimated_noise_are_implausible_too():
     """Where nothing was stated: by whole views, or by a noise of points that no detector has."""
     made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
-    plain = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+    plain = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
     assert not implausible(plain, end_of(plain).judgement)
     assert implausible(plain, end_of(plain, variance=1.6**2).judgement)
     noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=30.0))
@@ -104,12 +104,12 @@ def test_how_large_residuals_may_be():
     """Three pixels of points, or 1.5 sigmas where that is more; ten sigmas of poses, and any that nobody stated."""
     for pixel_px, most in ((0.2, 15.0), (6.0, 1.5)):
         made = simulate(Scenario(samples=6, pixel_px=pixel_px), 0)
-        solution = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+        solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
         assert fits(fitting(solution, 0.99 * most))
         assert not fits(fitting(solution, 1.01 * most))
     for stated in (True, False):
         made = simulate(Scenario(samples=6, target="pose", state_observation_noise=stated), 0)
-        solution = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+        solution = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
         assert fits(fitting(solution, 9.9))
         assert fits(fitting(solution, 10.1)) != stated
 
@@ -117,7 +117,7 @@ def test_how_large_residuals_may_be():
 def test_a_pixel_of_noise_that_was_estimated_hides_outliers():
     """A little less does not; nor does noise that is not of pixels, or that was not estimated."""
     made = simulate(Scenario(samples=10, state_pixel_noise=False), 0)
-    plain = solve_packed(build_problem(made.cell, made.recording)[0], made.cell)
+    plain = solve_problem(build_problem(made.cell, made.recording)[0], made.cell)
 
     def hides(pixel_px, names=("pixel_px",)):
         noise = replace(plain.noise, noise=plain.noise.noise._replace(pixel_px=pixel_px), estimated=names)

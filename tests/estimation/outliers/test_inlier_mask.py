@@ -10,11 +10,11 @@ from tests.pose_problem import pose_problem
 from basecal.estimation.outliers.inlier_mask import (
     InlierMask,
     all_inliers,
-    at_stops_of,
     inlier_problem,
-    of_samples,
     point_count,
+    select_samples,
     without_points,
+    without_unseen_stops,
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -62,9 +62,9 @@ def test_points_that_are_not_kept_were_not_seen():
     np.testing.assert_array_equal(fewer.measurement.stated, np.where(kept, group.measurement.stated, 0.0))
     assert len(fewer.readings) == 2
     np.testing.assert_array_equal(fewer.readings[1].seen[1, -5:], False)
-    assert group.measurement.masked(np.ones_like(kept)) is group.measurement
+    assert group.measurement.mask_points(np.ones_like(kept)) is group.measurement
     poses = pose_problem(np.zeros((2, 6)), np.ones(6))[0].groups[0].measurement
-    assert poses.masked(np.zeros((2, 1), dtype=bool)) is poses
+    assert poses.mask_points(np.zeros((2, 1), dtype=bool)) is poses
 
 
 def test_inliers_alone():
@@ -82,9 +82,9 @@ def test_samples_by_their_numbers():
     """The views of these samples, in the order of the problem; groups without any go."""
     problem = board_problem()
     numbers = problem.groups[0].sample
-    (group,) = of_samples(problem, numbers[[3, 1]]).groups
+    (group,) = select_samples(problem, numbers[[3, 1]]).groups
     assert group.sample.tolist() == numbers[[1, 3]].tolist()
-    assert of_samples(problem, np.array([-5])).groups == ()
+    assert select_samples(problem, np.array([-5])).groups == ()
 
 
 def test_errors_of_stops_that_are_not_used_are_zero():
@@ -92,14 +92,14 @@ def test_errors_of_stops_that_are_not_used_are_zero():
     problem, state = pose_problem(np.zeros((3, 6)), np.ones(6), stop_sigma=np.ones(6))
     state = replace(state, stop_errors=np.ones((3, 6)))
     fewer = problem.with_groups(g.take(np.array([0, 2])) for g in problem.groups)
-    np.testing.assert_array_equal(at_stops_of(fewer, state).stop_errors[:, 0], [1, 0, 1])
-    np.testing.assert_array_equal(at_stops_of(problem, state).stop_errors, 1.0)
+    np.testing.assert_array_equal(without_unseen_stops(fewer, state).stop_errors[:, 0], [1, 0, 1])
+    np.testing.assert_array_equal(without_unseen_stops(problem, state).stop_errors, 1.0)
 
 
 def test_what_both_masks_use():
     """A view, and a point, that one of them leaves out is left out."""
     first = InlierMask((np.array([True, True, False]),), (np.array([[True, False], [True, True], [True, True]]),))
     second = InlierMask((np.array([True, False, True]),), (np.array([[True, True], [False, True], [True, True]]),))
-    both = first.both(second)
+    both = first.intersection(second)
     np.testing.assert_array_equal(both.views[0], [True, False, False])
     np.testing.assert_array_equal(both.points[0], [[True, False], [False, True], [True, True]])

@@ -11,7 +11,7 @@ from tests.ends import with_eye, with_hand
 from basecal.estimation.outliers import left_out
 from basecal.estimation.outliers.classify import classify_inliers
 from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers
-from basecal.estimation.outliers.left_out import measure_left_out
+from basecal.estimation.outliers.left_out import measure_left_out_items
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import half_turn_views
 from basecal.estimation.problem.problem import State
@@ -41,7 +41,7 @@ def measured(cell, problem, state, views=(), points=(), recorded=None):
         of_points[view, point] = False
     kept = InlierMask((of_views,), (of_points,))
     judgement = classify_inliers(problem, state, kept)
-    return measure_left_out(cell, recorded or problem, problem, state, kept, judgement)
+    return measure_left_out_items(cell, recorded or problem, problem, state, kept, judgement)
 
 
 def test_nothing_left_out_is_nothing():
@@ -174,13 +174,13 @@ def test_sigmas_are_those_that_views_and_points_scatter_by():
     points[4, 7] = False
     kept = InlierMask((np.arange(6) != 2,), (points,))
     judgement = classify_inliers(problem, state, kept)
-    plain = measure_left_out(cell, problem, problem, state, kept, judgement)
+    plain = measure_left_out_items(cell, problem, problem, state, kept, judgement)
     wider = replace(
         judgement,
         view_scale=replace(judgement.view_scale, variance=4.0 * judgement.view_scale.variance),
         point_scale=replace(judgement.point_scale, variance=9.0 * judgement.point_scale.variance),
     )
-    found = measure_left_out(cell, problem, problem, state, kept, wider)
+    found = measure_left_out_items(cell, problem, problem, state, kept, wider)
     assert [of.sample for of in found] == [2, 4]
     assert [one.sigmas / other.sigmas for one, other in zip(found, plain, strict=True)] == pytest.approx([1 / 2, 1 / 3])
     assert plain[0].sigmas == pytest.approx(np.sqrt(judgement.views[0].value[2] / judgement.view_scale.variance))

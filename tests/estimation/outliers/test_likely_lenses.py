@@ -12,7 +12,7 @@ from basecal.estimation.outliers.robust_solve import solve_robustly
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.stated_lens import usual_sigmas
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.simulation import Scenario, simulate
 
 MADE = simulate(Scenario(samples=20, layout="eye_in_hand"), 3)
@@ -27,7 +27,7 @@ def robust(off_px: float, exact: bool = False):
     lens = replace(wrist.intrinsics, camera=stated, exact=exact)
     cell = replace(MADE.cell, cameras={"wrist": replace(wrist, intrinsics=lens)})
     problem, _ = build_problem(cell, MADE.recording)
-    return cell, solve_robustly(problem, cell, SETTINGS, solve_packed(problem, cell, SETTINGS))
+    return cell, solve_robustly(problem, cell, SETTINGS, solve_problem(problem, cell, SETTINGS))
 
 
 @pytest.mark.parametrize(("off_px", "exact"), [(0.0, False), (1.0, False), (25.0, True)])

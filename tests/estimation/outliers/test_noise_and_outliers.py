@@ -46,7 +46,7 @@ def test_samples_that_agree_as_if_robots_were_exact_are_told_where_noise_explain
     monkeypatch.setattr(noise_and_outliers, "with_noise", lambda solution, *given: solution)
     monkeypatch.setattr(
         noise_and_outliers,
-        "_judged",
+        "_judge",
         lambda cell, settings, plain, solution, before: RobustSolution(solution, (), before and before.left_out, 8, 0),
     )
     found = solve_with_noise(s.cell, settings, plain, plain, exact)

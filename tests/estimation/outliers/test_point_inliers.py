@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import chi2
 from tests.pose_problem import pose_problem
 
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.outliers import point_inliers as module
-from basecal.estimation.outliers.point_inliers import points_within
+from basecal.estimation.outliers.point_inliers import agreeing_points
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -42,7 +42,7 @@ def problem_with_strays(scenario, seed=0, strays=6):
 def test_without_suspects_all_points_are_kept():
     """No view is searched."""
     problem, state, cell, _ = problem_with_strays(Scenario(samples=5))
-    (kept,) = points_within(problem, state, [np.zeros(0, dtype=np.int64)], cell)
+    (kept,) = agreeing_points(problem, state, [np.zeros(0, dtype=np.int64)], cell)
     assert kept.all()
 
 
@@ -52,7 +52,7 @@ def test_strays_of_suspect_views_are_left_out(target, stated):
     """All of them, few others, and none of views that nobody suspects, whether their noise is stated or not."""
     scenario = Scenario(samples=5, target=target, state_pixel_noise=stated, state_observation_noise=stated)
     problem, state, cell, wrong = problem_with_strays(scenario, strays=6 if target == "charuco" else 2)
-    (kept,) = points_within(problem, state, [np.array([1, 2])], cell)
+    (kept,) = agreeing_points(problem, state, [np.array([1, 2])], cell)
     assert not kept[1, wrong[1]].any()
     assert kept[1, ~wrong[1]].mean() > 0.9
     assert kept[2].mean() > 0.9
@@ -66,7 +66,7 @@ def test_points_not_seen_are_not_told():
     seen = group.measurement.seen.copy()
     seen[1, :3] = False
     few = replace(group.measurement, seen=seen, weight=np.where(seen, group.measurement.weight, 0.0))
-    (kept,) = points_within(problem.with_groups([replace(group, measurement=few)]), state, [np.array([1])], cell)
+    (kept,) = agreeing_points(problem.with_groups([replace(group, measurement=few)]), state, [np.array([1])], cell)
     assert kept[1, :3].all()
 
 
@@ -75,7 +75,7 @@ def test_a_lens_that_wrong_poses_have_bent_is_not_believed():
     problem, state, cell, wrong = problem_with_strays(Scenario(samples=8, intrinsics="free"))
     lens = state.cameras["wrist"]
     bent = lens.with_parameters(lens.parameters * np.array([0.5, 0.7, *[1.0] * (len(lens.parameters) - 2)]))
-    (kept,) = points_within(problem, replace(state, cameras={"wrist": bent}), [np.array([1, 3])], cell)
+    (kept,) = agreeing_points(problem, replace(state, cameras={"wrist": bent}), [np.array([1, 3])], cell)
     assert not kept[wrong].any()
     assert kept[[1, 3]][~wrong[[1, 3]]].mean() > 0.8
 
@@ -85,7 +85,7 @@ def test_measured_poses_have_nothing_to_leave_out():
     made = simulate(Scenario(samples=5, target="pose"), 0)
     problem, _ = build_problem(made.cell, made.recording)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
-    (kept,) = points_within(problem, state, [np.array([1])], made.cell)
+    (kept,) = agreeing_points(problem, state, [np.array([1])], made.cell)
     assert kept.tolist() == [[True]] * 5
 
 
@@ -132,7 +132,7 @@ def test_scale_and_points_rest_within_a_factor_of_one_and_a_half(monkeypatch, va
 
     monkeypatch.setattr(module, "_agreeing_points", agreeing)
     monkeypatch.setattr(module, "robust_scale", lambda *of: Scale(left.pop(0), 7.0, 1.0, of[3]))
-    scale, _ = module._agreed(problem, state, [[]])
+    scale, _ = module._choose_points(problem, state, [[]])
     assert [of.variance for of in used] == [1.0, *variances[: rounds - 1]]
     assert scale.variance == variances[rounds - 1]
     assert (used[0].freedoms, used[0].chance) == (np.inf, 1e-6)
@@ -141,7 +141,7 @@ def test_scale_and_points_rest_within_a_factor_of_one_and_a_half(monkeypatch, va
     for measurement, first in ((silent, 9.0), (pixels, 4.0 * 9.0)):
         used.clear()
         left[:] = [first]
-        module._agreed(problem.with_groups([replace(group, measurement=measurement)]), state, [[]])
+        module._choose_points(problem.with_groups([replace(group, measurement=measurement)]), state, [[]])
         assert [of.variance for of in used] == [first]
 
 
@@ -181,6 +181,6 @@ def test_a_lens_is_suspected_where_points_scatter(monkeypatch, stated, limit, is
     for variance in (0.99 * limit, 1.01 * limit):
         for other, best in ((0.5 * variance, "alone"), (2.0 * variance, "bent")):
             found = {id(bent): (variance, ("bent",)), id(made.cameras): (other, ("alone",))}
-            monkeypatch.setattr(module, "_points_by", lambda problem, at, of, found=found: found[id(at.cameras)])
-            kept = points_within(problem, state, [np.array([0])], made.cell)
+            monkeypatch.setattr(module, "_scale_and_points", lambda problem, at, of, found=found: found[id(at.cameras)])
+            kept = agreeing_points(problem, state, [np.array([0])], made.cell)
             assert kept == ((best if is_free and variance > limit else "bent"),)

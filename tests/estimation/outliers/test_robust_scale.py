@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f
 
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
 
 CHANCE = 1e-4
@@ -34,7 +34,7 @@ def test_gross_deviations_do_not_widen_the_scale(rng):
     value[:100] *= 1e3
     found = robust_scale([squares(value[:150]), squares(value[150:])], 6, False, CHANCE)
     assert found.variance == pytest.approx(1.0, rel=0.25)
-    gross = found.beyond(squares(value))
+    gross = found.gross_mask(squares(value))
     assert gross[:100].mean() > 0.95
     assert gross[100:].mean() < 0.02
     assert found.freedoms == pytest.approx(0.4 * (200 * 6 - 6), rel=0.1)
@@ -69,7 +69,7 @@ def test_without_deviations_there_is_the_stated_scale():
 
 def test_what_is_not_a_number_is_not_gross():
     """A deviation that cannot be told is left where it is."""
-    assert Scale(1.0, np.inf, np.inf, CHANCE).beyond(squares([np.nan, 1.0, 1e6])).tolist() == [False, False, True]
+    assert Scale(1.0, np.inf, np.inf, CHANCE).gross_mask(squares([np.nan, 1.0, 1e6])).tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize(("times", "is_stated"), [(1.45, True), (1.55, False)])
@@ -105,5 +105,5 @@ def test_limits_of_few_freedoms_are_those_of_one():
     np.testing.assert_allclose(few, one)
     np.testing.assert_allclose(one, 2 * f.isf(CHANCE, 2, 1))
     exact = Scale(1e-9, np.inf, np.inf, CHANCE)
-    assert exact.beyond(squares([np.nan, 1e-10, 0.5])).tolist() == [False, False, True]
+    assert exact.gross_mask(squares([np.nan, 1e-10, 0.5])).tolist() == [False, False, True]
     assert exact.limit(np.zeros(0, dtype=int)).shape == (0,)

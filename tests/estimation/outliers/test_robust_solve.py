@@ -10,10 +10,10 @@ import pytest
 from basecal.cell import CandidateObservation, PixelObservation, Recording, RobotState
 from basecal.estimation.outliers import robust_solve
 from basecal.estimation.outliers.classify import classify_inliers
-from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, of_samples
-from basecal.estimation.outliers.robust_solve import judged_again, solve_robustly
+from basecal.estimation.outliers.inlier_mask import InlierMask, all_inliers, select_samples
+from basecal.estimation.outliers.robust_solve import judge_again, solve_robustly
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -65,7 +65,7 @@ def test_clean_data_give_the_plain_solution(scenario):
     """Nothing is left out and every bit is that of the plain solver; a false alarm has a chance of 3e-3 a cell."""
     s = simulate(scenario, seed=1)
     problem, _ = build_problem(s.cell, s.recording)
-    ours, plain = solve_robustly(problem, s.cell), solve_packed(problem, s.cell)
+    ours, plain = solve_robustly(problem, s.cell), solve_problem(problem, s.cell)
     assert ours.outliers == ()
     np.testing.assert_array_equal(ours.solution.covariance, plain.covariance)
     for name, transform in plain.state.transforms.items():
@@ -219,7 +219,7 @@ def test_samples_can_be_taken_by_number():
     """A problem of some samples has their views and no others."""
     s = simulate(Scenario(), seed=13)
     problem, _ = build_problem(s.cell, s.recording)
-    few = of_samples(problem, np.array([2, 5]))
+    few = select_samples(problem, np.array([2, 5]))
     assert few.groups[0].sample.tolist() == [2, 5]
     assert isinstance(s.recording.samples[2].observations[0], PixelObservation)
 
@@ -228,7 +228,7 @@ def test_a_view_that_goes_and_is_taken_back_in_turns_is_left_out(monkeypatch):
     """Of two sets that lead to each other the smaller one is the answer, as soon as the first comes again."""
     made = simulate(Scenario(samples=20), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    plain = solve_packed(problem, made.cell)
+    plain = solve_problem(problem, made.cell)
     judged = classify_inliers(plain.problem, plain.state, all_inliers(plain.problem))
     fewer = InlierMask((np.arange(20) != 7,), judged.kept.points)
     given = []
@@ -250,10 +250,10 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
     problem, _ = build_problem(s.cell, Recording(tuple(samples)))
     robust = solve_robustly(problem, s.cell)
     assert [each.sample for each in robust.outliers] == [5]
-    again = judged_again(robust, robust.solution, problem, s.cell)
+    again = judge_again(robust, robust.solution, problem, s.cell)
     assert [each.sample for each in again.outliers] == [5]
     assert off(base(again.solution), base(robust.solution)) < 1e-6
-    assert judged_again(replace(robust, consensus=None), robust.solution, problem, s.cell) is None
+    assert judge_again(replace(robust, consensus=None), robust.solution, problem, s.cell) is None
     end = robust.consensus
     seen = end.solution.observability
     blind = replace(end.solution, observability=replace(seen, unobservable=frozenset({BASE})))
@@ -264,8 +264,8 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
         (replace(end.solution, cost=1e9), False),
     ):
         monkeypatch.setattr(robust_solve, "_end", lambda *given, to=solution: replace(end, solution=to))
-        found = judged_again(robust, robust.solution, problem, s.cell)
+        found = judge_again(robust, robust.solution, problem, s.cell)
         assert (found is not None) == is_answer
     monkeypatch.setattr(robust_solve, "_end", lambda *given: replace(end, solution=blind))
     before = replace(robust, consensus=replace(end, solution=blind))
-    assert judged_again(before, robust.solution, problem, s.cell) is not None
+    assert judge_again(before, robust.solution, problem, s.cell) is not None

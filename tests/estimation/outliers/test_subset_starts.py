@@ -11,7 +11,7 @@ from tests.ends import with_hand
 from tests.pose_problem import pose_problem
 
 from basecal.cell.targets.chessboard import chessboard_target
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.outliers import subset_starts
 from basecal.estimation.outliers.subset_starts import _size, score, subset_states
 from basecal.estimation.problem.build import build_problem
@@ -114,13 +114,13 @@ def test_every_view_of_a_subset_is_gathered():
     problem, _ = pose_problem(np.zeros((12, 6)), np.ones(6))
     inside = np.zeros((3, 12), dtype=bool)
     inside[0, [1, 4, 7, 8, 11]] = inside[1, [0, 2, 3]] = True
-    few, (counts,) = subset_starts._gathered(problem, [inside])
+    few, (counts,) = subset_starts._gather_views(problem, [inside])
     (group,) = few.groups
     assert group.sample.shape == counts.shape == (3, 5)
     for row, of, own in zip(group.sample, counts, inside, strict=True):
         assert sorted(row[of]) == problem.groups[0].sample[own].tolist()
         assert len(set(row)) == 5
-    none, (counts,) = subset_starts._gathered(problem, [np.zeros((2, 12), dtype=bool)])
+    none, (counts,) = subset_starts._gather_views(problem, [np.zeros((2, 12), dtype=bool)])
     assert none.groups[0].sample.shape == counts.shape == (2, 1)
     assert not counts.any()
 
@@ -170,7 +170,7 @@ def test_one_freedom_more_or_less_is_told_to_each_subset():
     """Residuals less unknowns of its own samples, one at least; those that cannot hold the unknowns are left out."""
     made = simulate(Scenario(samples=12, target="pose"), 0)
     problem, _ = build_problem(made.cell, made.recording)
-    begun = subset_starts._begun(problem, made.cell, [np.arange(5), np.arange(2), np.arange(3), np.array([50])])
+    begun = subset_starts._start_subsets(problem, made.cell, [np.arange(5), np.arange(2), np.arange(3), np.array([50])])
     assert [(of.numbers.tolist(), of.dof) for of in begun] == [([0, 1, 2, 3, 4], 12), ([0, 1, 2], 1)]
 
 
@@ -211,7 +211,7 @@ def test_states_are_drawn_on_to_the_better_half(monkeypatch):
 
     monkeypatch.setattr(subset_starts, "studentize_views", lambda *of: told)
     monkeypatch.setattr(subset_starts, "bundle_adjust_batch", adjusted)
-    found = subset_starts._concentrated(problem, [state, state])
+    found = subset_starts._concentrate(problem, [state, state])
     assert len(found) == 2
     # Of the first 1, 2, 20, 5 and 0.5, of the second 0.5, 1, infinity, 4 and 0.2.
     weights = [[[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]], [[0.0, 1.0], [0.0, 1.0]]]

@@ -10,7 +10,7 @@ from tests.ends import with_hand
 
 from basecal.estimation.outliers import view_ransac as ransac
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
-from basecal.estimation.outliers.view_ransac import Prior, explained, largest_agreement, subset_fits, view_ransac
+from basecal.estimation.outliers.view_ransac import Prior, explain_views, largest_agreement, subset_fits, view_ransac
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.view.pixels import PixelMeasurement
@@ -154,17 +154,17 @@ CAMERA = Camera("pinhole", np.array([800.0, 800.0, 640.0, 360.0]), (1280, 720))
 def test_points_are_explained_by_their_squares(in_pixels):
     """Over sigma: infinite behind the camera and where they weigh nothing, nothing where not seen, up to the limit."""
     of = plain(in_pixels, [[True, True, True], [False, True, False]])
-    found = explained(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0)
+    found = explain_views(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0)
     squares = [36.0, 144.0, np.inf] if in_pixels else [0.04, 0.45, 0.0]
     np.testing.assert_allclose(found.squares, [squares, [0.0, squares[1], 0.0]])
     agree = [True, not in_pixels, not in_pixels]
     assert found.points.tolist() == [agree, [False, agree[1], False]]
     np.testing.assert_allclose(found.cost, np.minimum(found.squares, 40.0).sum(1))
     light = replace(of, weight=of.weight * [0, 1, 1])
-    assert np.isinf(explained(light, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0).squares[0, 0])
+    assert np.isinf(explain_views(light, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0).squares[0, 0])
     information = np.diag([1.0, 2, 3, 4, 5, 6])[None].repeat(2, 0)
     prior = Prior(SE3.from_rotvec(np.zeros((2, 3)), [[-1.0, 0, 0], [0, 0, -2.0]]), information)
-    drawn = explained(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0, prior)
+    drawn = explain_views(of, SE3.identity((2,)), CAMERA if in_pixels else None, 40.0, prior)
     np.testing.assert_allclose(drawn.cost - found.cost, [1.0, 12.0])
 
 
@@ -188,10 +188,10 @@ def test_a_prior_adds_to_what_a_view_says():
 def test_the_cheaper_of_two_counts():
     """View by view; the first where they are alike."""
     of = plain(False, [[True] * 3] * 3)
-    one = explained(of, SE3.exp(np.array([[0.0] * 6, [0.1] * 6, [0.0] * 6])), None, 40.0)
-    two = explained(of, SE3.exp(np.array([[0.1] * 6, [0.0] * 6, [0.0] * 6])), None, 40.0)
+    one = explain_views(of, SE3.exp(np.array([[0.0] * 6, [0.1] * 6, [0.0] * 6])), None, 40.0)
+    two = explain_views(of, SE3.exp(np.array([[0.1] * 6, [0.0] * 6, [0.0] * 6])), None, 40.0)
     two = replace(two, points=~two.points)
-    better = one.better(two)
+    better = one.cheaper(two)
     np.testing.assert_array_equal(better.cost, np.minimum(one.cost, two.cost))
     np.testing.assert_allclose(better.camera_from_target.translation, 0.0)
     np.testing.assert_allclose(better.camera_from_target.rotation, np.tile(np.eye(3), (3, 1, 1)))
@@ -257,6 +257,6 @@ def test_views_are_fitted_until_none_of_their_points_changes_sides():
     thrown = rng.uniform(size=pixels.shape[:2]) < 0.3
     pixels = pixels + np.where(thrown[..., None], rng.normal(0, 1.5, pixels.shape), 0.0)
     views = ransac._Views(replace(problem.groups[0].measurement, pixels=pixels), state.cameras["wrist"], None)
-    found = ransac._settled(views, true @ SE3.exp(rng.uniform(-2e-3, 2e-3, (30, 6))), LIMIT)
-    again = views.at(views.fitted(found.camera_from_target, found.points, 6), LIMIT).better(found)
+    found = ransac._settle(views, true @ SE3.exp(rng.uniform(-2e-3, 2e-3, (30, 6))), LIMIT)
+    again = views.agreement(views.fit(found.camera_from_target, found.points, 6), LIMIT).cheaper(found)
     np.testing.assert_array_equal(again.points, found.points)

@@ -74,12 +74,12 @@ def test_views_are_taken_with_all_that_is_theirs(problem):
 def test_rows_of_a_batch_are_what_each_saw(problem):
     """Views that all entries share stay, those of each entry's own are taken by row."""
     (group,) = problem.groups
-    assert len(group.of_batch(np.array([1])).sample) == 5
+    assert len(group.take_batch(np.array([1])).sample) == 5
     both = group.take(np.array([[0, 1, 2], [4, 3, 2]]))
     assert len(both) == 3
-    np.testing.assert_array_equal(both.of_batch(np.array([1])).sample, group.sample[None, [4, 3, 2]])
+    np.testing.assert_array_equal(both.take_batch(np.array([1])).sample, group.sample[None, [4, 3, 2]])
     np.testing.assert_array_equal(
-        problem.with_groups([both]).of_batch(np.array([0])).groups[0].measurement.pixels,
+        problem.with_groups([both]).take_batch(np.array([0])).groups[0].measurement.pixels,
         group.measurement.pixels[None, [0, 1, 2]],
     )
 
@@ -186,8 +186,8 @@ def test_kinematics_that_are_not_as_stated_move_the_flange(problem, state, made,
         atol=1e-12,
     )
     model = robot_model(robot, stated, {}, np.zeros((1, 6)))
-    np.testing.assert_array_equal(moved.kinematics(model).of("joint_offsets"), off)
-    np.testing.assert_array_equal(state.kinematics(model).of("joint_offsets"), np.zeros(6))
+    np.testing.assert_array_equal(moved.kinematics(model).kind_values("joint_offsets"), off)
+    np.testing.assert_array_equal(state.kinematics(model).kind_values("joint_offsets"), np.zeros(6))
 
 
 def test_a_state_spread_out_is_itself_many_times(problem, state):

@@ -197,7 +197,7 @@ def test_optimum_and_covariance_are_those_of_the_dense_problem(noise):
         assert np.all(np.abs(off) < 1e-3 * sigma[ours.problem.columns[name]])
     for robot, offsets in oracle.found_offsets.items():
         where = ours.problem.columns[f"{robot}_joint_offsets"]
-        assert np.all(np.abs(ours.state.robots[robot].of("joint_offsets") - offsets) < 1e-3 * sigma[where])
+        assert np.all(np.abs(ours.state.robots[robot].kind_values("joint_offsets") - offsets) < 1e-3 * sigma[where])
     np.testing.assert_allclose(ours.covariance / np.outer(sigma, sigma), covariance / np.outer(sigma, sigma), atol=0.02)
 
 

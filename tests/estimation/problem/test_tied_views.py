@@ -13,6 +13,6 @@ def test_stops_of_the_scene_are_shared() -> None:
     assert problem.tied.stops.tolist() == list(range(8))
     assert problem.shared_stops.tolist() == list(range(8))
     assert problem.robots == ("left", "right")
-    assert [end.mount for end in problem.ends_of("right")] == ["right_flange_from_right_eye"]
-    assert problem.ends_of(None) == []
+    assert [end.mount for end in problem.robot_ends("right")] == ["right_flange_from_right_eye"]
+    assert problem.robot_ends(None) == []
     assert {group.target for group in problem.all_groups} == {SCENE}

@@ -51,7 +51,7 @@ def test_a_relation_places_the_base_that_is_free(names, free):
 def test_views_are_closed_by_both_ends():
     """The product of all factors from the camera round to the target."""
     group, (x, y, z) = group_of(), SE3.exp(RNG.standard_normal((3, 6)))
-    for k, closed in enumerate(group.closed_by(x, y, z)):
+    for k, closed in enumerate(group.close_loop(x, y, z)):
         a, c = group.eye.base_from_flange[k], group.hand.base_from_flange[k]
         np.testing.assert_allclose((a @ x @ closed).matrix, (y @ c @ z).matrix, atol=1e-12)
 

@@ -356,7 +356,7 @@ def test_the_nearer_of_two_poses_is_the_one_turned_less(rng):
     expected = (group.eye.base_from_flange @ triple[0]).inverse() @ triple[1] @ triple[2]
     np.testing.assert_allclose(predicted.matrix, expected.matrix, atol=1e-12)
     off = SE3.from_rotvec(turns[..., None] * [0.0, 0.6, 0.8], rng.standard_normal((3, 2, 3)))
-    assert replace(sight, candidates=predicted[:, None] @ off).nearer_pose(triple).tolist() == [0, 1, 1]
+    assert replace(sight, candidates=predicted[:, None] @ off).closest_pose(triple).tolist() == [0, 1, 1]
 
 
 def test_both_poses_of_ambiguous_views_are_samples(rng):
@@ -364,8 +364,8 @@ def test_both_poses_of_ambiguous_views_are_samples(rng):
     group = group_of(PoseMeasurement(SE3.identity((3,)), np.ones((3, 6)), np.ones((3, 6))), 3)
     sight = module.PairViews(group, SE3.exp(rng.standard_normal((3, 2, 6))), np.array([1.0, 0.2, 0.9]), 3)
     loop = sight.loop(None, None, None, np.zeros(3, dtype=np.int64))
-    assert sight.loop_with_both(loop) is None
-    both = replace(sight, is_ambiguous=np.array([False, True, False])).loop_with_both(loop)
+    assert sight.ambiguous_loop(loop) is None
+    both = replace(sight, is_ambiguous=np.array([False, True, False])).ambiguous_loop(loop)
     np.testing.assert_array_equal(both.b.matrix[:3], sight.candidates.matrix[:, 0])
     np.testing.assert_array_equal(both.b.matrix[3:], sight.candidates.matrix[1:2, 1])
     np.testing.assert_array_equal(both.a.matrix[3], loop.a.matrix[1])

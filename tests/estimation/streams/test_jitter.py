@@ -35,7 +35,7 @@ def test_views_move_as_targets_do_before_cameras() -> None:
     made = streamed(clock=Clock(offset_s=0.03, jitter_s=2e-3))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    of = synchronise(streams, streams.stated)
+    of = synchronise(streams, streams.stated_offsets)
     known = Known(made.cell, {NAME: MOUNT, "arm_base_from_tag": TAG}, {})
     problem = with_jitter(build_problem(made.cell, of.recording)[0], known, of.robots, streams.clocks)
     (group,) = problem.groups

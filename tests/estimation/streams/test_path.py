@@ -12,7 +12,7 @@ from stream_cells import along
 
 def off(path: Path, times: np.ndarray) -> float:
     """The largest difference from where the flange truly is, in any coordinate."""
-    return float(np.abs((along(times).inverse() @ path.at(times).base_from_flange).log()).max())
+    return float(np.abs((along(times).inverse() @ path.evaluate(times).base_from_flange).log()).max())
 
 
 def recorded(rate: float) -> Path:
@@ -35,8 +35,8 @@ def test_it_is_of_third_order_between_records() -> None:
 
 def test_its_velocity_is_its_derivative() -> None:
     path, times, step = recorded(20.0), np.linspace(1.003, 3.0, 41), 1e-6
-    before, after = path.at(times - step).base_from_flange, path.at(times + step).base_from_flange
-    np.testing.assert_allclose(path.at(times).velocity, (before.inverse() @ after).log() / (2 * step), atol=1e-6)
+    before, after = path.evaluate(times - step).base_from_flange, path.evaluate(times + step).base_from_flange
+    np.testing.assert_allclose(path.evaluate(times).velocity, (before.inverse() @ after).log() / (2 * step), atol=1e-6)
 
 
 def test_records_at_unequal_times_are_followed_as_well() -> None:
@@ -61,7 +61,7 @@ def test_a_record_alone_is_of_a_robot_that_stands() -> None:
     path = Path(times, along(times))
     asked = np.array([4.9, 5.2, 10.1, 6.0])
     np.testing.assert_array_equal(path.known_mask(asked), [1, 1, 1, 0])
-    there = path.at(asked[:3])
+    there = path.evaluate(asked[:3])
     np.testing.assert_array_equal(there.velocity, 0.0)
     np.testing.assert_allclose(there.base_from_flange.matrix, along(times[[1, 1, 2]]).matrix, atol=1e-12)
 
@@ -79,12 +79,12 @@ def test_joints_are_interpolated_as_joints() -> None:
     joints = np.sin(times)[:, None] * np.linspace(0.5, 1.5, chain.n)
     path = Path(times, chain.forward(joints), joints, chain)
     asked = np.linspace(0.3, 1.6, 29)
-    there = path.at(asked)
+    there = path.evaluate(asked)
     assert there.joints is not None
     np.testing.assert_allclose(there.joints, np.sin(asked)[:, None] * np.linspace(0.5, 1.5, chain.n), atol=2e-4)
     np.testing.assert_allclose(there.base_from_flange.matrix, chain.forward(there.joints).matrix, atol=1e-12)
     step = 1e-6
-    moved = path.at(asked - step).base_from_flange.inverse() @ path.at(asked + step).base_from_flange
+    moved = path.evaluate(asked - step).base_from_flange.inverse() @ path.evaluate(asked + step).base_from_flange
     np.testing.assert_allclose(there.velocity, moved.log() / (2 * step), atol=1e-6)
 
 
@@ -99,14 +99,14 @@ def test_between_records_it_is_the_cubic_of_the_slopes_around(by_joints: bool) -
     asked = np.array([0.0, 0.03, 0.1, 0.2, 0.27, 0.35, 0.49, 0.5, 1.5, 1.55, 1.7, 1.8, 1.88, 1.9])
     if by_joints:
         chain = planar(0.4, 0.3, 0.2)
-        there = Path(times, chain.forward(values), values, chain).at(asked)
+        there = Path(times, chain.forward(values), values, chain).evaluate(asked)
         np.testing.assert_allclose(there.joints, spline(asked), atol=1e-12)
         at = chain.posture(spline(asked))
         expected = (at.joint_derivative @ spline(asked, 1)[..., None])[..., 0]
         np.testing.assert_allclose(there.base_from_flange.matrix, at.base_from_flange.matrix, atol=1e-12)
     else:
         turn = np.broadcast_to(SE3.exp([0, 0, 0, 0.3, -0.2, 1.0]).rotation, (len(times), 3, 3))
-        there = Path(times, SE3(turn, values)).at(asked)
+        there = Path(times, SE3(turn, values)).evaluate(asked)
         assert there.joints is None
         np.testing.assert_allclose(there.base_from_flange.translation, spline(asked), atol=1e-12)
         np.testing.assert_allclose(there.base_from_flange.rotation, turn[0][None].repeat(len(asked), 0), atol=1e-12)
@@ -127,5 +127,5 @@ def test_a_robot_stands_at_the_nearer_record() -> None:
     """Just before the middle at the first, just after it at the second."""
     times = np.array([0.0, 0.4, 0.8])
     path = Path(times, along(times))
-    there = path.at(np.array([0.19, 0.21, 0.61, 1.0])).base_from_flange
+    there = path.evaluate(np.array([0.19, 0.21, 0.61, 1.0])).base_from_flange
     np.testing.assert_allclose(there.matrix, along(times[[0, 1, 2, 2]]).matrix, atol=1e-12)

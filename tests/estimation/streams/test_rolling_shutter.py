@@ -49,11 +49,11 @@ def test_views_stand_at_their_mean_row_and_pixels_where_they_were_then() -> None
     made = pictured(LINE_S, RollingShutter("fixed", LINE_S), noise_px=0.0)
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    at_mean = synchronise(streams, streams.stated)
+    at_mean = synchronise(streams, streams.stated_offsets)
     assert np.abs(seen_at_once(at_mean.recording, made)).max() > 0.5
-    mended = at_mean.correct_rows(known(made), streams.stated)
+    mended = at_mean.correct_rows(known(made), streams.stated_offsets)
     assert np.abs(seen_at_once(mended.recording, made)).max() < 0.03
-    plain = synchronise(streams, {**streams.stated, line_time_name("wrist"): 0.0})
+    plain = synchronise(streams, {**streams.stated_offsets, line_time_name("wrist"): 0.0})
     assert plain.correct_rows(known(made), {"arm": 0.0, "wrist": 0.0}) is plain
 
 
@@ -80,7 +80,7 @@ def test_what_is_not_known_yet_mends_nothing() -> None:
     made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    at_mean = synchronise(streams, streams.stated)
+    at_mean = synchronise(streams, streams.stated_offsets)
     without = replace(known(made), transforms={})
     after = correct_rolling_shutter(at_mean.recording, without, {"wrist": LINE_S}, at_mean.robots)
     for a, b in zip(after.samples, at_mean.recording.samples, strict=True):
@@ -154,7 +154,7 @@ def test_each_pixel_is_mended_by_the_rows_since_the_mean_one() -> None:
     made = pictured(LINE_S, RollingShutter("fixed", LINE_S))
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    at_mean = synchronise(streams, streams.stated)
+    at_mean = synchronise(streams, streams.stated_offsets)
     first = at_mean.recording.samples[3]
     (seen,) = first.observations
     shape, lens = made.cell.targets["board"].target, known(made).lenses["wrist"]

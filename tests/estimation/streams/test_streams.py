@@ -46,7 +46,7 @@ def test_the_clock_of_a_camera_whose_views_stand_alone_is_free() -> None:
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
     assert streams.open == ("wrist",)
-    assert streams.stated == {"arm": 0.0, "wrist": 0.0}
+    assert streams.stated_offsets == {"arm": 0.0, "wrist": 0.0}
 
 
 def test_what_is_stated_of_a_clock_holds() -> None:
@@ -152,7 +152,7 @@ def test_thinned_views_are_spread_over_all() -> None:
     made = streamed()
     streams = recording_streams(made.cell, made.recording)
     assert streams is not None
-    assert [s.sample for s in streams.thinned(3).instants] == [0, 34, 69]
+    assert [s.sample for s in streams.thin(3).instants] == [0, 34, 69]
 
 
 def test_a_few_samples_without_a_robot_do_not_make_streams() -> None:
@@ -350,5 +350,5 @@ def test_robots_are_followed_by_their_own_clock(offset_s: float, followed: list[
     at = {6: 0.7, 7: 1.3, 8: 1.7, 9: 2.3}
     found = recording_streams(cell, Recording((*arm, *(seen(k, t, ["first"]) for k, t in at.items()))))
     assert found is not None
-    samples = synchronise(found, {**found.stated, "left": offset_s}).recording.samples
+    samples = synchronise(found, {**found.stated_offsets, "left": offset_s}).recording.samples
     assert [of.sample for of in samples] == followed

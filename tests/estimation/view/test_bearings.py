@@ -67,11 +67,11 @@ def test_views_are_taken_in_the_order_asked_for(measurement):
 
 def test_rows_of_a_batch(measurement):
     """What all entries saw is shared; what each saw for itself is taken by row."""
-    assert measurement.of_batch(np.array([1])).bearings_in_camera.shape == (2, 4, 3)
+    assert measurement.take_batch(np.array([1])).bearings_in_camera.shape == (2, 4, 3)
     own = replace(
         measurement,
         bearings_in_camera=np.stack([measurement.bearings_in_camera, 2 * measurement.bearings_in_camera]),
         weight=np.stack([WEIGHT, 3 * WEIGHT]),
-    ).of_batch(np.array([1]))
+    ).take_batch(np.array([1]))
     np.testing.assert_array_equal(own.bearings_in_camera, 2 * measurement.bearings_in_camera[None])
     np.testing.assert_array_equal(own.weight, 3 * WEIGHT[None])

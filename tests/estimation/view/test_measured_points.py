@@ -29,9 +29,9 @@ def measurement(request, rng):
 def test_weights_are_scaled_and_masked(measurement):
     """Sigmas twice as large, squares of one point counted four times, and one point as if it had not been seen."""
     np.testing.assert_array_equal(measurement.noisier(2.0).weight, WEIGHT / 2)
-    np.testing.assert_array_equal(measurement.reweighted(np.array([4.0, 1.0, 1.0])).weight, WEIGHT * [2.0, 1.0, 1.0])
+    np.testing.assert_array_equal(measurement.reweight(np.array([4.0, 1.0, 1.0])).weight, WEIGHT * [2.0, 1.0, 1.0])
     kept = np.array([[True, True, False], [True, True, True]])
-    fewer = measurement.masked(kept)
+    fewer = measurement.mask_points(kept)
     np.testing.assert_array_equal(fewer.weight, np.where(kept, WEIGHT, 0.0))
     assert fewer.point_counts().tolist() == [2, 2]
 
@@ -47,9 +47,9 @@ def test_only_arrays_with_a_batch_axis_are_taken_apart(measurement):
     assert set(measurement.axes) <= set(vars(measurement))
     (name,) = set(measurement.axes) - {"seen", "stated", "weight", "relative"}
     several = np.stack([getattr(measurement, name) + shift for shift in range(4)])
-    taken = replace(measurement, **{name: several}).of_batch(np.array([3, 1]))
+    taken = replace(measurement, **{name: several}).take_batch(np.array([3, 1]))
     np.testing.assert_array_equal(getattr(taken, name), several[[3, 1]])
     assert taken.weight is measurement.weight
-    heavier = replace(measurement, weight=np.stack([WEIGHT, 2 * WEIGHT])).of_batch(1)
+    heavier = replace(measurement, weight=np.stack([WEIGHT, 2 * WEIGHT])).take_batch(1)
     np.testing.assert_array_equal(heavier.weight, 2 * WEIGHT)
     assert getattr(heavier, name) is getattr(measurement, name)

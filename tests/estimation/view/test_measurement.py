@@ -10,7 +10,7 @@ from tests.derivatives import check_derivative
 
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.view.bearings import BearingMeasurement
-from basecal.estimation.view.measurement import Measurement, Noise, at_most_six
+from basecal.estimation.view.measurement import Measurement, Noise, limit_equations
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
@@ -246,4 +246,4 @@ def test_no_views_say_nothing():
 
 def test_a_view_says_no_more_than_a_pose_has_freedoms():
     """One point of a picture gives two equations, three and a whole board six."""
-    np.testing.assert_array_equal(at_most_six(2 * np.array([0, 1, 3, 4, 54])), [0, 2, 6, 6, 6])
+    np.testing.assert_array_equal(limit_equations(2 * np.array([0, 1, 3, 4, 54])), [0, 2, 6, 6, 6])

@@ -11,18 +11,18 @@ from basecal.geometry.rotation import cross_matrix, rotation_exp
 
 def test_monomials_are_all_products_of_one_and_the_coordinates():
     """Of 1, x, y and z each with each, once, those with 1 first."""
-    of = Monomials.of(np.array([[2.0, 3.0, 5.0]]))
+    of = Monomials.from_points(np.array([[2.0, 3.0, 5.0]]))
     assert of.linear == 4
     assert of.values.tolist() == [[1, 2, 3, 5, 4, 6, 10, 9, 15, 25]]
 
 
 def test_monomials_that_are_zero_throughout_are_left_out():
     """Of a plane those with z, of a point at the origin all but 1."""
-    assert Monomials.of(np.array([[2.0, 3.0, 0.0], [0.0, 1.0, 0.0]])).values.tolist() == [
+    assert Monomials.from_points(np.array([[2.0, 3.0, 0.0], [0.0, 1.0, 0.0]])).values.tolist() == [
         [1, 2, 3, 4, 6, 9],
         [1, 0, 1, 0, 0, 1],
     ]
-    assert Monomials.of(np.zeros((1, 3))).values.tolist() == [[1]]
+    assert Monomials.from_points(np.zeros((1, 3))).values.tolist() == [[1]]
 
 
 def test_dot_is_the_sum_of_products():
@@ -42,6 +42,6 @@ def test_moments_are_the_sums_over_points(rng, extent):
     squares = [np.einsum("bnpk,bnpk->bnp", by_point[..., i], by_point[..., j]) for i, j in UPPER]
     motion = np.concatenate([np.broadcast_to(np.eye(3), (5, 3, 3)), -cross_matrix(points)], -1)
     jacobian = by_point @ rotation[:, :, None] @ motion
-    gradient, information = gradient_and_information(forces, squares, rotation, Monomials.of(points))
+    gradient, information = gradient_and_information(forces, squares, rotation, Monomials.from_points(points))
     np.testing.assert_allclose(gradient, np.einsum("bnpki,bnpk->bni", jacobian, residual), atol=1e-12)
     np.testing.assert_allclose(information, np.einsum("bnpki,bnpkj->bnij", jacobian, jacobian), atol=1e-12)

@@ -65,16 +65,16 @@ def test_residuals_are_predicted_minus_seen(measurement):
 def test_thinned_points_are_spread_and_keep_what_is_theirs(measurement):
     """Of five points two lie far apart, with what is theirs; three are as many as asked for, and five stay all."""
     with_relative = replace(measurement, relative=np.tile(np.arange(5.0), (3, 1)))
-    few = with_relative.thinned(2)
+    few = with_relative.thin(2)
     np.testing.assert_array_equal(few.points_in_target, POINTS[[2, 4]])
     np.testing.assert_array_equal(few.seen, SEEN[:, [2, 4]])
     np.testing.assert_array_equal(few.stated, STATED[:, [2, 4]])
     np.testing.assert_array_equal(few.pixels, measurement.pixels[:, [2, 4]])
     np.testing.assert_array_equal(few.weight, measurement.weight[:, [2, 4]])
     np.testing.assert_array_equal(few.relative, [[2.0, 4.0]] * 3)
-    assert len(measurement.thinned(3).points_in_target) == 3
-    assert len(measurement.thinned(5).points_in_target) == 5
-    assert measurement.thinned(3).relative is None
+    assert len(measurement.thin(3).points_in_target) == 3
+    assert len(measurement.thin(5).points_in_target) == 5
+    assert measurement.thin(3).relative is None
 
 
 @pytest.mark.parametrize("count", [11, 12])
@@ -86,7 +86,7 @@ def test_points_that_change_places_are_kept_together(count, most):
     """
     places = np.random.default_rng(1).uniform(size=(count, 3)) * [1, 1, 0]
     every = np.tile(np.arange(float(count)), (1, 1))
-    few = PixelMeasurement(places, np.stack([every, every], -1), every >= 0, every, every).thinned(most, paired=True)
+    few = PixelMeasurement(places, np.stack([every, every], -1), every >= 0, every, every).thin(most, is_paired=True)
     kept = few.stated[0].astype(int).tolist()
     assert len(set(kept)) == len(kept) <= most + most % 2
     assert [count - 1 - k for k in kept] == kept[::-1]
@@ -108,17 +108,17 @@ def test_views_are_taken_with_all_that_is_theirs(measurement):
 
 def test_rows_of_a_batch(measurement):
     """What all entries saw is shared; what each saw for itself is taken by row, with weights of its own or shared."""
-    assert measurement.of_batch(np.array([1])).pixels.shape == (3, 5, 2)
+    assert measurement.take_batch(np.array([1])).pixels.shape == (3, 5, 2)
     twice = {
         name: np.stack([value, 2 * value]) for name in ("pixels", "weight") for value in [getattr(measurement, name)]
     }
-    own = replace(measurement, **twice).of_batch(np.array([1]))
+    own = replace(measurement, **twice).take_batch(np.array([1]))
     np.testing.assert_array_equal(own.pixels, 2 * measurement.pixels[None])
     np.testing.assert_array_equal(own.weight, 2 * measurement.weight[None])
     np.testing.assert_array_equal(own.seen, SEEN)
     np.testing.assert_array_equal(own.stated, STATED)
     seen = np.stack([SEEN, ~SEEN])
-    masked = replace(measurement, seen=seen, stated=1.0 * seen, relative=2.0 * seen).of_batch(np.array([1]))
+    masked = replace(measurement, seen=seen, stated=1.0 * seen, relative=2.0 * seen).take_batch(np.array([1]))
     np.testing.assert_array_equal(masked.seen, [~SEEN])
     np.testing.assert_array_equal(masked.stated, [1.0 * ~SEEN])
     np.testing.assert_array_equal(masked.relative, [2.0 * ~SEEN])

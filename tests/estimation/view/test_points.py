@@ -57,18 +57,18 @@ def test_views_are_taken_with_all_that_is_theirs(measurement):
 def test_rows_of_a_batch(measurement):
     """What all entries saw is shared; what each saw for itself is taken by row."""
     rows = np.array([1])
-    shared = measurement.of_batch(rows)
+    shared = measurement.take_batch(rows)
     for name in ("points_in_camera", "seen", "stated", "weight"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(measurement, name))
     twice = {
         name: np.stack([of, 2 * of]) for name in ("points_in_camera", "weight") for of in [getattr(measurement, name)]
     }
-    own = replace(measurement, **twice).of_batch(rows)
+    own = replace(measurement, **twice).take_batch(rows)
     np.testing.assert_array_equal(own.points_in_camera, 2 * measurement.points_in_camera[None])
     np.testing.assert_array_equal(own.weight, 2 * measurement.weight[None])
     np.testing.assert_array_equal(own.seen, SEEN)
     seen = np.stack([SEEN, ~SEEN])
-    masked = replace(measurement, seen=seen, stated=1.0 * seen).of_batch(rows)
+    masked = replace(measurement, seen=seen, stated=1.0 * seen).take_batch(rows)
     np.testing.assert_array_equal(masked.seen, [~SEEN])
     np.testing.assert_array_equal(masked.stated, [1.0 * ~SEEN])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from basecal.estimation.view.pose_errors import corner_covariances, whitening_of
+from basecal.estimation.view.pose_errors import corner_covariances, whitening_matrix
 from basecal.geometry import SE3
 
 FACING = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0])
@@ -46,7 +46,7 @@ def test_tilt_is_worst_from_the_front() -> None:
 def test_whitening_makes_views_equal() -> None:
     """Errors of each view become independent; rotations of all views together keep their size, as translations do."""
     covariance = corner_covariances(POSES, HALF_M)
-    whitening = whitening_of(covariance)
+    whitening = whitening_matrix(covariance)
     equal = whitening @ covariance @ whitening.mT
     for block in (slice(0, 3), slice(3, 6)):
         unit = equal[0, block, block][0, 0]

@@ -55,11 +55,11 @@ def test_poses_of_a_batch_are_taken_with_their_rows():
     """Those that differ from problem to problem; those of all problems alike stay."""
     ahead = SE3.exp(np.arange(6.0).reshape(2, 3, 1) * np.eye(6)[0])
     stated = 1.0 + np.arange(2 * 3 * 6).reshape(2, 3, 6)
-    taken = PoseMeasurement(ahead, stated, 2 * stated).of_batch(np.array([1]))
+    taken = PoseMeasurement(ahead, stated, 2 * stated).take_batch(np.array([1]))
     np.testing.assert_array_equal(taken.measured_camera_from_target.translation[..., 0], [[3.0, 4.0, 5.0]])
     np.testing.assert_array_equal(taken.stated, stated[[1]])
     np.testing.assert_array_equal(taken.weight, 2 * stated[[1]])
-    alike = PoseMeasurement(ahead[0], STATED, STATED).of_batch(np.array([1]))
+    alike = PoseMeasurement(ahead[0], STATED, STATED).take_batch(np.array([1]))
     np.testing.assert_array_equal(alike.measured_camera_from_target.translation[..., 0], [0.0, 1.0, 2.0])
 
 

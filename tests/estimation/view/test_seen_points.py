@@ -33,7 +33,7 @@ def measurement(request, rng):
 
 def test_derivatives_are_those_of_the_residuals(measurement):
     """By the place of a point, by differences; residuals are the same as those of poses."""
-    places = measurement.in_camera(AT)
+    places = measurement.camera_points(AT)
     off, by_point, by_lens = measurement.with_derivatives(places, LENS, False)
     np.testing.assert_allclose(off, measurement.residuals(AT, LENS), atol=1e-9)
     assert by_lens is None
@@ -55,9 +55,9 @@ def test_squares_are_of_points_without_a_sigma(measurement):
 def test_masked_points_were_never_seen(measurement):
     """They state nothing and weigh nothing; where all are kept nothing changes."""
     kept = np.ones((2, 4), dtype=bool)
-    assert measurement.masked(kept) is measurement
+    assert measurement.mask_points(kept) is measurement
     kept[0, 2] = False
-    fewer = measurement.masked(kept)
+    fewer = measurement.mask_points(kept)
     np.testing.assert_array_equal(fewer.seen, SEEN & kept)
     np.testing.assert_array_equal([fewer.stated, fewer.weight], np.where(kept, [STATED, measurement.weight], 0.0))
     assert fewer.point_counts().tolist() == [3, 3]

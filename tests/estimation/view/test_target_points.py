@@ -8,7 +8,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.target_points import spread_out
+from basecal.estimation.view.target_points import spread_rows
 from basecal.geometry import SE3
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.1, 0.2, 0.05]])
@@ -24,7 +24,7 @@ def bearings(views: int) -> BearingMeasurement:
 def test_points_are_carried_by_each_pose():
     """A view's points in the camera are those of the target under its own pose."""
     poses = SE3.exp(np.random.default_rng(1).normal(size=(3, 6)))
-    at = bearings(3).in_camera(poses)
+    at = bearings(3).camera_points(poses)
     assert all(np.allclose(at[k], poses[k] @ POINTS, rtol=0, atol=1e-14) for k in range(3))
 
 
@@ -51,7 +51,7 @@ def test_pixels_need_a_lens():
 def test_a_few_points_of_a_grid_span_it(columns, rows):
     """At most sixteen of any grid, each once, lie in no line: every eleventh of 11 x 15 is one column."""
     grid = np.array([[x, y, 0.0] for y in range(rows) for x in range(columns)])
-    few = spread_out(grid, 16)
+    few = spread_rows(grid, 16)
     assert 10 <= len(few) <= 16
     assert np.all(np.diff(few) > 0)
     assert np.all(grid[few].std(0)[:2] >= 0.8 * grid.std(0)[:2])
@@ -61,19 +61,19 @@ def test_a_few_points_of_a_grid_span_it(columns, rows):
 def test_points_of_which_every_so_manyth_span_less_are_spread_from_the_outermost_on(away):
     """First the one farthest from their middle, then what is farthest from all of these, wherever the target stands."""
     points = np.array([[0.0, 0.2, 0.0], [-1.75, 0.9, 0.0], [0.05, 0.9, 0.0], [1.7, 0.9, 0.0], [0.0, -2.0, 0.0]]) + away
-    assert spread_out(points, 2).tolist() == [1, 4]
+    assert spread_rows(points, 2).tolist() == [1, 4]
 
 
 def test_few_points_stay_all():
     """As many as are asked for, or fewer, are not thinned."""
-    np.testing.assert_array_equal(spread_out(POINTS, 4), np.arange(4))
-    assert len(spread_out(POINTS, 9)) == 4
+    np.testing.assert_array_equal(spread_rows(POINTS, 4), np.arange(4))
+    assert len(spread_rows(POINTS, 9)) == 4
 
 
 def test_points_turned_and_then_moved_are_in_the_camera():
     """Turned, they stand about the target's origin; a shift brings them to the camera, batch or not."""
     poses = SE3.exp(np.random.default_rng(1).normal(size=(2, 3, 6)))
     whole = bearings(3)
-    turned = whole.turned(poses)
+    turned = whole.turn(poses)
     np.testing.assert_allclose(turned, np.moveaxis(POINTS @ poses.rotation.mT, -1, 0), rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(whole.translate(poses, turned), whole.in_camera(poses))
+    np.testing.assert_array_equal(whole.translate(poses, turned), whole.camera_points(poses))

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
-from basecal.estimation.view.view_pose import ViewPoses, refined, view_poses
+from basecal.estimation.view.view_pose import ViewPoses, refine_poses, view_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_exp
 
@@ -41,7 +41,7 @@ def test_exact_directions_give_the_exact_pose(points):
     """To 1e-8, and at no cost."""
     pose = tilted(12, 0.7)
     found = poses_of(seen_from(pose, points))
-    assert found.found.all()
+    assert found.has_pose.all()
     assert np.abs((pose.inverse() @ found.camera_from_target[:, 0]).log()).max() < 1e-8
     assert found.cost[:, 0].max() < 1e-8
 
@@ -76,7 +76,7 @@ def test_views_of_pixels_are_refined_with_the_lens_that_took_them(steps):
     at = (pose.rotation @ FLAT.T).swapaxes(1, 2) + pose.translation[:, None]
     seen = np.ones(at.shape[:2], dtype=bool)
     pixels = PixelMeasurement(FLAT, camera.project(at), seen, 1.0 * seen, 1.0 * seen)
-    found = refined(pixels, pose, camera, steps)
+    found = refine_poses(pixels, pose, camera, steps)
     np.testing.assert_allclose((pose.inverse() @ found.camera_from_target).log(), 0.0, atol=1e-9)
     np.testing.assert_allclose(found.information, pixels.linearise(pose, camera, False).information, rtol=1e-6)
 
@@ -104,7 +104,7 @@ def test_views_of_three_points_have_no_pose(few):
     chords = seen_from(pose, FLAT)
     chords.weight[1, few:] = 0.0
     found = poses_of(chords)
-    assert found.found.tolist() == [True, False, True]
+    assert found.has_pose.tolist() == [True, False, True]
 
 
 def test_refining_never_raises_a_cost():
@@ -112,7 +112,7 @@ def test_refining_never_raises_a_cost():
     pose = tilted(20, 0.7)
     chords = seen_from(pose, FLAT, 2e-4)
     start = pose @ SE3.exp(0.1 * np.random.default_rng(2).standard_normal((20, 6)))
-    costs = np.array([refined(chords, start, None, k).cost for k in range(6)])
+    costs = np.array([refine_poses(chords, start, None, k).cost for k in range(6)])
     assert np.all(np.diff(costs, axis=0) <= 0)
     assert np.mean(costs[-1] < 0.01 * costs[0]) >= 0.95
 
@@ -135,7 +135,7 @@ def test_without_steps_poses_are_those_of_the_closed_form():
 def test_a_view_is_found_where_its_best_pose_is():
     """Whatever the next best is."""
     poses = SE3.identity((3, 2))
-    found = ViewPoses(poses, np.array([[1.0, np.inf], [np.inf, np.inf], [1.0, 2.0]]), np.zeros((3, 6, 6))).found
+    found = ViewPoses(poses, np.array([[1.0, np.inf], [np.inf, np.inf], [1.0, 2.0]]), np.zeros((3, 6, 6))).has_pose
     assert found.tolist() == [True, False, True]
 
 
@@ -148,5 +148,5 @@ def test_four_points_of_a_plane_or_six_in_space_have_a_pose(points, fewest):
     chords.weight[:] = 0.0
     chords.weight[0, spread[:fewest]] = chords.weight[1, spread[: fewest - 1]] = 2000.0
     found = poses_of(chords)
-    assert found.found.tolist() == [True, False]
+    assert found.has_pose.tolist() == [True, False]
     assert np.abs((pose[0].inverse() @ found.camera_from_target[0, 0]).log()).max() < 1e-6

@@ -18,7 +18,7 @@ from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_n
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.streams.jitter import with_jitter
 from basecal.estimation.streams.rolling_shutter import Known, line_time_name
 from basecal.estimation.streams.streams import Streams, Synchronised, synchronise
@@ -65,12 +65,12 @@ def search_offsets(streams: Streams, settings: Settings) -> Clocked:
     Raises:
         InputError: if the cell contradicts the recording.
     """
-    offsets = streams.stated
+    offsets = streams.stated_offsets
     lines = [line_time_name(camera) for camera in streams.cell.cameras]
-    many = streams.thinned(_STEPPED_VIEWS)
+    many = streams.thin(_STEPPED_VIEWS)
     stepped, last, explained = _step_offsets(many, offsets, settings)
     if not explained:
-        few = streams.thinned(_TRIED_VIEWS)
+        few = streams.thin(_TRIED_VIEWS)
         for name in streams.open:
             if name not in lines:
                 offsets = _best_offset(few, offsets, name, settings)
@@ -159,6 +159,6 @@ def _solve_at_offsets(
 ) -> tuple[Solution, Synchronised]:
     samples = _synchronise(streams, offsets, near)
     problem = _add_jitter(build_problem(streams.cell, samples.recording)[0], streams, samples, near)
-    plain = solve_packed(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
+    plain = solve_problem(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
     noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))
     return noisy, samples

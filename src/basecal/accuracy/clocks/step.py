@@ -57,7 +57,7 @@ def clock_step(
         offsets_s: The offsets they were made with, by device.
         solution: With its noise.
     """
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {})
     moves = tuple(_clock_jacobian(situation, k, streams.open, synchronised) for k in range(len(problem.groups)))
     about = linearised(problem, solution.state)

@@ -62,7 +62,7 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         views, (x, y, z) = group.take(rows), triple
         state = with_known_stops(refit.optimum.state, refit.known)
         ours.append(_off(alone[rows], state.camera_from_target(views, solution.problem.stops)))
-        theirs.append(_off(alone[rows], views.closed_by(x, y, z)))
+        theirs.append(_off(alone[rows], views.close_loop(x, y, z)))
     ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
     whole = _closed_form(solution.problem, group, *of_all)
     if ratio is None or whole is None:

@@ -29,7 +29,7 @@ def _distances(evidence: Evidence, point_m: Array) -> Iterator[tuple[str, float]
     """Of each robot that records poses alone, how far its nearest recorded flange is from a point [m]."""
     problem, transforms = evidence.solution.problem, evidence.solution.state.transforms
     for robot in problem.robots:
-        ends = problem.ends_of(robot)
+        ends = problem.robot_ends(robot)
         if any(end.joints is not None for end in ends):
             continue
         base = SE3.identity() if ends[0].base is None else transforms[ends[0].base]

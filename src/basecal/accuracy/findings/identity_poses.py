@@ -16,7 +16,7 @@ def identity_poses(inputs: Input) -> list[Finding]:
     """
     findings = []
     for robot in inputs.problem.robots:
-        poses = [end.base_from_flange for end in inputs.problem.ends_of(robot) if end.joints is None]
+        poses = [end.base_from_flange for end in inputs.problem.robot_ends(robot) if end.joints is None]
         if poses and all(np.all(each.matrix == np.eye(4)) for each in poses):
             fixed = all(inputs.problem.unknowns[name].status == "fixed" for name in mount_names(inputs.problem, robot))
             what, do = (

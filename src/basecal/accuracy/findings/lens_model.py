@@ -33,5 +33,7 @@ def lens_model(evidence: Evidence) -> list[Finding]:
 
 def _sigmas(evidence: Evidence, structure: LensStructure, name: str) -> float:
     where = evidence.solution.problem.columns[name]
-    sigma = np.sqrt(np.maximum(np.diag(evidence.solution.covariance_of([name])), 0.0))[: where.stop - where.start]
+    sigma = np.sqrt(np.maximum(np.diag(evidence.solution.joint_transform_covariance([name])), 0.0))[
+        : where.stop - where.start
+    ]
     return float(np.abs(structure.moved[where] / np.maximum(sigma, np.finfo(np.float64).tiny)).max())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
-from basecal.estimation.noise.robot_noise import stops_made
+from basecal.estimation.noise.robot_noise import count_stops
 from basecal.estimation.problem.problem import Problem
 
 FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter from 15 boards (benchmarks.consistency), by more below
@@ -12,13 +12,13 @@ FEWEST_STOPS = 12  # estimated sigmas scatter by a quarter from 15 boards (bench
 
 def robots_with_few_stops(problem: Problem) -> dict[str, int]:
     """Stops of each robot that states no noise and moved, but too seldom to determine it."""
-    counts = {name: stops_made(problem, name) for name in sorted(problem.unstated)}
+    counts = {name: count_stops(problem, name) for name in sorted(problem.unstated)}
     return {name: count for name, count in counts.items() if 1 < count < FEWEST_STOPS}
 
 
 def robots_with_one_stop(problem: Problem) -> list[str]:
     """Robots that state no noise and never moved."""
-    return [name for name in sorted(problem.unstated) if stops_made(problem, name) == 1]
+    return [name for name in sorted(problem.unstated) if count_stops(problem, name) == 1]
 
 
 def noise_not_identifiable(evidence: Evidence) -> list[Finding]:

@@ -70,7 +70,7 @@ def _from_to(baseline: Candidate, candidate: Candidate) -> str:
 def _largest_deviation(choice: RobotModelChoice) -> str:
     """The offset that stands out most from its sigma, or how far links are off."""
     if choice.chosen.kind == "links":
-        tangents = np.concatenate([each.of(LINKS) for each in choice.solution.state.robots.values()])
+        tangents = np.concatenate([each.kind_values(LINKS) for each in choice.solution.state.robots.values()])
         off_m, off_rad = (float(np.linalg.norm(half, axis=1).max()) for half in np.split(tangents, 2, axis=1))
         return f"Links are off by up to {1e3 * off_m:.2g} mm and {np.degrees(off_rad):.2g} deg."
     found = robot_parameters(choice.solution).get(OFFSETS, {})

@@ -69,7 +69,7 @@ def _step_text(value: float, rounding: _Rounding) -> str:
 def _roundings(problem: Problem, robot: str) -> Iterator[_Rounding]:
     sigma = problem.stops.sigma[np.array(problem.stops.robot, dtype=object) == robot]
     noise_m, noise_rad = (float(sigma[0, 0]), float(sigma[0, 3])) if len(sigma) else (0.0, 0.0)
-    joints = [end.joints for end in problem.ends_of(robot)]
+    joints = [end.joints for end in problem.robot_ends(robot)]
     recorded = [each for each in joints if each is not None]
     if len(recorded) == len(joints) > 0:
         yield from _angle_roundings("joints", [np.concatenate(recorded)], noise_rad)

@@ -17,7 +17,7 @@ def same_stop(inputs: Input) -> list[Finding]:
         return []
     findings = []
     for robot in inputs.problem.robots:
-        ends = inputs.problem.ends_of(robot)
+        ends = inputs.problem.robot_ends(robot)
         stand, poses = np.concatenate([end.stand for end in ends]), concatenate([end.base_from_flange for end in ends])
         first = np.unique(stand, return_index=True)[1]
         off = (poses[first[np.searchsorted(stand[first], stand)]].inverse() @ poses).log()

@@ -18,7 +18,7 @@ def weak_directions(evidence: Evidence) -> list[Finding]:
     for name in evidence.cell.requested_transforms if solution.converged else ():
         if name in solution.observability.unobservable or name not in solution.problem.columns:
             continue
-        sigma = np.sqrt(np.diag(solution.covariance_of([name])))
+        sigma = np.sqrt(np.diag(solution.joint_transform_covariance([name])))
         sigma_m, sigma_rad = float(sigma[:3].max()), float(sigma[3:].max())
         if sigma_m > _WEAK_SIGMA * solution.observability.length_m or sigma_rad > _WEAK_SIGMA:
             do, why = describe_cause(evidence.cell, solution.problem, motions(solution.problem), (name,))

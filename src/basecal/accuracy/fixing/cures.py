@@ -16,7 +16,7 @@ from basecal.cell.format.yaml_text import parse_yaml
 from basecal.errors import BasecalError, sentence
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import STATED
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.fields.problems import Loc
 
 _OFFERED = re.compile(r"[Ww]rite (?P<line>[a-z_]+: .+?)\.?$")
@@ -64,7 +64,7 @@ def _convention_cures(
     try:
         problem, _ = build_problem(cell, detections)
         declared = as_recorded(cell, detections, problem)
-        known = every_hypothesis(declared, solve_packed(problem, cell, STATED).state, STATED)
+        known = every_hypothesis(declared, solve_problem(problem, cell, STATED).state, STATED)
     except BasecalError:
         return {}
     found: dict[Finding, tuple[Cure, ...]] = {}

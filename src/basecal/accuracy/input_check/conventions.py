@@ -37,7 +37,7 @@ from basecal.accuracy.readings.single_pairs import has_many_robots, merge_findin
 from basecal.cell import Cell, Finding, Recording
 from basecal.effects.link_parameters import NAME as LINKS
 from basecal.errors import BasecalError
-from basecal.estimation.noise.robot_noise import stops_made
+from basecal.estimation.noise.robot_noise import count_stops
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
@@ -136,7 +136,7 @@ def _checked(declared: Reading, known: State, settings: Settings, explained: boo
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
     tried = yield from _tried(declared, as_is, replace(settings, start="closed"))
-    still = frozenset(r for r in cell.robots if stops_made(problem, r) == 1)
+    still = frozenset(r for r in cell.robots if count_stops(problem, r) == 1)
     return decide_hypotheses(cell, as_is, tried, explained, still)
 
 
@@ -161,7 +161,7 @@ def _can_hold_out(problem: Problem) -> bool:
 
 def _as_declared(declared: Reading, settings: Settings, known: State) -> HypothesisFit | None:
     """The fit of the declared hypothesis; a start that misled it, such as a wrong guess, is no mix-up."""
-    cell, few = declared.cell, declared.thinned(_SOLVED).problem
+    cell, few = declared.cell, declared.thin(_SOLVED).problem
     fit = fit_hypothesis(cell, few, settings, known)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
         return fit
@@ -187,7 +187,7 @@ def _tried(declared: Reading, as_is: TriedHypothesis, settings: Settings) -> _Ch
         return found
     if not _explained(as_is.fit):
         wider = [hypothesis for hypothesis in common if hypothesis.nested]
-        for hypothesis in [*wider, *size_hypotheses(declared.thinned(_SOLVED), known)]:
+        for hypothesis in [*wider, *size_hypotheses(declared.thin(_SOLVED), known)]:
             found += _try(declared, hypothesis, settings, known, as_is)
     if has_tail(as_is.fit) or not any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
         moving = [name for name, track in declared.tracks.items() if track.moves]
@@ -213,7 +213,7 @@ def every_hypothesis(declared: Reading, known: State, settings: Settings) -> lis
         settings: How it was solved.
     """
     found = [*convention_hypotheses(declared), *rare_hypotheses(declared), *half_turns(declared)]
-    found += size_hypotheses(declared.thinned(_SOLVED), known)
+    found += size_hypotheses(declared.thin(_SOLVED), known)
     whole = _as_declared(declared, settings, known)
     if whole is not None:
         moving = [name for name, track in declared.tracks.items() if track.moves]
@@ -232,7 +232,7 @@ def _try(
     reading = _reread(hypothesis, declared)
     if impossible_reading(reading):
         return []
-    few = reading.thinned(_SOLVED).problem
+    few = reading.thin(_SOLVED).problem
     state = state_of(few, *start) if isinstance(start, tuple) else start
     fit = fit_hypothesis(reading.cell, few, settings, state, _OUT_OF_THE_RACE * as_is.fit.core)
     return [] if fit is None else [TriedHypothesis(hypothesis, fit, impossible_answer(reading.cell, fit))]
@@ -240,7 +240,7 @@ def _try(
 
 def _reread(hypothesis: ConventionHypothesis, declared: Reading) -> Reading:
     """What a hypothesis makes of as many samples as determine it."""
-    return hypothesis.reread(declared if hypothesis.by_order else declared.thinned(_REWRITTEN))
+    return hypothesis.reread(declared if hypothesis.by_order else declared.thin(_REWRITTEN))
 
 
 def _surviving(
@@ -284,7 +284,7 @@ def _screened(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
 
 def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
     """Some views of each pair of camera and target, as a reading has them; none if they cannot be made ready."""
-    problem = reading.thinned(_SCREENED).problem
+    problem = reading.thin(_SCREENED).problem
     known = known_transforms(problem)
     try:
         pairs = []

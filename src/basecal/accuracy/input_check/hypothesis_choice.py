@@ -126,7 +126,7 @@ def _moved(cell: Cell, tried: TriedHypothesis, declared: HypothesisFit, scale: H
         if name == ignored and cell.transforms[name].status == "free":
             continue
         off = np.abs(_step(declared, tried.fit, name).log())
-        sigma = np.sqrt(np.maximum(np.diag(scale.solution.covariance_of([name])), 0.0))
+        sigma = np.sqrt(np.maximum(np.diag(scale.solution.joint_transform_covariance([name])), 0.0))
         if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
             return True
     return False

@@ -17,7 +17,7 @@ from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.noise.estimate import degrees_of_freedom
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
-from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.geometry import Array, IntArray
 
@@ -121,7 +121,7 @@ def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, 
         return None
     try:
         if start is None:
-            solution = solve_packed(problem, cell, settings)
+            solution = solve_problem(problem, cell, settings)
         else:
             start = replace(start, stop_errors=np.zeros((len(problem.stops), 6)))
             start = bundle_adjust(problem, start, degrees_of_freedom(problem), settings.iterations).state

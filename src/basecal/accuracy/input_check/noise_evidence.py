@@ -43,7 +43,7 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | 
         return None
     noisy = Settings(robot_noise="estimated")
     narrower = solve_at_mode(declared.solution.problem, declared.solution.state, noisy)
-    wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, near=narrower.noise)
+    wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, guess=narrower.noise)
     freed = [name for name in wider.problem.columns if name not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)

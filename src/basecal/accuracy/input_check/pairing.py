@@ -64,7 +64,7 @@ def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
     """Of each reading the fits of its pairs of camera and target, all searched side by side."""
     pairs = []
     for k, reading in enumerate(readings):
-        problem = reading.thinned(_VIEWS).problem
+        problem = reading.thin(_VIEWS).problem
         for g in problem.groups:
             pairs.append((k, (g.camera, g.target), sight_for(g, lenses.get(g.camera), _VIEWS), problem))
     found: list[dict[tuple[str, str], LoopFit]] = [{} for _ in readings]

@@ -16,7 +16,7 @@ from basecal.errors import BasecalError
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.settings import DEFAULT, STATED
-from basecal.estimation.solve import solve_packed
+from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
 
 # Rows are spread, for arms may take turns to move; beside them robots alone stay, for pictures may be that much late.
@@ -96,7 +96,7 @@ def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
     views = len({int(sample) for group in problem.groups for sample in group.sample})
     if views < _FEWEST_SAMPLES:
         return QuickLook(views, untold=f"{_FEWEST_SAMPLES} with the robots' poses are needed")
-    plain = solve_packed(problem, cell, STATED)
+    plain = solve_problem(problem, cell, STATED)
     explained = is_as_of_arms(with_noise(plain, DEFAULT))
     said = check_conventions(cell, recording, problem, plain, STATED, explained)
     if found := tuple(f for f in said if f.severity == "error" or (is_whole and f.severity == "warning")):

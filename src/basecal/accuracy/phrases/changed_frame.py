@@ -10,7 +10,7 @@ from basecal.cell import Cell
 from basecal.errors import NotConverged
 from basecal.estimation.outliers.agreeing_samples import CLEAR_GAP
 from basecal.estimation.problem.problem import Problem
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, solve_problem
 from basecal.geometry import PoseEstimate
 from basecal.numerics.spectral import spectrum
 
@@ -32,7 +32,7 @@ def changed_frame(problem: Problem, cell: Cell, agreeing: Sequence[int]) -> str:
         return ""
     first_sample = int(numbers[edges[0] + 1])
     try:
-        before, after = (solve_packed(_part(problem, first_sample, is_later), cell) for is_later in (False, True))
+        before, after = (solve_problem(_part(problem, first_sample, is_later), cell) for is_later in (False, True))
     except NotConverged:
         return ""
     shared = before.transforms.keys() & after.transforms.keys() - before.observability.unobservable

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from basecal.cell import Cell, Recording, RobotState
-from basecal.estimation.problem.build import canonical_order, recorded_states, restated
+from basecal.estimation.problem.build import canonical_order, recorded_states, restate
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.problem import Problem, Stops
 from basecal.estimation.problem.view_group import End, ViewGroup
@@ -94,7 +94,7 @@ class Reading:
 
     def restated(self, cell: Cell) -> Reading:
         """The same views in a cell that states its transforms and lenses otherwise."""
-        return replace(self, cell=cell, problem=restated(cell, self.problem))
+        return replace(self, cell=cell, problem=restate(cell, self.problem))
 
     def alone(self, cell: Cell, group: ViewGroup) -> Reading:
         """One group of views, in a cell of its own."""
@@ -110,7 +110,7 @@ class Reading:
         tracks = {name: track.at(rows) for name, track in self.tracks.items()}
         return replace(self, order=self.order[rows])._with_tracks(tracks)
 
-    def thinned(self, most: int) -> Reading:
+    def thin(self, most: int) -> Reading:
         """At most so many of the samples, spread evenly."""
         count = len(self.order)
         return self if count <= most else self.take(np.linspace(0, count - 1, most).round().astype(np.int64))

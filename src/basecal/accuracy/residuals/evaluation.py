@@ -12,7 +12,7 @@ from basecal.cell import Calibration, Cell, Recording
 from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.noise.robot_noise import with_robot_noise, without_errors
-from basecal.estimation.noise.shaped_targets import points_of, reshaped
+from basecal.estimation.noise.shaped_targets import reshape_targets, shaped_points
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
@@ -73,10 +73,10 @@ def known_views(cell: Cell, recording: Recording, calibration: Calibration) -> E
     groups = [with_noise_of(g, calibration) for g in problem.groups if _is_known(g, transforms, cameras)]
     # Shapes that targets were found to have; those of a target of other points are left out.
     shapes = {name: np.array(of["shape"]) for name, of in calibration.noise.get("targets", {}).items()}
-    seen = {group.target: points for group in groups if group.target in shapes and len(points := points_of(group))}
+    seen = {group.target: points for group in groups if group.target in shapes and len(points := shaped_points(group))}
     sizes = {name: unit_shifts(points).shape[-1] for name, points in seen.items()}
     shapes = {name: shape for name, shape in shapes.items() if sizes.get(name) == len(shape)}
-    problem = reshaped(replace(problem, columns={}, groups=tuple(groups)), shapes)
+    problem = reshape_targets(replace(problem, columns={}, groups=tuple(groups)), shapes)
     state = State(transforms, cameras, np.zeros((0, 6)), calibrated_kinematics(cell, calibration))
     return Evaluation(problem, without_errors(problem, state))
 

@@ -74,7 +74,7 @@ def _estimates(case: Case) -> dict[str, Any]:
     lenses = solution.problem.columns.keys() - solution.observability.unobservable if solution.converged else set()
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
     gauges = held_gauges(solution, order) if solution.converged else ()
-    joint = sum((gauge.covariance for gauge in gauges), solution.covariance_of(list(order)))
+    joint = sum((gauge.covariance for gauge in gauges), solution.joint_transform_covariance(list(order)))
     blocks = {name: joint[at : at + 6, at : at + 6] for name, at in zip(order, range(0, len(joint), 6), strict=True)}
     return {
         "transforms": {n: replace(e, covariance=blocks.get(n, e.covariance)) for n, e in estimates.items()},

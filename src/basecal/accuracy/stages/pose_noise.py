@@ -12,7 +12,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stages.solving import solve_all
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
-from basecal.estimation.view.pose_errors import corner_covariances, whitening_of
+from basecal.estimation.view.pose_errors import corner_covariances, whitening_matrix
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import Array
 
@@ -54,7 +54,7 @@ def _shapes(views: PoseMeasurement) -> Iterator[Array]:
     if np.all(measured.translation[:, 2] > 0):
         distance = float(np.median(np.linalg.norm(measured.translation, axis=-1)))
         for size in _SIZES:
-            yield whitening_of(corner_covariances(measured, size * distance))
+            yield whitening_matrix(corner_covariances(measured, size * distance))
 
 
 def _log_likelihoods(error: Array, shape: Array) -> Array:

@@ -16,12 +16,12 @@ from basecal.accuracy.stages.case import Case
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
-from basecal.estimation.solve import Solution, integrate_solution, solve_packed
+from basecal.estimation.solve import Solution, integrate_solution, solve_problem
 
 
 def solve_all(case: Case) -> Case:
     """Solve for all samples, with the noise as stated and with unstated noise estimated."""
-    plain = solve_packed(case.problem, case.cell, case.stated_settings)
+    plain = solve_problem(case.problem, case.cell, case.stated_settings)
     noisy = None if case.settings.robot_noise == "stated" else with_noise(plain, case.settings)
     return replace(case, plain=plain, noisy=noisy)
 

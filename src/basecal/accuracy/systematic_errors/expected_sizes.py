@@ -73,7 +73,7 @@ def with_expected_sizes(cell: Cell, solution: Solution, error: FoundEffect | Non
         solution: The answer.
         error: The systematic error, which counts separately if it is the size of a target; None if there is none.
     """
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     if not solution.converged or not problem.width:
         return solution
     situation = Situation(problem, solution.state, problem, {}, solution.noise)

@@ -35,7 +35,7 @@ def null_model(
         flange_jacobian: How views of a group move with a right tangent of a robot's flange, (n, 6, 6).
     """
     assert noise.beside_common is not None
-    beside = noise.beside_common.held_by(problem)
+    beside = noise.beside_common.hold_sigmas(problem)
     # Errors of stops stay the same in metres and radians.
     errors = state.stop_errors * problem.stops.sigma / beside.stops.sigma
     model = linearised(beside, replace(state, stop_errors=errors))

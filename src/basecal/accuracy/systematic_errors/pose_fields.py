@@ -17,7 +17,7 @@ from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.faces.views import Views, robot_moves
 from basecal.effects.smooth import Modes
-from basecal.estimation.noise.robot_noise import stands, stops_made
+from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.geometry import SE3, Array
 
 SIGMAS_M = np.array([0.0, 6e-5, 2e-4, 6e-4])
@@ -74,8 +74,8 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     """The field of a robot; None if its joints are recorded, it made few stops, or random effects contain one."""
     problem = situation.problem
     common = {} if situation.noise is None else situation.noise.common
-    has_joints = any(end.joints is not None for end in problem.ends_of(robot))
-    if has_joints or stops_made(problem, robot) < _FEWEST_STOPS or any(robot in of for of in common.values()):
+    has_joints = any(end.joints is not None for end in problem.robot_ends(robot))
+    if has_joints or count_stops(problem, robot) < _FEWEST_STOPS or any(robot in of for of in common.values()):
         return None
     poses, seen = stands(problem, robot)
     return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)]))

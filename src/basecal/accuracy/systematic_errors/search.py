@@ -27,7 +27,7 @@ from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS
-from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
+from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
 from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
@@ -327,12 +327,12 @@ def _surprise(solution: Solution, name: str) -> float:
     """Minus twice the log of the evidence about a state with the random effect of a name; without any if ""."""
     problem, noise = solution.problem, solution.noise
     if not name:
-        return sigmas_with(problem, solution.state, noise).surprise
+        return model_sigmas(problem, solution.state, noise).surprise
     effect = RANDOM_EFFECTS[name]
     found = {robot: shared_errors(effect, problem, robot) for robot in open_robots(problem)}
     shared = {robot: errors for robot, errors in found.items() if errors is not None}
     start = replace(noise, logs=noise.logs_by_model[name])
-    return sigmas_with(problem, solution.state, start, shared, effect.expected).surprise
+    return model_sigmas(problem, solution.state, start, shared, effect.expected).surprise
 
 
 def _described(situation: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:

@@ -137,7 +137,7 @@ class Situation:
     @cached_property
     def robots(self) -> tuple[str, ...]:
         """Names of the robots that stood in more than one place."""
-        stands = {r: np.concatenate([end.stand for end in self.problem.ends_of(r)]) for r in self.problem.robots}
+        stands = {r: np.concatenate([end.stand for end in self.problem.robot_ends(r)]) for r in self.problem.robots}
         return tuple(robot for robot, seen in stands.items() if len(np.unique(seen)) > 1)
 
     @cached_property

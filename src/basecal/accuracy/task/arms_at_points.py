@@ -78,5 +78,5 @@ def to_base_axes(jacobian: Array, base_from_flange: Array) -> Array:
 
 def recorded_joints(problem: Problem, robot: str) -> Array | None:
     """Joints of a robot in all views, (m, n) [rad]; None if they were not recorded."""
-    found = [end.joints for end in problem.ends_of(robot) if end.joints is not None]
+    found = [end.joints for end in problem.robot_ends(robot) if end.joints is not None]
     return np.concatenate(found) if found else None

@@ -27,7 +27,7 @@ def field_covariance(meeting: Meeting, solution: Solution) -> Array:
         meeting: Who meets, and where.
         solution: What came out.
     """
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     (moved, columns), points_m = meeting.moves, meeting.places_m
     total, seen = np.zeros((len(moved), 6, 6)), set[str]()

@@ -77,7 +77,7 @@ def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]
 
 def _errors(kinematics: Kinematics, joints: Array, names: list[str]) -> SharedErrors:
     """Errors of a flange at joints, (m, n), by some effects."""
-    at = Posture(kinematics.chain, joints, kinematics.moved.posture(kinematics.true_joints(joints)))
+    at = Posture(kinematics.chain, joints, kinematics.moved_chain.posture(kinematics.true_joints(joints)))
     shared = [errors(at) for name in names if (errors := RANDOM_EFFECTS[name].by_joints) is not None]
     found = [each for each in shared if each is not None]
     return SharedErrors(

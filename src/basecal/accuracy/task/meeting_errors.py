@@ -17,7 +17,7 @@ from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinem
 from basecal.accuracy.task.meeting import Meeting, add_own
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.estimation.noise.joint_estimate import open_robots, sigmas_with
+from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
 from basecal.estimation.noise.laplace import moments
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
@@ -64,7 +64,7 @@ def _model_error(
 ) -> _Expected:
     """What is off by a model of the arms' errors, its sigmas integrated."""
     problem, state, known = meeting.problem, meeting.state, meeting.moves
-    sigmas = sigmas_with(problem, state, solution.noise, model.of, EXPECTED_PRIOR)
+    sigmas = model_sigmas(problem, state, solution.noise, model.of, EXPECTED_PRIOR)
     every_move, every_column = [known.moved], [known.columns]
     for robot in (name for name in meeting.places_m if name in model.of):
         by_errors = moved_by_errors(problem, state, robot, meeting.places_m[robot], model.kinds)

@@ -21,7 +21,7 @@ from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.settings import STATED, Settings
-from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode, solve_packed
+from basecal.estimation.solve import Solution, integrate_solution, solve_at_mode, solve_problem
 
 MIN_SAMPLES = 4
 """Samples from which on the cell is estimated."""
@@ -66,7 +66,7 @@ def running_estimate(
     try:
         problem, _ = build_problem(cell, recording)
         at_mode, before = _noise_mode(cell, problem, previous)
-        solution = integrate_solution(at_mode, is_quick=True, near=before)
+        solution = integrate_solution(at_mode, is_quick=True, guess=before)
         stamps = {sample.sample: sample.stamp_s for sample in samples if sample.stamp_s is not None}
         error = running_error(solution, stamps)
     except (BasecalError, np.linalg.LinAlgError):
@@ -82,10 +82,10 @@ def _noise_mode(
     """The optimum with the most likely noise, and the noise that was near it."""
     if previous is not None and _structure(previous.solution.problem) == _structure(problem):
         start, noise = without_errors(problem, previous.solution.state), previous.solution.noise
-        found = solve_at_mode(problem, start, _ESTIMATED, near=noise)
+        found = solve_at_mode(problem, start, _ESTIMATED, guess=noise)
         if found.converged:
             return found, noise
-    exact = solve_packed(problem, cell, STATED)
+    exact = solve_problem(problem, cell, STATED)
     return solve_at_mode(exact.problem, exact.state, _ESTIMATED), None
 
 
@@ -104,7 +104,7 @@ def _calibration(cell: Cell, recording: Recording, solution: Solution) -> Calibr
         robot_parameters=robot_parameters(solution),
         noise=noise_summary(cell, recording, solution),
         order=order,
-        joint_covariance=solution.covariance_of(list(order)) if order else None,
+        joint_covariance=solution.joint_transform_covariance(list(order)) if order else None,
     )
 
 

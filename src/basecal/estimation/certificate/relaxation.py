@@ -149,12 +149,12 @@ def _vanishing(count: int) -> Operator:
     flat, shape = inner.ravel(), inner.shape
     members = np.maximum(np.bincount(flat), 1)
 
-    def project_out(matrix: Array) -> Array:
+    def project(matrix: Array) -> Array:
         """A matrix less its mean over the exchanges."""
         mean: Array = matrix - (np.bincount(flat, matrix.ravel()) / members)[flat].reshape(shape)
         return mean
 
-    return project_out
+    return project
 
 
 def _maximise_dual(form: Array, count: int) -> Array:

@@ -20,7 +20,7 @@ from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.estimation.view.view_pose import FEWEST_POINTS, refined, view_poses
+from basecal.estimation.view.view_pose import FEWEST_POINTS, refine_poses, view_poses
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_log
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
@@ -103,7 +103,7 @@ def _pixel_costs(measurement: PixelMeasurement, camera_from_target: SE3, camera:
     poses = view_poses(measurement.points_in_target, bearings, seen, chords)
     own = replace(measurement, weight=np.where(seen, measurement.weight, 0.0), seen=seen)
     starts = [poses.camera_from_target[:, 0], poses.camera_from_target[:, 1], camera_from_target]
-    ends = [refined(own, start, camera, _POSE_STEPS) for start in starts]
+    ends = [refine_poses(own, start, camera, _POSE_STEPS) for start in starts]
     costs = np.nan_to_num(np.stack([end.cost for end in ends]), nan=np.inf)
     rows, best = np.arange(n), np.argmin(costs, axis=0)
     rotation = np.stack([end.camera_from_target.rotation for end in ends])
@@ -111,7 +111,7 @@ def _pixel_costs(measurement: PixelMeasurement, camera_from_target: SE3, camera:
     information = np.stack([end.information for end in ends])[best, rows]
     turned = np.linalg.norm(rotation_log(rotation[best, rows].mT @ rotation), axis=-1)
     second = np.where(turned > _SAME_RAD, costs, np.inf).min(0)
-    found = poses.found & np.isfinite(costs[best, rows])
+    found = poses.has_pose & np.isfinite(costs[best, rows])
     weight = np.where(found, 4 * _CURVATURE_SHARE * _rotation_curvature(information), 0.0)
     pose = SE3(rotation[best, rows], translation[best, rows])
     return ViewCosts(pose, np.where(found, costs[best, rows], 0.0), weight, second)

@@ -63,7 +63,7 @@ class _Bundle:
     def take(self, rows: IntArray) -> _Bundle:
         """See `System`."""
         weights = None if self.weights is None else [w[rows] if w.ndim > 1 else w for w in self.weights]
-        return _Bundle(self.problem.of_batch(rows), weights)
+        return _Bundle(self.problem.take_batch(rows), weights)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust_batch
-from basecal.estimation.least_squares.studentized import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import studentize_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array
 

@@ -176,7 +176,7 @@ def _private_cost(views: LinearisedViews, state: State, weight: Array) -> Array:
 
 
 def _linearise_group(
-    problem: Problem, group: ViewGroup, state: State, shared: IntArray
+    problem: Problem, group: ViewGroup, state: State, shared_stops: IntArray
 ) -> tuple[Array, Array, LinearisedViews]:
     links = chain(group, state, problem.stops)
     lens = group.camera in problem.columns
@@ -190,8 +190,8 @@ def _linearise_group(
         of_robots, more = robot_model_jacobian(problem, group, links, state, rows)
         derivative, columns = np.concatenate([derivative, of_robots], -1), np.concatenate([columns, more])
     stops = stop_error_jacobians(group, links, state, problem.stops, rows)
-    kept = tuple(_select(stop, error, shared[stop] >= 0, shared) for stop, error in stops)
-    private = tuple(_select(stop, error, shared[stop] < 0, None) for stop, error in stops)
+    kept = tuple(_select(stop, error, shared_stops[stop] >= 0, shared_stops) for stop, error in stops)
+    private = tuple(_select(stop, error, shared_stops[stop] < 0, None) for stop, error in stops)
     of = _marginalise(view.gradient, view.information, private, state.stop_errors)
     views = LinearisedViews(of.gradient, of.information, of.promised, derivative, columns, private, kept)
     return view.cost, of.log_det, views

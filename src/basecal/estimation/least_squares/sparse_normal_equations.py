@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 
-from basecal.estimation.least_squares.alike_pairs import AlikePairs, group_pairs
+from basecal.estimation.least_squares.equal_pairs import AlikePairs, group_pairs
 from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray

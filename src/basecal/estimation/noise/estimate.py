@@ -16,16 +16,16 @@ import numpy as np
 from basecal.estimation.least_squares.bundle_adjustment import Optimum, bundle_adjust
 from basecal.estimation.least_squares.normal_equations import NormalEquations, linearise
 from basecal.estimation.noise.robot_noise import with_robot_noise
-from basecal.estimation.noise.shaped_targets import reshaped
+from basecal.estimation.noise.shaped_targets import reshape_targets
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 CONTRADICTED = 1.5  # residuals over their sigmas beyond which something is wrong with one or the other
-_ROUNDS = 40  # of the fixed point, which gains a digit in two or three
+_FIXED_POINT_ROUNDS = 40  # of the fixed point, which gains a digit in two or three
 # [1] relative change of a variance that ends the rounds: ten thousand residuals tell it to a hundredth.
-_SETTLED = 1e-3
+_SETTLED_CHANGE = 1e-3
 # [m, rad, px] of what fits to the last bit: beside poses of metres, what is smaller is rounding and no weight.
 _LEAST_SIGMA = 1e-9
 _LOG_STEP = 1e-3  # of the difference that gives a slope: rounding and bend are a millionth each
@@ -72,9 +72,9 @@ class NoiseEstimate:
     jitter_s: Mapping[str, float] = field(default_factory=dict)
     beside_common: NoiseEstimate | None = None
 
-    def held_by(self, problem: Problem) -> Problem:
+    def hold_sigmas(self, problem: Problem) -> Problem:
         """The problem with these sigmas, held, and targets shaped so."""
-        problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
+        problem = reshape_targets(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras.get(g.camera, self.noise)) for g in problem.groups)
         noisy = with_robot_noise(problem.with_groups(groups), self.robots)
         return replace(noisy, held=True, jitter_s={**problem.jitter_s, **self.jitter_s})
@@ -122,7 +122,7 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
         factor = max(end.cost, 0.0) / max(dof, 1)
         scaled = noise._replace(**{fields[0]: getattr(noise, fields[0]) * np.sqrt(factor)})
         return problem, end, NoiseEstimate(scaled, factor, fields, True)
-    for _ in range(_ROUNDS):
+    for _ in range(_FIXED_POINT_ROUNDS):
         ratios = {}
         for f in fields:
             least = (_LEAST_SIGMA / getattr(noise, f)) ** 2
@@ -130,7 +130,7 @@ def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Pro
         noise = noise._replace(**{f: getattr(noise, f) * np.sqrt(r) for f, r in ratios.items()})
         problem = problem.with_noise(noise)
         end = bundle_adjust(problem, end.state, dof, iterations)
-        if all(abs(r - 1) < _SETTLED for r in ratios.values()):
+        if all(abs(r - 1) < _SETTLED_CHANGE for r in ratios.values()):
             return problem, end, NoiseEstimate(noise, 1.0, fields, True)
     return problem, end, NoiseEstimate(noise, 1.0, fields, False)
 

@@ -70,38 +70,38 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
     forms, places = np.eye(model.sigmas.count), model.sigmas
     rows: list[tuple[Array, float, float]] = []
     for key, at in places.views.items():
-        mean, factor = _of_part(key[1], *model.white[key])
+        mean, factor = _part_prior(key[1], *model.white[key])
         rows.append((forms[at], np.log(mean), factor))
     tie = TIE if common is None else common.tie
     single = {robot: forms[at] for robot, at in places.stops.items()}
     for robot, (shift, turn) in single.items():
         rows.append((shift - turn, np.log(max(reach_m[robot], 0.1)), np.log(tie)))
-    rows += _pooled([turn for _, turn in single.values()], ROBOT_RAD)
+    rows += _pool_robots([turn for _, turn in single.values()], ROBOT_RAD)
     for at in places.jitter.values():
         rows.append((forms[at], np.log(_JITTER_S[0]), np.log(_JITTER_S[1])))
     if common is not None:
-        rows += _in_common(reach_m, common, {robot: forms[at] for robot, at in places.shared.items()}, single)
+        rows += _common_forms(reach_m, common, {robot: forms[at] for robot, at in places.shared.items()}, single)
     return LogNormals(
         np.array([r[0] for r in rows]).reshape(-1, places.count), *(np.array([r[i] for r in rows]) for i in (1, 2))
     )
 
 
-def _in_common(
-    reach_m: Mapping[str, float], common: SharedPrior, shared: Mapping[str, Array], single: Mapping[str, Array]
+def _common_forms(
+    reach_m: Mapping[str, float], common: SharedPrior, shared_logs: Mapping[str, Array], single: Mapping[str, Array]
 ) -> list[tuple[Array, float, float]]:
     """Of the sigmas in common: forms (2, k) of shift and turn by robot, and those of its single stops."""
     rows = []
     lever_m, factor = common.lever
-    for robot, (shift, turn) in shared.items():
+    for robot, (shift, turn) in shared_logs.items():
         at = max(reach_m[robot], 0.1) if lever_m is None else lever_m
         rows.append((shift - turn, float(np.log(at)), float(np.log(factor))))
     if not common.is_over_stop:
-        return rows + _pooled([turn for _, turn in shared.values()], common.turn)
+        return rows + _pool_robots([turn for _, turn in shared_logs.values()], common.turn)
     mean, factor = np.log(common.turn)
-    return rows + [(turn - single[robot][1], float(mean), float(factor)) for robot, (_, turn) in shared.items()]
+    return rows + [(turn - single[robot][1], float(mean), float(factor)) for robot, (_, turn) in shared_logs.items()]
 
 
-def _of_part(field: str, squares: float, freedoms: float) -> tuple[float, float]:
+def _part_prior(field: str, squares: float, freedoms: float) -> tuple[float, float]:
     """Mean, and sigma of the logarithm: by the scatter of points about their view's own pose, where it shows."""
     if freedoms < _ENOUGH_SCATTER:
         mean, factor = _BY_ITSELF[field]
@@ -111,7 +111,7 @@ def _of_part(field: str, squares: float, freedoms: float) -> tuple[float, float]
     return over * scatter, float(np.hypot(np.log(factor), (2 * freedoms) ** -0.5))
 
 
-def _pooled(forms: Sequence[Array], sigma: tuple[float, float]) -> list[tuple[Array, float, float]]:
+def _pool_robots(forms: Sequence[Array], sigma: tuple[float, float]) -> list[tuple[Array, float, float]]:
     """Robots of one cell are more alike than any two: a common part, and one of each."""
     n = len(forms)
     if not n:

@@ -24,20 +24,20 @@ from basecal.estimation.noise.laplace import (
     integrated_covariance,
     sigma_posterior,
 )
-from basecal.estimation.noise.mixed_model import EstimatesOf, estimates_of, mixed_model, open_jitter
-from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, neighbourhoods, together
+from basecal.estimation.noise.mixed_model import EstimatesOf, make_estimates, mixed_model, open_jitter
+from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods, merge_estimates, neighbourhoods
 from basecal.estimation.noise.random_effects import shared_errors
-from basecal.estimation.noise.robot_noise import stands, stops_made, with_robot_noise, without_errors
-from basecal.estimation.noise.shaped_targets import reshaped
-from basecal.estimation.noise.some_views import recorded_alone, some_views
+from basecal.estimation.noise.robot_noise import count_stops, stands, with_robot_noise, without_errors
+from basecal.estimation.noise.shaped_targets import reshape_targets
+from basecal.estimation.noise.some_views import recorded_subset, some_views
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import Array
 from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS
 
-_ROUNDS = 6  # of sigmas and optimum in turn: two or three do
-_SETTLED = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
+_ALTERNATIONS = 6  # of sigmas and optimum in turn: two or three do
+_SETTLED_CHANGE = 0.02  # of logarithms, and of shapes in sigmas: as well as a thousand freedoms tell them
 # Of a group: so many tell a sigma to two in a hundred, a step away from that of all; a search that begins far away is
 # mostly waiting among so many, and goes by fewer first.
 _MANY_VIEWS = 2000
@@ -60,7 +60,7 @@ class _Sigmas:
 
     def apply(self, problem: Problem) -> Problem:
         """The problem with them."""
-        problem = reshaped(problem, {name: shape for name, (shape, _) in self.shapes.items()})
+        problem = reshape_targets(problem, {name: shape for name, (shape, _) in self.shapes.items()})
         groups = (g.with_noise(self.cameras[g.camera]) if g.camera in self.cameras else g for g in problem.groups)
         noisy = with_robot_noise(problem.with_groups(groups), self.robots)
         return replace(noisy, jitter_s={**problem.jitter_s, **self.jitter_s})
@@ -68,14 +68,14 @@ class _Sigmas:
 
 def open_robots(problem: Problem) -> list[str]:
     """Robots that state no noise and were seen."""
-    return sorted(name for name in problem.unstated if stops_made(problem, name))
+    return sorted(name for name in problem.unstated if count_stops(problem, name))
 
 
 def estimate_jointly(
     problem: Problem,
     start: State,
     iterations: int,
-    near: NoiseEstimate | None = None,
+    guess: NoiseEstimate | None = None,
     step: Callable[[int, int], None] | None = None,
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """The problem with the most likely sigmas for what states none, its optimum, and these sigmas.
@@ -84,14 +84,14 @@ def estimate_jointly(
         problem: The problem.
         start: Where to start.
         iterations: Steps of a descent, at most.
-        near: What was estimated of nearly the same views, to start from.
+        guess: What was estimated of nearly the same views, to start from.
         step: Called with the neighbourhoods of robots that are done, and all, where it goes by these.
     """
     # States far from any optimum meet points at the camera's centre: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
         if goes_by_neighbourhoods(problem) and not open_jitter(problem) and _is_open(problem):
-            return _by_neighbourhoods(problem, start, iterations, step or (lambda done, total: None))
-        return _estimated(problem, start, iterations, near)
+            return _estimate_neighbourhoods(problem, start, iterations, step or (lambda done, total: None))
+        return _estimate_sigmas(problem, start, iterations, guess)
 
 
 def _is_open(problem: Problem) -> bool:
@@ -100,7 +100,7 @@ def _is_open(problem: Problem) -> bool:
     return bool(robots_or_times) or any(n for name, n in residual_counts(problem).items() if name != STATED)
 
 
-def _by_neighbourhoods(
+def _estimate_neighbourhoods(
     problem: Problem, start: State, iterations: int, step: Callable[[int, int], None]
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     """As `estimate_jointly`, the sigmas of each robot and its camera by the views that these take part in."""
@@ -108,64 +108,66 @@ def _by_neighbourhoods(
     found = {}
     for done, (robot, part) in enumerate(parts.items()):
         step(done, len(parts))
-        found[robot] = _estimated(part.problem, part.state, iterations, None)[2]
-    noise = together(found, parts)
-    used = replace(noise.held_by(problem), held=problem.held)
+        found[robot] = _estimate_sigmas(part.problem, part.state, iterations, None)[2]
+    noise = merge_estimates(found, parts)
+    used = replace(noise.hold_sigmas(problem), held=problem.held)
     end = bundle_adjust(used, without_errors(used, start), degrees_of_freedom(used), iterations)
     return used, end, noise
 
 
-def _estimated(
-    problem: Problem, start: State, iterations: int, near: NoiseEstimate | None
+def _estimate_sigmas(
+    problem: Problem, start: State, iterations: int, guess: NoiseEstimate | None
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
     robots, dof = open_robots(problem), degrees_of_freedom(problem)
     if not _is_open(problem):
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
-    if near is None or near.logs is None:
+    if guess is None or guess.logs is None:
         used, logs = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
         start = without_errors(used, start)
     else:
-        used, logs = _with_sigmas(problem, near), near.logs
+        used, logs = _with_sigmas(problem, guess), guess.logs
         start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
     if max(map(len, problem.groups), default=0) > _MANY_VIEWS:
-        few, few_start = recorded_alone(problem, without_errors(problem, start), _MANY_VIEWS)
-        _, few_end, found = _estimated(few, few_start, iterations, near)
+        few, few_start = recorded_subset(problem, without_errors(problem, start), _MANY_VIEWS)
+        _, few_end, found = _estimate_sigmas(few, few_start, iterations, guess)
         if few_end.converged and found.settled and found.logs is not None:
-            return _of_all(_with_sigmas(problem, found), few_end.state, iterations, found.logs)
+            return _extend_estimate(_with_sigmas(problem, found), few_end.state, iterations, found.logs)
     end, settled = bundle_adjust(used, start, dof, iterations, sigmas=ROUGH_SIGMAS), False
     plain = _sigma_posterior(used, end.state, robots, logs)
-    for _ in range(_ROUNDS):
-        used, end = _readjusted(used, end, plain, dof, iterations, ROUGH_SIGMAS)
+    for _ in range(_ALTERNATIONS):
+        used, end = _readjust(used, end, plain, dof, iterations, ROUGH_SIGMAS)
         before, plain = plain.logs, _sigma_posterior(used, end.state, robots, plain.logs)
-        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED) and _shaped_enough(plain)
+        settled = bool(np.abs(plain.logs - before).max(initial=0.0) < _SETTLED_CHANGE) and _has_settled_shapes(plain)
         if settled:
             break
-    used, end = _readjusted(used, end, plain, dof, iterations)
+    used, end = _readjust(used, end, plain, dof, iterations)
     return used, end, _estimate(plain, used, settled)
 
 
-def _of_all(used: Problem, near: State, iterations: int, logs: Array) -> tuple[Problem, Optimum, NoiseEstimate]:
+def _extend_estimate(
+    problem: Problem, start: State, iterations: int, logs: Array
+) -> tuple[Problem, Optimum, NoiseEstimate]:
     """As `estimate_jointly`, where the sigmas of some of the views are known: those of all are a step away."""
-    dof = degrees_of_freedom(used)
-    end = bundle_adjust(used, without_errors(used, near), dof, iterations, sigmas=ROUGH_SIGMAS)
-    plain = _sigma_posterior(used, end.state, open_robots(used), logs)
-    used, end = _readjusted(used, end, plain, dof, iterations)
-    return used, end, _estimate(plain, used, True)
+    dof = degrees_of_freedom(problem)
+    end = bundle_adjust(problem, without_errors(problem, start), dof, iterations, sigmas=ROUGH_SIGMAS)
+    plain = _sigma_posterior(problem, end.state, open_robots(problem), logs)
+    problem, end = _readjust(problem, end, plain, dof, iterations)
+    return problem, end, _estimate(plain, problem, True)
 
 
-def _with_sigmas(problem: Problem, found: NoiseEstimate) -> Problem:
+def _with_sigmas(problem: Problem, estimate: NoiseEstimate) -> Problem:
     """The problem with sigmas that were estimated, which may be estimated again."""
-    return replace(found.held_by(problem), held=problem.held)
+    return replace(estimate.hold_sigmas(problem), held=problem.held)
 
 
-def _shaped_enough(posterior: SigmaPosterior) -> bool:
+def _has_settled_shapes(posterior: SigmaPosterior) -> bool:
     """Whether shapes are where the model was made about."""
     off = [np.abs(posterior.columns.mean[rows]).max() for rows in posterior.model.layout.shapes.values()]
-    return max(off, default=0.0) < _SETTLED
+    return max(off, default=0.0) < _SETTLED_CHANGE
 
 
 def integrate_sigmas(
-    problem: Problem, state: State, noise: NoiseEstimate, is_quick: bool = False, near: NoiseEstimate | None = None
+    problem: Problem, state: State, noise: NoiseEstimate, is_quick: bool = False, guess: NoiseEstimate | None = None
 ) -> NoiseEstimate:
     """What was estimated jointly, with the covariance over all that the sigmas, and terms in common, may be.
 
@@ -174,11 +176,11 @@ def integrate_sigmas(
         state: Its optimum.
         noise: These sigmas.
         is_quick: Whether a covariance that is good to a tenth will do.
-        near: The integrated sigmas of nearly the same views, to start from.
+        guess: The integrated sigmas of nearly the same views, to start from.
     """
     if noise.logs is None:
         return noise
-    models = sigma_models(problem, state, noise, {} if near is None else near.logs_by_model)
+    models = sigma_models(problem, state, noise, {} if guess is None else guess.logs_by_model)
     likeliest = min(models, key=lambda name: models[name].surprise)
     is_sure = any(RANDOM_EFFECTS[name].is_certain for name in models if name)
     counted = [of for name, of in models.items() if name or not is_sure]
@@ -194,7 +196,7 @@ def integrate_sigmas(
 
 
 def sigma_models(
-    problem: Problem, state: State, noise: NoiseEstimate, near: Mapping[str, Array] = MappingProxyType({})
+    problem: Problem, state: State, noise: NoiseEstimate, start_logs: Mapping[str, Array] = MappingProxyType({})
 ) -> dict[str, SigmaPosterior]:
     """The sigmas of single stops and views alone, by "", and with each term that stops may have in common, by name.
 
@@ -202,27 +204,27 @@ def sigma_models(
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        near: The logarithms to start from, by model; those of `noise` for the other models.
+        start_logs: The logarithms to start from, by model; those of `noise` for the other models.
     """
     robots = open_robots(problem)
     with np.errstate(all="ignore"):
-        estimates = estimates_of(*_in_units(problem, state, robots))
+        estimates = make_estimates(*_unit_problem(problem, state, robots))
         models = {"": _sigma_posterior(problem, state, robots, noise.logs, estimates=estimates)}
         for name, effect in RANDOM_EFFECTS.items():
             found = {robot: shared_errors(effect, problem, robot) for robot in robots}
             shared = {robot: errors for robot, errors in found.items() if errors is not None}
             if shared:
-                logs = near.get(name, noise.logs)
+                logs = start_logs.get(name, noise.logs)
                 models[name] = _sigma_posterior(problem, state, robots, logs, shared, effect.expected, estimates)
     return models
 
 
-def sigmas_with(
+def model_sigmas(
     problem: Problem,
     state: State,
     noise: NoiseEstimate,
-    shared: Mapping[str, SharedErrors] | None = None,
-    expected: SharedPrior | None = None,
+    shared_errors: Mapping[str, SharedErrors] | None = None,
+    shared_prior: SharedPrior | None = None,
 ) -> SigmaPosterior:
     """The sigmas of a model, which may be one in which stops have more in common.
 
@@ -230,37 +232,37 @@ def sigmas_with(
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        shared: What stops have in common, by robot, of some of `open_robots`; nothing if None.
-        expected: Of its sigmas.
+        shared_errors: What stops have in common, by robot, of some of `open_robots`; nothing if None.
+        shared_prior: Of its sigmas.
     """
     with np.errstate(all="ignore"):
-        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, shared, expected)
+        return _sigma_posterior(problem, state, open_robots(problem), noise.logs, shared_errors, shared_prior)
 
 
-def _readjusted(
-    used: Problem,
+def _readjust(
+    problem: Problem,
     end: Optimum,
-    found: SigmaPosterior,
+    posterior: SigmaPosterior,
     dof: int,
     iterations: int,
     sigmas: float = CONVERGED_SIGMAS,
 ) -> tuple[Problem, Optimum]:
     """The problem with the most likely sigmas, and its optimum near the last."""
     # Errors of stops stay the same in metres and radians.
-    robots = list(found.model.sigmas.stops)
-    physical = end.state.stop_errors * _units(used, robots)
-    used = _sigmas(found, used).apply(used)
-    state = replace(end.state, stop_errors=physical / _units(used, robots))
-    return used, bundle_adjust(used, state, dof, iterations, sigmas=sigmas)
+    robots = list(posterior.model.sigmas.stops)
+    physical = end.state.stop_errors * _units(problem, robots)
+    problem = _sigmas(posterior, problem).apply(problem)
+    state = replace(end.state, stop_errors=physical / _units(problem, robots))
+    return problem, bundle_adjust(problem, state, dof, iterations, sigmas=sigmas)
 
 
 def _sigma_posterior(
-    used: Problem,
+    base_problem: Problem,
     state: State,
     robots: Sequence[str],
     logs: Array | None,
-    shared: Mapping[str, SharedErrors] | None = None,
-    expected: SharedPrior | None = None,
+    shared_errors: Mapping[str, SharedErrors] | None = None,
+    shared_prior: SharedPrior | None = None,
     estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
     """The sigmas about a state, looked for from `logs`; also of what stops have in common, and is expected of it.
@@ -268,33 +270,33 @@ def _sigma_posterior(
     Where nothing near them is known, those of some of the views come first. What all views say is given as `estimates`
     where it is known.
     """
-    unit, physical = _in_units(used, state, robots)
-    reach_m = {name: _reach(used, name) for name in robots}
+    unit, physical = _unit_problem(base_problem, state, robots)
+    reach_m = {name: _reach(base_problem, name) for name in robots}
 
-    def most_likely(
-        problem: Problem, state: State, near: Array | None, estimates: EstimatesOf | None = None
+    def find_mode(
+        problem: Problem, state: State, start: Array | None, estimates: EstimatesOf | None = None
     ) -> SigmaPosterior:
         """Those of a problem's views."""
-        model = mixed_model(problem, state, robots, shared, estimates)
-        return sigma_posterior(model, hyperpriors(model, reach_m, expected), near)
+        model = mixed_model(problem, state, robots, shared_errors, estimates)
+        return sigma_posterior(model, hyperpriors(model, reach_m, shared_prior), start)
 
-    is_near = logs is not None and shared is None
+    is_near = logs is not None and shared_errors is None
     for most in () if is_near else _SOME_VIEWS:
         if max(map(len, unit.groups), default=0) > most:
-            logs = most_likely(*some_views(unit, physical, most), logs).logs
-    return most_likely(unit, physical, logs, estimates)
+            logs = find_mode(*some_views(unit, physical, most), logs).logs
+    return find_mode(unit, physical, logs, estimates)
 
 
-def _in_units(used: Problem, state: State, robots: Sequence[str]) -> tuple[Problem, State]:
+def _unit_problem(problem: Problem, state: State, robots: Sequence[str]) -> tuple[Problem, State]:
     """The problem with unit sigmas of these robots' stops, and the state with their errors in metres and radians."""
-    unit = with_robot_noise(used, {name: np.ones(6) for name in robots})
-    return unit, replace(state, stop_errors=state.stop_errors * _units(used, robots))
+    unit = with_robot_noise(problem, {name: np.ones(6) for name in robots})
+    return unit, replace(state, stop_errors=state.stop_errors * _units(problem, robots))
 
 
-def _units(used: Problem, robots: Sequence[str]) -> Array:
+def _units(problem: Problem, robots: Sequence[str]) -> Array:
     """What turns errors of stops into metres and radians where the robot's sigma is open, (k, 6); 1 elsewhere."""
-    mine = np.isin(np.array(used.stops.robot, dtype=object), list(robots))
-    return np.where(mine[:, None], used.stops.sigma, 1.0)
+    mine = np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
+    return np.where(mine[:, None], problem.stops.sigma, 1.0)
 
 
 def _reach(problem: Problem, robot: str) -> float:
@@ -322,7 +324,7 @@ def _sigmas(posterior: SigmaPosterior, problem: Problem) -> _Sigmas:
     )
 
 
-def _estimate(posterior: SigmaPosterior, problem: Problem, settled: bool) -> NoiseEstimate:
+def _estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> NoiseEstimate:
     """The most likely sigmas, and the shapes that the problem has."""
     sigmas = _sigmas(posterior, problem)
     # The mean of the square of what is log-normal: the likeliest sigmas are too small for what is still to come.
@@ -334,7 +336,7 @@ def _estimate(posterior: SigmaPosterior, problem: Problem, settled: bool) -> Noi
         noise,
         1.0,
         estimated,
-        settled,
+        is_settled,
         sigmas.robots,
         sigmas.cameras,
         surprise=posterior.surprise,

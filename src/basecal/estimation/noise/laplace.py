@@ -17,23 +17,23 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Columns, Posterior, columns_given, posterior
-from basecal.estimation.noise.secant import Secant, corrected
+from basecal.estimation.noise.reml import Columns, Posterior, posterior, solve_columns
+from basecal.estimation.noise.secant import Secant, correct_curvature
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
 
 # Newton's steps, at most, and how often one that leads uphill is halved.
-_STEPS, _HALVINGS = 50, 12
+_NEWTON_STEPS, _HALVINGS = 50, 12
 # So many steps tell of the curvature: older ones were elsewhere.
 _REMEMBERED = 2
 # The longest step of a logarithm: what is quadratic in it is so over a few times.
 _LONGEST = 1.0
 # What a last step gains of minus twice the log likelihood: three thousandths of what one standard deviation changes.
-_SETTLED = 3e-3
+_SETTLED_STEP = 3e-3
 # Of a logarithm's standard deviation, up to which the nodes hold the mean of its variances to 7 %, cosh 1 for exp 1/2.
 _NEARLY_NORMAL = 0.5
 # Likewise, up to which they count as known: a covariance grows by no more than five thousandths by their spread.
-_KNOWN = 0.05
+_KNOWN_SIGMA = 0.05
 # Likewise for the quick integral: by a tenth.
 _NEARLY_KNOWN = 0.25
 # Of blocks of stops: of more, a sigma that is not known so well is of what hardly moves the answer.
@@ -67,14 +67,14 @@ class SigmaPosterior:
     surprise: float
 
     @property
-    def at_mode(self) -> Posterior:
+    def mode_posterior(self) -> Posterior:
         """What is known at the most likely sigmas."""
         return posterior(self.model, self.logs)
 
     @cached_property
     def columns(self) -> Columns:
         """What is known of the columns there, which is asked for again and again."""
-        return columns_given(self.model, self.logs)
+        return solve_columns(self.model, self.logs)
 
 
 def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = None) -> SigmaPosterior:
@@ -86,24 +86,24 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
         start: (j,) the first logarithms where they may be; those expected beforehand in place of the others.
     """
     logs = prior.start if start is None else np.append(start, prior.start[len(start) :])
-    logs, here = _most_likely(model, prior, logs)
+    logs, here = _find_mode(model, prior, logs)
     curvature = floored_spectrum(0.5 * here.curvature, _LEAST_CURVATURE)
     surprise = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())
     return SigmaPosterior(model, prior, logs, curvature.inverse, surprise)
 
 
-def _most_likely(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Array, _Surface]:
+def _find_mode(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Array, _Surface]:
     """The most likely logarithms, (k,), by Newton's steps downhill, by the average information."""
     least, most = _bounds(model, prior)
     logs = np.clip(start, least, most)
-    here = _Surface.at(model, prior, logs)
+    here = _Surface.evaluate(model, prior, logs)
     secants: list[Secant] = []
-    for _ in range(_STEPS):
-        step = np.clip(_within(here, logs, least, most, secants), -_LONGEST, _LONGEST)
+    for _ in range(_NEWTON_STEPS):
+        step = np.clip(_bounded_step(here, logs, least, most, secants), -_LONGEST, _LONGEST)
         expected = -float(here.slope @ step)
         for _ in range(_HALVINGS):
             candidate = np.clip(logs + step, least, most)
-            there = _Surface.at(model, prior, candidate)
+            there = _Surface.evaluate(model, prior, candidate)
             if there.value <= here.value:
                 break
             step = step / 2
@@ -111,7 +111,7 @@ def _most_likely(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Ar
             return logs, here
         secants = [*secants, Secant(candidate - logs, there.slope - here.slope)][-_REMEMBERED:]
         logs, here = candidate, there
-        if expected < _SETTLED:
+        if expected < _SETTLED_STEP:
             break
     return logs, here
 
@@ -125,17 +125,17 @@ class _Surface:
     curvature: Array
 
     @classmethod
-    def at(cls, model: MixedModel, prior: LogNormals, logs: Array) -> _Surface:
+    def evaluate(cls, model: MixedModel, prior: LogNormals, logs: Array) -> _Surface:
         """At logarithms of the sigmas, (k,)."""
         known, (value, slope) = posterior(model, logs), prior.value(logs)
         return cls(known.value + value, known.slope() + slope, known.average_information() + prior.curvature)
 
 
-def _within(here: _Surface, logs: Array, least: Array, most: Array, secants: Sequence[Secant]) -> Array:
+def _bounded_step(here: _Surface, logs: Array, least: Array, upper: Array, secants: Sequence[Secant]) -> Array:
     """Newton's step of those logarithms that no bound holds, (k,)."""
-    held = ((logs <= least) & (here.slope > 0)) | ((logs >= most) & (here.slope < 0))
+    held = ((logs <= least) & (here.slope > 0)) | ((logs >= upper) & (here.slope < 0))
     # A variance's own second derivative adds twice the slope, which at the mode is none: walls are exponential.
-    curvature = corrected(here.curvature + np.diag(2 * np.maximum(here.slope, 0.0)), secants)
+    curvature = correct_curvature(here.curvature + np.diag(2 * np.maximum(here.slope, 0.0)), secants)
     inverse = floored_spectrum(np.where(held[:, None] | held, 0.0, curvature), _LEAST_CURVATURE).inverse
     return np.asarray(-inverse @ np.where(held, 0.0, here.slope))
 
@@ -189,12 +189,12 @@ def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array,
 
 def _weighed_nodes(posterior: SigmaPosterior, is_quick: bool = False) -> list[tuple[float, Columns]]:
     """Sigmas that stand for all that they may be, by their weights, which add up to 1, and what is known at each."""
-    if np.sqrt(np.diag(posterior.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN):
-        return [(1.0, columns_given(posterior.model, posterior.logs))]
+    if np.sqrt(np.diag(posterior.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN_SIGMA):
+        return [(1.0, solve_columns(posterior.model, posterior.logs))]
     is_wide = np.diag(posterior.covariance).max() > _NEARLY_NORMAL**2 and posterior.model.layout.blocks <= _FEW_STOPS
     tails = is_wide and not is_quick
-    nodes, drawn = _drawn(posterior) if tails else _cubature(posterior, is_quick)
-    known = [columns_given(posterior.model, node) for node in nodes]
+    nodes, drawn = _draw_nodes(posterior) if tails else _cubature(posterior, is_quick)
+    known = [solve_columns(posterior.model, node) for node in nodes]
     values = np.array([each.value + posterior.prior.value(each.logs)[0] for each in known])
     values = np.where(np.isfinite(values), values, np.inf) - drawn
     weights = np.exp(-0.5 * (values - values.min()))
@@ -215,7 +215,7 @@ def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array,
     return posterior.logs + np.concatenate([steps, -steps]), np.zeros(2 * len(root))
 
 
-def _drawn(posterior: SigmaPosterior) -> tuple[Array, Array]:
+def _draw_nodes(posterior: SigmaPosterior) -> tuple[Array, Array]:
     """The same of nodes drawn by Student's t about the most likely sigmas, in pairs to either side, always the same."""
     rng, k = np.random.default_rng(_SEED), len(posterior.logs)
     normal = rng.standard_normal((_PAIRS, k))

@@ -18,7 +18,7 @@ from basecal.effects.target_shape import unit_shifts
 from basecal.estimation.least_squares.jacobians import robot_model_jacobian, stop_error_jacobians, unknown_jacobian
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.least_squares.tied_equations import linearise_scene
-from basecal.estimation.noise.shaped_targets import points_of, shaped_targets
+from basecal.estimation.noise.shaped_targets import shaped_points, shaped_targets
 from basecal.estimation.noise.sigma_places import SigmaPlaces
 from basecal.estimation.noise.view_estimates import STATED, ViewEstimates, view_estimates
 from basecal.estimation.problem.problem import Problem, State, chain
@@ -133,12 +133,12 @@ EstimatesOf = Sequence[Mapping[str, ViewEstimates]]
 """By group what its views say, as `view_estimates` gives it."""
 
 
-def estimates_of(problem: Problem, state: State) -> EstimatesOf:
+def make_estimates(problem: Problem, state: State) -> EstimatesOf:
     """What views say of a state, which models of the same state with other errors in common share."""
     shaped = shaped_targets(problem)
     return [
         view_estimates(
-            problem, g, state, unit_shifts(points_of(g)) if g.target in shaped and len(points_of(g)) else None
+            problem, g, state, unit_shifts(shaped_points(g)) if g.target in shaped and len(shaped_points(g)) else None
         )
         for g in problem.groups
     ]
@@ -158,10 +158,10 @@ def mixed_model(
         state: The state.
         robots: Whose sigmas are open.
         common: By robot what its stops have in common.
-        estimates: `estimates_of` problem and state, where they are known.
+        estimates: `make_estimates` problem and state, where they are known.
     """
     layout = _layout(problem, common or {})
-    estimates = estimates_of(problem, state) if estimates is None else estimates
+    estimates = make_estimates(problem, state) if estimates is None else estimates
     parts: dict[tuple[str, str], Moments] = {}
     white: dict[tuple[str, str], tuple[float, float]] = {}
     for number, group in enumerate(problem.groups):
@@ -176,7 +176,7 @@ def mixed_model(
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
     sigmas = SigmaPlaces.in_turn(open_views, robots, open_jitter(problem), bool(layout.common))
-    scaled = _scaled_by(problem, layout, sigmas)
+    scaled = _sigma_indices(problem, layout, sigmas)
     robot_of_stop = problem.stops.robot
     return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)
 
@@ -187,7 +187,7 @@ def open_jitter(problem: Problem) -> tuple[str, ...]:
     return tuple(sorted(problem.open_jitter & moving))
 
 
-def _layout(problem: Problem, shared: Mapping[str, SharedErrors]) -> Layout:
+def _layout(problem: Problem, shared_errors: Mapping[str, SharedErrors]) -> Layout:
     count = len(problem.stops)
     pairs = np.concatenate([np.column_stack([end.stop for end in g.ends]) for g in problem.groups])
     of_scene = [] if problem.tied is None else problem.tied.stops.tolist()
@@ -195,14 +195,14 @@ def _layout(problem: Problem, shared: Mapping[str, SharedErrors]) -> Layout:
     block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
     column = np.full(count, -1, dtype=np.int64)
     blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
-    shaken, blocks, more = _shaken(problem, block, blocks, rows)
+    shaken, blocks, more = _jitter_layout(problem, block, blocks, rows)
     rows += more
     width = problem.width
     for stop in of.hubs:
         column[stop] = width
         width += 6
     common = {}
-    for robot, errors in shared.items():
+    for robot, errors in shared_errors.items():
         common[robot] = (width, errors)
         width += len(errors.is_turn)
     shapes = {}
@@ -212,7 +212,7 @@ def _layout(problem: Problem, shared: Mapping[str, SharedErrors]) -> Layout:
     return Layout(block, row, column, blocks, rows, width, common, shapes, shaken)
 
 
-def _shaken(
+def _jitter_layout(
     problem: Problem, block: IntArray, blocks: int, rows: int
 ) -> tuple[tuple[tuple[IntArray, IntArray], ...], int, int]:
     """Where the jitter of each view stands: a row after those of stops in their block, or a block of its own.
@@ -239,7 +239,7 @@ def _shaken(
 def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, layout: Layout) -> Moments:
     group = problem.groups[number]
     links = chain(group, state, problem.stops)
-    by_shape = layout.shapes.get(group.target) if len(points_of(group)) else None
+    by_shape = layout.shapes.get(group.target) if len(shaped_points(group)) else None
     n, rows = view.gradient.shape
     rows -= 0 if by_shape is None else by_shape.stop - by_shape.start  # what is left is of pose and lens
     fixed = np.zeros((n, rows, layout.width))
@@ -263,7 +263,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
     gradient = view.gradient - carried
     squares = np.vecdot(present, (carried - 2 * view.gradient)[:, :rows])
     about = replace(view, cost=view.cost + squares, gradient=gradient)
-    return _summed(about, fixed, errors, block, layout, by_shape)
+    return _sum_views(about, fixed, errors, block, layout, by_shape)
 
 
 def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Layout) -> Moments:
@@ -300,7 +300,9 @@ def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int,
         block[here] = own[here]
 
 
-def _place(fixed: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout) -> None:
+def _place(
+    fixed_effects: Array, errors: Array, block: IntArray, stop: IntArray, by_error: Array, layout: Layout
+) -> None:
     """Put a robot's derivative into its columns, or its rows of the views' blocks."""
     for row in range(0, layout.rows - 5, 6):
         here = np.flatnonzero((layout.block[stop] >= 0) & (layout.row[stop] == row))
@@ -308,19 +310,19 @@ def _place(fixed: Array, errors: Array, block: IntArray, stop: IntArray, by_erro
         block[here] = layout.block[stop[here]]
     for view in np.flatnonzero(layout.column[stop] >= 0):
         at = layout.column[stop[view]]
-        fixed[view, :, at : at + 6] += by_error[view]
+        fixed_effects[view, :, at : at + 6] += by_error[view]
 
 
-def _summed(
-    view: ViewEstimates, fixed: Array, errors: Array, block: IntArray, layout: Layout, by_shape: slice | None
+def _sum_views(
+    view: ViewEstimates, fixed_effects: Array, errors: Array, block: IntArray, layout: Layout, by_shape: slice | None
 ) -> Moments:
     """Sums over views; what they are of a shape's own columns is taken as it is, which are many."""
-    n, rows, _ = fixed.shape
+    n, rows, _ = fixed_effects.shape
     gradient, information = view.gradient[:, :rows], view.information[:, :rows, :rows]
-    carried = information @ fixed
+    carried = information @ fixed_effects
     if by_shape is not None:
         carried[..., by_shape] = view.information[:, :rows, rows:]
-    flat = fixed.reshape(n * rows, layout.width)
+    flat = fixed_effects.reshape(n * rows, layout.width)
     by_fixed, both = flat.T @ gradient.ravel(), flat.T @ carried.reshape(n * rows, layout.width)
     if by_shape is not None:
         by_fixed[by_shape] = view.gradient[:, rows:].sum(0)
@@ -329,7 +331,7 @@ def _summed(
     blocks, q, m = layout.blocks, layout.rows, layout.width
     e, ef, ee = np.zeros((blocks, q)), np.zeros((blocks, q, m)), np.zeros((blocks, q, q))
     own = np.flatnonzero(block >= 0)
-    add = _put if len(np.unique(block[own])) == len(own) else np.add.at
+    add = _set_rows if len(np.unique(block[own])) == len(own) else np.add.at
     for here in (own[some] for some in chunks(len(own), q, m)):
         by_error = errors[here].mT
         add(e, block[here], (by_error @ gradient[here][..., None])[..., 0])
@@ -344,9 +346,9 @@ def chunks(blocks: int, rows: int, columns: int) -> list[slice]:
     return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
-def _put(into: Array, rows: IntArray, values: Array) -> None:
+def _set_rows(array: Array, rows: IntArray, values: Array) -> None:
     """As `np.add.at`, which takes ten times as long, to zeros of which no row stands twice among `rows`."""
-    into[rows] = values
+    array[rows] = values
 
 
 def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array, float]:
@@ -364,7 +366,7 @@ def _prior(problem: Problem, state: State, layout: Layout) -> tuple[Array, Array
     return prior, gradient, cost
 
 
-def _scaled_by(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tuple[IntArray, IntArray]:
+def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tuple[IntArray, IntArray]:
     """See `MixedModel`: of each column and each error its sigma."""
     column = np.full(layout.width, -1, dtype=np.int64)
     error = np.full((layout.blocks, layout.rows), -1, dtype=np.int64)

@@ -51,7 +51,7 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:
         few, own = some_views(problem.with_groups(g for g in problem.groups if g.robot_end(robot)), state, _MOST_VIEWS)
-        base = next((end.base for end in few.ends_of(robot)), None)  # None of the reference
+        base = next((end.base for end in few.robot_ends(robot)), None)  # None of the reference
         yield Neighbourhood(
             robot,
             replace(few, columns=_columns(few, base)),
@@ -61,38 +61,38 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
         )
 
 
-def together(found: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourhood]) -> NoiseEstimate:
+def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourhood]) -> NoiseEstimate:
     """The sigmas of all, of each from where it is reported.
 
     A robot's is the root of the mean over all that it may be of its square: where few views tell it, the likeliest one
     would make the answer look too sure.
     """
-    variances = {robot: of.robot_variances[robot] for robot, of in found.items() if robot in of.robot_variances}
+    variances = {robot: of.robot_variances[robot] for robot, of in estimates.items() if robot in of.robot_variances}
     cameras: dict[str, Noise] = {}
     shapes: dict[str, tuple[Array, Array]] = {}
     for robot, of in parts.items():
-        cameras |= {name: noise for name, noise in found[robot].cameras.items() if name in of.cameras}
-        shapes |= {name: shape for name, shape in found[robot].shapes.items() if name in of.targets}
+        cameras |= {name: noise for name, noise in estimates[robot].cameras.items() if name in of.cameras}
+        shapes |= {name: shape for name, shape in estimates[robot].shapes.items() if name in of.targets}
     return NoiseEstimate(
         next(iter(cameras.values()), Noise()),
         1.0,
-        tuple(f for f in Noise._fields if any(f in of.estimated for of in found.values())),
-        all(of.settled for of in found.values()),
+        tuple(f for f in Noise._fields if any(f in of.estimated for of in estimates.values())),
+        all(of.settled for of in estimates.values()),
         {robot: np.sqrt(of) for robot, of in variances.items()},
         cameras,
-        surprise=sum(of.surprise for of in found.values()),
-        plain_surprise=sum(of.plain_surprise for of in found.values()),
+        surprise=sum(of.surprise for of in estimates.values()),
+        plain_surprise=sum(of.plain_surprise for of in estimates.values()),
         shapes=shapes,
         robot_variances=variances,
     )
 
 
-def _columns(problem: Problem, held: str | None) -> dict[str, slice]:
+def _columns(problem: Problem, held_base: str | None) -> dict[str, slice]:
     """The columns of what the problem's views depend on, without those of one base."""
     named: set[str | None] = set()
     for group in problem.groups:
         named |= {*group.frames, group.camera}
-    named.discard(held)
+    named.discard(held_base)
     columns, at = {}, 0
     for name, where in problem.columns.items():
         if name in named:

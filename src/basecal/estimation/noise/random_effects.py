@@ -7,7 +7,7 @@ import numpy as np
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.faces.shared_errors import SharedErrors
-from basecal.estimation.noise.robot_noise import stands, stops_made
+from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.problem import Problem
 
@@ -20,7 +20,7 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
     if model is not None and not model.columns.keys().isdisjoint(effect.replaced_by):
         return None
     if effect.by_poses is not None:
-        return effect.by_poses(*stands(problem, robot)) if stops_made(problem, robot) >= _FEWEST_STOPS else None
+        return effect.by_poses(*stands(problem, robot)) if count_stops(problem, robot) >= _FEWEST_STOPS else None
     at = posture_at_stops(problem, robot)
     return None if at is None or effect.by_joints is None else effect.by_joints(at)
 
@@ -31,11 +31,11 @@ def posture_at_stops(problem: Problem, robot: str) -> Posture | None:
     Stops at which nothing was seen, and that nothing requests, have the mean of the others' joints.
     """
     chain = problem.chains.get(robot)
-    if chain is None or not recorded_by_joints(problem, robot) or stops_made(problem, robot) < _FEWEST_STOPS:
+    if chain is None or not recorded_by_joints(problem, robot) or count_stops(problem, robot) < _FEWEST_STOPS:
         return None
     seen = stands(problem, robot)[1]
     joints = np.zeros((len(seen), chain.n))
-    for end in problem.ends_of(robot):
+    for end in problem.robot_ends(robot):
         joints[end.stand] = end.joints
     joints[~seen] = joints[seen].mean(0)
     return Posture(chain, joints, chain.posture(joints))

@@ -107,7 +107,7 @@ class Posterior:
         """(k,) derivative of the value to the logarithms."""
         k, keys, of = len(self.logs), tuple(self.model.sigmas.views), self.model
         only = len(self.model.parts) == 1 and not self.blocks.lost.any()
-        expected, squares = self._by_sums(keys) if only else self._by_blocks(keys)
+        expected, squares = self._expected_by_sums(keys) if only else self._expected_by_blocks(keys)
         open_errors = of.of_errors[of.of_errors >= 0]
         slope = 2 * (np.bincount(open_errors, minlength=k) - expected)
         scaled = of.of_columns >= 0
@@ -119,17 +119,17 @@ class Posterior:
         return slope
 
     @cached_property
-    def _at_mean(self) -> dict[tuple[str, str], tuple[float, Array, Array]]:
+    def _mean_moments(self) -> dict[tuple[str, str], tuple[float, Array, Array]]:
         """Of each open part at unit sigma: squares at the mean, and half their gradient to columns and errors."""
-        return {key: _at_mean(self.model.parts[key], self) for key in self.model.sigmas.views}
+        return {key: _part_moments(self.model.parts[key], self) for key in self.model.sigmas.views}
 
     def _squares_of_mean(self, key: tuple[str, str]) -> float:
         """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
         x = _scales(self.logs, self.model.of_columns)
         by_spread = np.sum(self.model.parts[key].fixed_fixed * x[:, None] * x * self.spread)
-        return self._at_mean[key][0] + float(by_spread)
+        return self._mean_moments[key][0] + float(by_spread)
 
-    def _by_sums(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
+    def _expected_by_sums(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
         """As `_by_blocks` where all goes by one part, whose weight is w: by sums over all blocks, half the work.
 
         There I + w u B u is the inverse of `own`, and w u F x its product with `back`, B the part's information of
@@ -149,7 +149,7 @@ class Posterior:
         left = own.size - own.sum() - np.vdot(self.spread, self.blocks.explained + sums.sum(0))
         return alone + np.tensordot(sums[:k], self.spread, 2), left * np.exp(2 * self.logs[: len(keys)])
 
-    def _by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
+    def _expected_by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
         """What is expected of the squares of errors by their sigma, (k,), and of each part's by what errors spread."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
         x = _scales(self.logs, self.model.of_columns)
@@ -184,7 +184,7 @@ class Posterior:
         keys = tuple(self.model.sigmas.views)
         for i, key in enumerate(keys):
             weight = np.exp(-2 * self.logs[i])
-            own[i], columns[i], errors[i] = (weight * of for of in self._at_mean[key])
+            own[i], columns[i], errors[i] = (weight * of for of in self._mean_moments[key])
         for i in range(len(keys), k):
             columns[i] = np.where(self.model.of_columns == i, self.mean_columns, 0.0)
             errors[i] = np.where(self.model.of_errors == i, self.mean_errors, 0.0)
@@ -203,7 +203,7 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
     b, q, m = *model.of_errors.shape, len(model.prior)
     blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.zeros(b), np.empty((m, m)))
-    known = columns_given(model, logs, blocks)
+    known = solve_columns(model, logs, blocks)
     # Of the errors there follow those where the columns are zero, and what these move them by.
     u, at = _scales(logs, model.of_errors), known.mean * _scales(logs, model.of_columns)
     by_columns = sum(w * (model.parts[key].errors_fixed @ at) for key, w in _weights(model, logs).items())
@@ -233,7 +233,7 @@ class _Blocks:
     explained: Array
 
 
-def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Columns:
+def solve_columns(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Columns:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of the columns there.
 
     Args:
@@ -243,7 +243,7 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     """
     weights = _weights(model, logs)
     x, u = _scales(logs, model.of_columns), _scales(logs, model.of_errors)
-    cost, fixed, fixed_fixed = _weighed(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
+    cost, fixed, fixed_fixed = _weigh(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
     value = (
         sum(2 * model.parts[key].count * logs[at] for key, at in model.sigmas.views.items()) + cost + model.prior_cost
     )
@@ -251,11 +251,11 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     explained, by_errors = np.zeros((m, m)), np.zeros(m)
     for here in chunks(len(u), u.shape[1], m):
         scale = u[here]
-        bu, ux, uu = _weighed(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
+        bu, ux, uu = _weigh(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
         uu *= scale[:, :, None]
         uu *= scale[:, None, :]
         uu = with_identity(uu, np.ones(len(uu)))
-        lost = _lost(uu)
+        lost = _rounding_loss(uu)
         root, log_dets = inverse_factors(uu if lost is None else with_identity(uu, lost))
         scaled = root * scale[:, None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
@@ -277,19 +277,19 @@ def columns_given(model: MixedModel, logs: Array, blocks: _Blocks | None = None)
     return Columns(model, logs, value + float(gradient @ mean) + log_det, mean, spread)
 
 
-def _lost(matrices: Array) -> Array | None:
+def _rounding_loss(matrices: Array) -> Array | None:
     """How much more of I keeps I + S regular, (b,), where S is so large that rounding loses I; None where none does."""
     size = np.einsum("bii->bi", matrices).max(axis=1)  # no entry is larger than the largest of these
     large = size > _ROUNDS_ONE
     return np.where(large, _ROUNDING * size, 0.0) if large.any() else None
 
 
-def _scales(logs: Array, which: IntArray) -> Array:
-    scales: Array = np.exp(np.append(logs, 0.0))[which]  # -1 is the last
+def _scales(logs: Array, indices: IntArray) -> Array:
+    scales: Array = np.exp(np.append(logs, 0.0))[indices]  # -1 is the last
     return scales
 
 
-def _weighed(model: MixedModel, weights: dict[tuple[str, str], float], fields: tuple[str, ...], here: Any) -> list[Any]:
+def _weigh(model: MixedModel, weights: dict[tuple[str, str], float], fields: tuple[str, ...], here: Any) -> list[Any]:
     """Fields of the moments of all parts, or of some blocks of them, each part by its weight."""
     (first, part), *others = model.parts.items()
     found = [weights[first] * np.asarray(getattr(part, field))[here] for field in fields]
@@ -299,9 +299,9 @@ def _weighed(model: MixedModel, weights: dict[tuple[str, str], float], fields: t
     return found
 
 
-def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
+def _inverse(hessian: Array, information: Array) -> tuple[Array, float]:
     """Inverse and log determinant; directions without information are held by a floor, the same for all sigmas."""
-    size = 1 / np.sqrt(np.where(before > 0, before, 1.0))  # of what nothing was seen its own unit
+    size = 1 / np.sqrt(np.where(information > 0, information, 1.0))  # of what nothing was seen its own unit
     scaled = 0.5 * (hessian + hessian.T) * size[:, None] * size
     try:
         factor = np.linalg.cholesky(scaled + _FLOOR * np.eye(len(scaled)))
@@ -314,16 +314,16 @@ def _inverse(hessian: Array, before: Array) -> tuple[Array, float]:
     return root.T @ root, log_det - 2 * float(np.log(size).sum())
 
 
-def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, across: Array, covariance: Array) -> float:
+def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:
     """What is expected to come to that by the errors of some blocks, given all data."""
     x, u = _scales(posterior.logs, posterior.model.of_columns), _scales(posterior.logs, posterior.model.of_errors[here])
-    by_x = (across.reshape(-1, len(x)) * x).reshape(across.shape)
+    by_x = (spread.reshape(-1, len(x)) * x).reshape(spread.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
     by_u = np.vdot(u, np.vecdot(part.errors_errors[here], u[:, None, :] * covariance))
     return float(by_u - 2 * both)
 
 
-def _at_mean(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:
+def _part_moments(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:
     """A part's squares at unit sigma at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
     x, u = _scales(posterior.logs, posterior.model.of_columns), _scales(posterior.logs, posterior.model.of_errors)
     at_x, at_u = posterior.mean_columns * x, posterior.mean_errors * u

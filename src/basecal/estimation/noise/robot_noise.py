@@ -12,9 +12,9 @@ from basecal.estimation.problem.view_group import End
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 
 
-def stops_made(problem: Problem, robot: str) -> int:
+def count_stops(problem: Problem, robot: str) -> int:
     """How many stops a robot made, of those that a view was taken at."""
-    stands = [end.stand for end in problem.ends_of(robot)]
+    stands = [end.stand for end in problem.robot_ends(robot)]
     return len(np.unique(np.concatenate(stands))) if stands else 0
 
 
@@ -23,7 +23,7 @@ def stands(problem: Problem, robot: str) -> tuple[SE3, BoolArray]:
     count = _highest_stand(problem, robot) + 1
     rotation, translation = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     seen = np.zeros(count, dtype=bool)
-    for end in problem.ends_of(robot):
+    for end in problem.robot_ends(robot):
         rotation[end.stand], translation[end.stand] = end.base_from_flange.rotation, end.base_from_flange.translation
         seen[end.stand] = True
     return SE3(rotation, translation), seen
@@ -45,7 +45,7 @@ def with_robot_noise(problem: Problem, sigmas: Mapping[str, Array]) -> Problem:
         first[robot] = len(names)
         names += [robot] * count
         sigma.append(np.broadcast_to(sigmas[robot], (count, 6)))
-    numbered = problem.with_ends(lambda end: _renumbered(end, renumbered, first))
+    numbered = problem.with_ends(lambda end: _renumber(end, renumbered, first))
     return replace(numbered, stops=Stops(np.concatenate(sigma), tuple(names)))
 
 
@@ -55,12 +55,12 @@ def without_errors(problem: Problem, state: State) -> State:
 
 
 def _highest_stand(problem: Problem, robot: str) -> int:
-    highest = [int(end.stand.max(initial=-1)) for end in problem.ends_of(robot)]
+    highest = [int(end.stand.max(initial=-1)) for end in problem.robot_ends(robot)]
     return max((*highest, problem.stands.get(robot, 0) - 1))
 
 
-def _renumbered(end: End, renumbered: IntArray, first: Mapping[str, int]) -> End:
+def _renumber(end: End, rows: IntArray, first: Mapping[str, int]) -> End:
     """An end with other rows of its stops' errors."""
     if end.robot is not None and end.robot in first:
         return replace(end, stop=end.stand + first[end.robot])
-    return replace(end, stop=np.append(renumbered, -1)[end.stop])
+    return replace(end, stop=np.append(rows, -1)[end.stop])

@@ -28,7 +28,7 @@ class Secant(NamedTuple):
     change: Array
 
 
-def corrected(curvature: Array, secants: Sequence[Secant]) -> Array:
+def correct_curvature(curvature: Array, secants: Sequence[Secant]) -> Array:
     """The curvature, (k, k) positive definite, that has the slope change as it did, as far as it stays regular."""
     for step, change in secants:
         off = change - curvature @ step

@@ -29,7 +29,7 @@ def shaped_targets(problem: Problem) -> dict[str, int]:
 
 
 def _coefficients(group: ViewGroup) -> int:
-    points = points_of(group)
+    points = shaped_points(group)
     if len(points) < _FEWEST_POINTS:
         return 0
     if not is_flat(points):
@@ -38,13 +38,13 @@ def _coefficients(group: ViewGroup) -> int:
     return BOW_COEFFICIENTS if unstated and has_area(points) else 0
 
 
-def points_of(group: ViewGroup) -> Array:
+def shaped_points(group: ViewGroup) -> Array:
     """Points of a group's target that may have a shape of their own, (p, 3) [m]; none of a measurement without."""
     measurement = group.measurement
     return measurement.points_in_target if isinstance(measurement, PixelMeasurement) else np.zeros((0, 3))
 
 
-def reshaped(problem: Problem, shapes: Mapping[str, Array]) -> Problem:
+def reshape_targets(problem: Problem, shapes: Mapping[str, Array]) -> Problem:
     """The problem with targets of these coefficients, (k,) in sigmas, in place of those they had."""
     groups = []
     for group in problem.groups:

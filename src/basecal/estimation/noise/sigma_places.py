@@ -29,7 +29,7 @@ class SigmaPlaces:
     count: int
 
     @staticmethod
-    def in_turn(
+    def sequential(
         views: Sequence[tuple[str, str]], robots: Sequence[str], cameras: Sequence[str], has_shared: bool
     ) -> SigmaPlaces:
         """One after the other, of these views, robots and cameras with jitter."""

@@ -10,12 +10,12 @@ from basecal.estimation.problem.problem import Problem, State, Stops
 from basecal.estimation.problem.view_group import End
 
 
-def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, State]:
+def some_views(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
     """The problem of at most so many views of each group, spread evenly, and of their stops alone; the state of it.
 
     Views of the scene are left out.
     """
-    groups = [g.take(np.arange(0, len(g), -(-len(g) // most))) for g in problem.groups if len(g)]
+    groups = [g.take(np.arange(0, len(g), -(-len(g) // max_count))) for g in problem.groups if len(g)]
     seen = np.zeros(len(problem.stops) + 1, dtype=bool)
     for group in groups:
         for end in group.ends:
@@ -30,14 +30,14 @@ def some_views(problem: Problem, state: State, most: int) -> tuple[Problem, Stat
     )
 
 
-def recorded_alone(problem: Problem, state: State, most: int) -> tuple[Problem, State]:
+def recorded_subset(problem: Problem, state: State, max_count: int) -> tuple[Problem, State]:
     """As `some_views`, with robots' places numbered as if nothing but these views had been recorded."""
-    few, state = some_views(problem, state, most)
-    known = {r: np.unique(np.concatenate([end.stand for end in few.ends_of(r)])) for r in few.robots}
+    few, state = some_views(problem, state, max_count)
+    known = {r: np.unique(np.concatenate([end.stand for end in few.robot_ends(r)])) for r in few.robots}
 
-    def renumbered(end: End) -> End:
+    def renumber(end: End) -> End:
         """An end whose stops are counted among those of its robot in these views."""
         return end if end.robot is None else replace(end, stand=np.searchsorted(known[end.robot], end.stand))
 
-    taken = (group.with_ends(renumbered) for group in few.groups)
+    taken = (group.with_ends(renumber) for group in few.groups)
     return replace(few.with_groups(taken), stands={robot: len(of) for robot, of in known.items()}), state

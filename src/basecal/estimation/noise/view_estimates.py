@@ -17,7 +17,7 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 
 STATED = "stated"
-_NEVER = Noise(*(float("inf"),) * len(Noise._fields))
+_INFINITE_NOISE = Noise(*(float("inf"),) * len(Noise._fields))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def view_estimates(
 def _parts(
     measurement: Measurement, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array | None
 ) -> dict[str, ViewInformation]:
-    def said(noise: Noise) -> ViewInformation:
+    def information(noise: Noise) -> ViewInformation:
         """What the views say with such noise."""
         noisy = measurement.with_noise(noise)
         if by_shape is None or not isinstance(noisy, PixelMeasurement):
@@ -73,10 +73,10 @@ def _parts(
         return noisy.linearise_shape(camera_from_target, camera, lens, by_shape)
 
     counts = measurement.counts()
-    parts = {STATED: said(_NEVER)} if counts.get(STATED) else {}
+    parts = {STATED: information(_INFINITE_NOISE)} if counts.get(STATED) else {}
     for name, count in counts.items():
         if name != STATED and count:
-            both = said(_NEVER._replace(**{name: 1.0}))
+            both = information(_INFINITE_NOISE._replace(**{name: 1.0}))
             stated = parts.get(STATED)
             parts[name] = (
                 both if stated is None else ViewInformation(*(b - s for b, s in zip(both, stated, strict=True)))

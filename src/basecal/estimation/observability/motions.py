@@ -75,7 +75,7 @@ def motions(problem: Problem) -> dict[str, Motion]:
 
 def _poses(problem: Problem) -> dict[str, SE3]:
     """Recorded poses of each robot, (n,), one a view."""
-    found = {robot: [end.base_from_flange for end in problem.ends_of(robot)] for robot in problem.robots}
+    found = {robot: [end.base_from_flange for end in problem.robot_ends(robot)] for robot in problem.robots}
     return {robot: concatenate(found[robot]) for robot in sorted(found)}
 
 
@@ -147,15 +147,15 @@ def _direction(problem: Problem, state: State, robot: str, base_rotvec: Array, f
 
 def mount_names(problem: Problem, robot: str) -> list[str]:
     """Names of the mounts on a robot's flange, of those that see or are seen."""
-    return list(dict.fromkeys(end.mount for end in problem.ends_of(robot)))
+    return list(dict.fromkeys(end.mount for end in problem.robot_ends(robot)))
 
 
 def base_names(problem: Problem, robot: str) -> list[str]:
     """Names of the transforms that say where a robot's base stands: of the reference's, all that stand about it."""
     if robot != problem.reference:
-        return [end.base for end in problem.ends_of(robot) if end.base is not None]
+        return [end.base for end in problem.robot_ends(robot) if end.base is not None]
     names = [end.base for group in problem.all_groups for end in group.ends if end.base is not None]
-    names += [end.mount for end in problem.ends_of(None) if end.base is None]
+    names += [end.mount for end in problem.robot_ends(None) if end.base is None]
     return list(dict.fromkeys(names))
 
 

@@ -6,14 +6,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from basecal.estimation.least_squares.studentized import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import studentize_views
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 
 CLEAR_GAP = 5.0
 """Factor in sigmas between neighbours: noise leaves no such gap."""
 
-_FEWEST, _MOST = 0.3, 0.8  # of the samples: a gap outside the middle is the tail of noise
+_LEAST_SHARE, _MOST_SHARE = 0.3, 0.8  # of the samples: a gap outside the middle is the tail of noise
 _FARTHEST = 1e15  # misfits beyond are alike [sigma]
 
 
@@ -30,15 +30,15 @@ def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ..
         sigmas = np.sqrt(np.concatenate([s.value / np.maximum(s.freedoms, 1) for s in squares]))
         worst = np.zeros(len(numbers))  # view of each sample
         np.maximum.at(worst, row, sigmas)
-        found = min(found, _parted(numbers, worst), key=lambda f: f[0])
+        found = min(found, _split_at_gap(numbers, worst), key=lambda f: f[0])
     return found[1]
 
 
-def _parted(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
+def _split_at_gap(numbers: IntArray, sigmas: Array) -> tuple[float, tuple[int, ...]]:
     """The largest misfit before the first clear gap of the sorted ones, and the samples up to there."""
     order = np.argsort(sigmas, kind="stable")
     ordered = np.clip(sigmas[order], 1.0, _FARTHEST)
-    first, last = int(np.ceil(_FEWEST * len(order))), int(_MOST * len(order))
+    first, last = int(np.ceil(_LEAST_SHARE * len(order))), int(_MOST_SHARE * len(order))
     gaps = np.flatnonzero(ordered[first : last + 1] > CLEAR_GAP * ordered[first - 1 : last])
     if not len(gaps):
         return np.inf, ()

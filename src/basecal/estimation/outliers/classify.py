@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.estimation.least_squares.studentized import (
+from basecal.estimation.least_squares.studentized_residuals import (
     LeaveOneOut,
     MahalanobisSquared,
     judged_by_view,
@@ -19,11 +19,11 @@ from basecal.estimation.least_squares.studentized import (
 from basecal.estimation.noise.estimate import residual_counts
 from basecal.estimation.outliers.inlier_mask import InlierMask, without_points
 from basecal.estimation.outliers.robust_scale import Scale, robust_scale
-from basecal.estimation.outliers.view_ransac import Prior, RansacViews, explained, view_ransac
+from basecal.estimation.outliers.view_ransac import Prior, RansacViews, explain_views, view_ransac
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.seen_points import SeenPoints
-from basecal.estimation.view.view_pose import refined
+from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import BoolArray, Camera, IntArray
 
 CHANCE_OF_VIEW = 1e-4  # that a good view is left out: one recording of a hundred views in a hundred
@@ -66,48 +66,48 @@ def view_scale(problem: Problem, squares: Sequence[MahalanobisSquared], chance: 
     return robust_scale(list(squares), problem.width, is_stated(problem), chance)
 
 
-def classify_inliers(problem: Problem, state: State, kept: InlierMask) -> Classification:
-    """What of a problem is used at a state that what was `kept` so far led to.
+def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Classification:
+    """What of a problem is used at a state that what was `inliers` so far led to.
 
     Args:
         problem: All that was seen.
         state: The state.
-        kept: What it was fitted to.
+        inliers: What it was fitted to.
     """
-    about = leave_one_out(without_points(problem, kept.points), state, kept.weights)
+    about = leave_one_out(without_points(problem, inliers.points), state, inliers.weights)
     views, stops, points = studentized_views(about), studentized_stops(about), studentized_points(about)
     # A clean view may go more often where many are out: what is far off is likelier one more.
-    before = np.concatenate(kept.views)
+    before = np.concatenate(inliers.views)
     chance = _CHANCE_AMONG_OUTLIERS if len(before) and before.mean() < 1 - _MANY_OUT else CHANCE_OF_VIEW
-    scale = view_scale(problem, [_of(s, v) for s, v in zip(views, kept.views, strict=True)], chance)
+    scale = view_scale(problem, [_take_rows(s, v) for s, v in zip(views, inliers.views, strict=True)], chance)
     own = [judged_by_view(g.measurement) for g in about.problem.groups]
-    by_view = _point_scale(problem, points, kept, own)
-    by_state = _point_scale(problem, points, kept, [~o for o in own])
-    bad_stop = scale.beyond(stops)
+    by_view = _point_scale(problem, points, inliers, own)
+    by_state = _point_scale(problem, points, inliers, [~o for o in own])
+    bad_stop = scale.gross_mask(stops)
     use_views, use_points = [], []
     for k, group in enumerate(about.problem.groups):
-        bad = np.where(own[k][:, None], by_view.beyond(points[k]), by_state.beyond(points[k]))
+        bad = np.where(own[k][:, None], by_view.gross_mask(points[k]), by_state.gross_mask(points[k]))
         stray = bad & own[k][:, None]
-        used = ~scale.beyond(views[k]) & ~_in_stops(group, bad_stop) & ~(bad & ~stray).any(1)
-        use_views.append(used & _enough(problem.groups[k], kept.points[k] & ~stray))
-        use_points.append(kept.points[k] & ~stray)
-    now = _readmitted(about, problem, InlierMask(tuple(use_views), tuple(use_points)), scale, by_view, bad_stop)
+        used = ~scale.gross_mask(views[k]) & ~_stop_mask(group, bad_stop) & ~(bad & ~stray).any(1)
+        use_views.append(used & _has_enough(problem.groups[k], inliers.points[k] & ~stray))
+        use_points.append(inliers.points[k] & ~stray)
+    now = _readmit(about, problem, InlierMask(tuple(use_views), tuple(use_points)), scale, by_view, bad_stop)
     return Classification(now, views, points, stops, scale, by_view)
 
 
-def _of(squares: MahalanobisSquared, rows: BoolArray) -> MahalanobisSquared:
+def _take_rows(squares: MahalanobisSquared, rows: BoolArray) -> MahalanobisSquared:
     return MahalanobisSquared(squares.value[rows], squares.freedoms[rows])
 
 
 def _point_scale(
-    problem: Problem, points: Sequence[MahalanobisSquared], kept: InlierMask, which: list[BoolArray]
+    problem: Problem, points: Sequence[MahalanobisSquared], inliers: InlierMask, masks: list[BoolArray]
 ) -> Scale:
-    rows = [w & v for w, v in zip(which, kept.views, strict=True)]
-    squares = [_of(s, r) for s, r in zip(points, rows, strict=True)]
+    rows = [w & v for w, v in zip(masks, inliers.views, strict=True)]
+    squares = [_take_rows(s, r) for s, r in zip(points, rows, strict=True)]
     return robust_scale(squares, 0, is_stated(problem), CHANCE_OF_POINT)
 
 
-def _in_stops(group: ViewGroup, bad: BoolArray) -> BoolArray:
+def _stop_mask(group: ViewGroup, bad: BoolArray) -> BoolArray:
     """Which views stand in a stop that is not to be used."""
     out = np.zeros(len(group), dtype=bool)
     for stop in (end.stop for end in group.ends):
@@ -115,7 +115,7 @@ def _in_stops(group: ViewGroup, bad: BoolArray) -> BoolArray:
     return out
 
 
-def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
+def _has_enough(group: ViewGroup, points: BoolArray) -> BoolArray:
     """Whether a view of which these points are left, (n, p), still has enough of them."""
     if not isinstance(group.measurement, SeenPoints):
         return np.ones(len(group), dtype=bool)
@@ -124,16 +124,16 @@ def _enough(group: ViewGroup, points: BoolArray) -> BoolArray:
     return left & (seen & points).any(1)
 
 
-def _readmitted(
-    model: LeaveOneOut, problem: Problem, kept: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
+def _readmit(
+    model: LeaveOneOut, problem: Problem, inliers: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
 ) -> InlierMask:
     """With the views of few points of which all but a few points are where all other views predict them."""
-    views, points = list(kept.views), list(kept.points)
+    views, points = list(inliers.views), list(inliers.points)
     for k, group in enumerate(problem.groups):
         measurement = group.measurement
         if not isinstance(measurement, SeenPoints) or measurement.seen.shape[1] < 2:
             continue
-        some = np.flatnonzero(~kept.views[k] & ~judged_by_view(measurement) & ~_in_stops(group, bad_stop))
+        some = np.flatnonzero(~inliers.views[k] & ~judged_by_view(measurement) & ~_stop_mask(group, bad_stop))
         if not len(some):
             continue
         prior = _prior(model, k, some, scale.variance)
@@ -152,13 +152,17 @@ def _readmitted(
     return InlierMask(tuple(views), tuple(points))
 
 
-def _agrees_with_itself(few: SeenPoints, found: RansacViews, camera: Camera | None, limit: float) -> BoolArray:
+def _agrees_with_itself(
+    sparse_views: SeenPoints, agreement: RansacViews, camera: Camera | None, limit: float
+) -> BoolArray:
     """Whether all points of a view, (n,), agree with one another: then the view is off, not its points."""
-    alone = explained(few, refined(few, found.camera_from_target, camera).camera_from_target, camera, limit)
-    return np.asarray(alone.points.sum(1) == few.seen.sum(1))
+    alone = explain_views(
+        sparse_views, refine_poses(sparse_views, agreement.camera_from_target, camera).camera_from_target, camera, limit
+    )
+    return np.asarray(alone.points.sum(1) == sparse_views.seen.sum(1))
 
 
-def _prior(model: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior:
+def _prior(model: LeaveOneOut, k: int, rows: IntArray, variance: float) -> Prior:
     """Where views that are not part of the fit are predicted, their private stops' errors unknown."""
     of, group = model.normal.views[k], model.problem.groups[k]
     spread = model.spread[k].copy()
@@ -167,5 +171,5 @@ def _prior(model: LeaveOneOut, k: int, some: IntArray, variance: float) -> Prior
         spread[part.view] += part.by_error @ part.by_error.mT
         errors[part.stop] = 0.0
     predicted = replace(model.state, stop_errors=errors).camera_from_target(group, model.problem.stops)
-    pose_spread = spread[some][:, :6, :6] * variance + _EXACT * np.eye(6)
-    return Prior(predicted[some], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))
+    pose_spread = spread[rows][:, :6, :6] * variance + _EXACT * np.eye(6)
+    return Prior(predicted[rows], np.asarray(np.linalg.inv(pose_spread), dtype=np.float64))

@@ -39,12 +39,12 @@ def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
     Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
     no noise. Where all noise is stated, what keeps within it goes before what does not.
     """
-    clear = [_spread(e) for e in ends if _share_kept(e) >= _CLEAR_SHARE]
+    clear = [_spread(e) for e in ends if _inlier_share(e) >= _CLEAR_SHARE]
     limit = _QUIETER * min(clear, default=np.inf)
 
     def merit(end: Consensus) -> tuple[bool, bool, int]:
         """Within what was stated of all noise; as quiet as others; how many points, or poses, it rests on."""
-        stated = is_stated(end.problem) and not end.problem.unstated and _within_noise(end)
+        stated = is_stated(end.problem) and not end.problem.unstated and _is_within_noise(end)
         used = sum(sum(g.measurement.counts().values()) for g in end.solution.problem.groups)
         return stated, _spread(end) <= limit, used
 
@@ -60,7 +60,7 @@ def _spread(end: Consensus) -> float:
 def is_answer(end: Consensus, plain: Solution) -> bool:
     """Whether an end rests on most of the views, fits, is an optimum, and sees what all views together do."""
     sees = end.solution.observability.unobservable <= plain.observability.unobservable
-    return sees and end.solution.converged and fits(end.solution) and _share_kept(end) >= _LEAST_KEPT
+    return sees and end.solution.converged and fits(end.solution) and _inlier_share(end) >= _LEAST_KEPT
 
 
 def fits(solution: Solution) -> bool:
@@ -84,14 +84,14 @@ def implausible(plain: Solution, judgement: Classification) -> bool:
 
 def convincing(end: Consensus | None, share: float = _CLEAR_SHARE) -> TypeGuard[Consensus]:
     """Whether so many of the views agree, within the noise that was stated or that a detector may have."""
-    return end is not None and _share_kept(end) >= share and fits(end.solution) and _within_noise(end)
+    return end is not None and _inlier_share(end) >= share and fits(end.solution) and _is_within_noise(end)
 
 
-def _within_noise(end: Consensus) -> bool:
+def _is_within_noise(end: Consensus) -> bool:
     """Whether whole views scatter no more than the noise in use explains."""
     return end.judgement.view_scale.variance <= CONTRADICTED**2
 
 
-def _share_kept(end: Consensus) -> float:
+def _inlier_share(end: Consensus) -> float:
     views = np.concatenate(end.kept.views)
     return float(views.mean()) if len(views) else 0.0

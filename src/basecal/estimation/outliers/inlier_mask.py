@@ -28,16 +28,16 @@ class InlierMask:
     views: tuple[BoolArray, ...]
     points: tuple[BoolArray, ...]
 
-    def same_as(self, other: InlierMask) -> bool:
+    def same_as(self, mask: InlierMask) -> bool:
         """Whether both use the same."""
-        pairs = zip((*self.views, *self.points), (*other.views, *other.points), strict=True)
+        pairs = zip((*self.views, *self.points), (*mask.views, *mask.points), strict=True)
         return all(np.array_equal(a, b) for a, b in pairs)
 
-    def both(self, other: InlierMask) -> InlierMask:
+    def intersection(self, mask: InlierMask) -> InlierMask:
         """What both use."""
         return InlierMask(
-            tuple(a & b for a, b in zip(self.views, other.views, strict=True)),
-            tuple(a & b for a, b in zip(self.points, other.points, strict=True)),
+            tuple(a & b for a, b in zip(self.views, mask.views, strict=True)),
+            tuple(a & b for a, b in zip(self.points, mask.points, strict=True)),
         )
 
     @property
@@ -59,17 +59,19 @@ def point_count(measurement: Measurement) -> int:
 
 def without_points(problem: Problem, points: Sequence[BoolArray]) -> Problem:
     """The problem as if points that are not kept had not been seen; its views are as many as before."""
-    return problem.with_groups(_without(g, kept) for g, kept in zip(problem.groups, points, strict=True))
+    return problem.with_groups(_mask_group(g, kept) for g, kept in zip(problem.groups, points, strict=True))
 
 
-def inlier_problem(problem: Problem, kept: InlierMask) -> Problem:
+def inlier_problem(problem: Problem, inliers: InlierMask) -> Problem:
     """The problem of what is kept alone, each view read as it stands, sigmas that none states at their defaults."""
-    fewer = without_points(problem, kept.points).groups
-    taken = (replace(g, readings=()).take(np.flatnonzero(v)) for g, v in zip(fewer, kept.views, strict=True) if v.any())
+    fewer = without_points(problem, inliers.points).groups
+    taken = (
+        replace(g, readings=()).take(np.flatnonzero(v)) for g, v in zip(fewer, inliers.views, strict=True) if v.any()
+    )
     return problem.with_groups(taken).with_noise(Noise())
 
 
-def at_stops_of(problem: Problem, state: State) -> State:
+def without_unseen_stops(problem: Problem, state: State) -> State:
     """The state without the errors of stops in which no view of the problem stands."""
     used = np.zeros(len(problem.stops), dtype=bool)
     for group in problem.groups:
@@ -78,14 +80,14 @@ def at_stops_of(problem: Problem, state: State) -> State:
     return replace(state, stop_errors=np.where(used[:, None], state.stop_errors, 0.0))
 
 
-def of_samples(problem: Problem, numbers: IntArray) -> Problem:
+def select_samples(problem: Problem, numbers: IntArray) -> Problem:
     """The problem of some samples alone, by their numbers."""
     rows = [np.flatnonzero(np.isin(g.sample, numbers)) for g in problem.groups]
     return problem.with_groups(g.take(r) for g, r in zip(problem.groups, rows, strict=True) if len(r))
 
 
-def _without(group: ViewGroup, points: BoolArray) -> ViewGroup:
-    measurement = group.measurement.masked(points)
+def _mask_group(group: ViewGroup, points: BoolArray) -> ViewGroup:
+    measurement = group.measurement.mask_points(points)
     if group.half_turn is None or not isinstance(measurement, PixelMeasurement) or points.all():
         return replace(group, measurement=measurement)
     return replace(group, measurement=measurement, readings=(measurement, half_turn_views(measurement)))

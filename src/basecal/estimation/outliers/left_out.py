@@ -14,10 +14,10 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
-from basecal.estimation.view.view_pose import FEWEST_POINTS, refined
+from basecal.estimation.view.view_pose import FEWEST_POINTS, refine_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 
-_STEPS = 20  # of the pose of one view, at most
+_POSE_STEPS = 20  # of the pose of one view, at most
 _FEWEST_3D_POINTS = 3
 
 
@@ -46,17 +46,22 @@ class LeftOut:
     off_px: float | None = None
 
 
-def measure_left_out(
-    cell: Cell, recorded: Problem, problem: Problem, state: State, kept: InlierMask, judgement: Classification
+def measure_left_out_items(
+    cell: Cell,
+    recorded_problem: Problem,
+    problem: Problem,
+    state: State,
+    inliers: InlierMask,
+    judgement: Classification,
 ) -> tuple[LeftOut, ...]:
     """What is not kept, by sample.
 
     Args:
         cell: What exists.
-        recorded: The problem as it was recorded, which numbers the points.
+        recorded_problem: The problem as it was recorded, which numbers the points.
         problem: The same, each view read as the state predicts.
         state: The solution's.
-        kept: What is used.
+        inliers: What is used.
         judgement: How far each view is off.
     """
     found = []
@@ -64,34 +69,34 @@ def measure_left_out(
         as_recorded = replace(state, stop_errors=np.zeros_like(state.stop_errors))
         expected = as_recorded.camera_from_target(group, problem.stops)
         sigmas = np.sqrt(judgement.views[k].value / judgement.view_scale.variance)
-        for view in np.flatnonzero(~kept.views[k]):
-            found.append(_of_view(group, state, expected, int(view), float(sigmas[view])))
+        for view in np.flatnonzero(~inliers.views[k]):
+            found.append(_left_out_view(group, state, expected, int(view), float(sigmas[view])))
         shape = cell.targets[group.target].target
-        few = _with_lost_points(group, kept.views[k], kept.points[k])
+        few = _with_lost_points(group, inliers.views[k], inliers.points[k])
         if shape is not None and few is not None:
-            ids = _ids_by_view(shape.ids, recorded.groups[k], group)[few.rows]
+            ids = _ids_by_view(shape.ids, recorded_problem.groups[k], group)[few.rows]
             predicted = state.camera_from_target(group, problem.stops)[few.rows]
             distances = _distances(few, predicted, state.cameras.get(group.camera))
-            found += _of_points(few, group, ids, distances, float(np.sqrt(judgement.point_scale.variance)))
+            found += _left_out_points(few, group, ids, distances, float(np.sqrt(judgement.point_scale.variance)))
     return tuple(sorted(found, key=lambda o: (o.sample, o.camera, o.target)))
 
 
-def _of_view(group: ViewGroup, state: State, expected: SE3, view: int, sigmas: float) -> LeftOut:
-    one, near = group.take(np.array([view])), expected[np.array([view])]
+def _left_out_view(group: ViewGroup, state: State, predicted_pose: SE3, view: int, sigmas: float) -> LeftOut:
+    one, near = group.take(np.array([view])), predicted_pose[np.array([view])]
     place = int(group.sample[view]), group.camera, group.target
-    pose = _alone(one, state, near)
+    pose = _single_view_pose(one, state, near)
     if pose is None:
         if not isinstance(one.measurement, PixelMeasurement):
             return LeftOut(*place, (), sigmas, off_px=np.nan)
         pixels_off = np.linalg.norm(one.measurement.residual_px(near, state.cameras[one.camera]), axis=-1)
         worst = float(np.nanmax(pixels_off)) if np.isfinite(pixels_off).any() else np.nan
         return LeftOut(*place, (), sigmas, off_px=worst)
-    off = pose.inverse() @ expected[view]
+    off = pose.inverse() @ predicted_pose[view]
     off_m, off_rad = float(np.linalg.norm(off.translation)), float(np.linalg.norm(off.rotvec))
     return LeftOut(*place, (), sigmas, off_m, off_rad)
 
 
-def _alone(one: ViewGroup, state: State, near: SE3) -> SE3 | None:
+def _single_view_pose(one: ViewGroup, state: State, start: SE3) -> SE3 | None:
     """The target's pose by a single view alone; None where it has too few points."""
     measurement = one.measurement
     if isinstance(measurement, PoseMeasurement):
@@ -99,7 +104,7 @@ def _alone(one: ViewGroup, state: State, near: SE3) -> SE3 | None:
     fewest = FEWEST_POINTS if isinstance(measurement, PixelMeasurement) else _FEWEST_3D_POINTS
     if measurement.point_counts().sum() < fewest:
         return None
-    return refined(measurement, near, state.cameras.get(one.camera), _STEPS).camera_from_target[0]
+    return refine_poses(measurement, start, state.cameras.get(one.camera), _POSE_STEPS).camera_from_target[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,24 +127,26 @@ def _with_lost_points(group: ViewGroup, views: BoolArray, points: BoolArray) -> 
     return _LostPoints(rows, measurement.take(rows), lost[rows], points[rows]) if len(rows) else None
 
 
-def _of_points(few: _LostPoints, group: ViewGroup, ids: IntArray, distances: Array, sigma: float) -> list[LeftOut]:
+def _left_out_points(
+    points: _LostPoints, group: ViewGroup, ids: IntArray, distances: Array, sigma: float
+) -> list[LeftOut]:
     """What is said of lost points, by ids (n, p) and distances (n, p), in sigmas by which these scatter."""
     found = []
-    for v, row in enumerate(few.rows):
-        off = distances[v][few.lost[v]]
-        sigmas = off * few.measurement.weight[v][few.lost[v]] / sigma
+    for v, row in enumerate(points.rows):
+        off = distances[v][points.lost[v]]
+        sigmas = off * points.measurement.weight[v][points.lost[v]] / sigma
         worst = int(np.argmax(sigmas))
-        which = tuple(sorted(int(i) for i in ids[v][few.lost[v]]))
-        in_pixels = isinstance(few.measurement, PixelMeasurement)
+        which = tuple(sorted(int(i) for i in ids[v][points.lost[v]]))
+        in_pixels = isinstance(points.measurement, PixelMeasurement)
         off_m, off_px = (None, float(off[worst])) if in_pixels else (float(off[worst]), None)
         place = int(group.sample[row]), group.camera, group.target
         found.append(LeftOut(*place, which, float(sigmas[worst]), off_m, None, off_px))
     return found
 
 
-def _ids_by_view(ids: IntArray, recorded: ViewGroup, group: ViewGroup) -> IntArray:
+def _ids_by_view(ids: IntArray, recorded_group: ViewGroup, group: ViewGroup) -> IntArray:
     """Ids as recorded, (n, p), which views that are read from the other end of their grid have the other way round."""
-    first, now = recorded.measurement, group.measurement
+    first, now = recorded_group.measurement, group.measurement
     every = np.broadcast_to(ids, (len(group), len(ids)))
     if group.half_turn is None or not isinstance(first, PixelMeasurement) or not isinstance(now, PixelMeasurement):
         return every
@@ -147,10 +154,14 @@ def _ids_by_view(ids: IntArray, recorded: ViewGroup, group: ViewGroup) -> IntArr
     return np.where(as_recorded[:, None], every, every[:, ::-1])
 
 
-def _distances(few: _LostPoints, predicted: SE3, lens: Camera | None) -> Array:
+def _distances(points: _LostPoints, predicted_pose: SE3, lens: Camera | None) -> Array:
     """How far each point is from where the kept points of its view, or all else, put it, (n, p) [px or m]."""
-    left = few.measurement.masked(few.used)
-    pose = refined(left, predicted, lens, _STEPS).camera_from_target if (left.equations() >= 6).all() else predicted
-    rows = point_jacobians(few.measurement, pose, lens, False)
-    weight = np.where(few.measurement.weight > 0, few.measurement.weight, 1.0)
+    left = points.measurement.mask_points(points.used)
+    pose = (
+        refine_poses(left, predicted_pose, lens, _POSE_STEPS).camera_from_target
+        if (left.equations() >= 6).all()
+        else predicted_pose
+    )
+    rows = point_jacobians(points.measurement, pose, lens, False)
+    weight = np.where(points.measurement.weight > 0, points.measurement.weight, 1.0)
     return np.where(rows.seen, np.linalg.norm(rows.residual, axis=-1) / weight, np.inf)

@@ -13,8 +13,8 @@ from basecal.estimation.problem.stated_lens import is_stated, likely_sigmas
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from
 
-_ROUNDS = 4  # of errors of lenses and noise in turn; two settle most
-_SETTLED = 1.2  # factor of a sigma, which changes no answer
+_ALTERNATIONS = 4  # of errors of lenses and noise in turn; two settle most
+_SETTLED_FACTOR = 1.2  # factor of a sigma, which changes no answer
 
 
 def with_likely_lenses(robust: RobustSolution, cell: Cell, settings: Settings) -> RobustSolution:
@@ -23,7 +23,7 @@ def with_likely_lenses(robust: RobustSolution, cell: Cell, settings: Settings) -
     Its covariance is that at the most likely sigmas.
     """
     solution = robust.solution
-    for _ in range(_ROUNDS):
+    for _ in range(_ALTERNATIONS):
         wider = _wider_lenses(solution, cell)
         if not solution.converged or not wider:
             break
@@ -38,7 +38,7 @@ def _wider_lenses(solution: Solution, cell: Cell) -> dict[str, Intrinsics]:
         if not is_stated(cell.cameras[name].intrinsics) or used.sigma is None:
             continue
         sigmas = likely_sigmas(used, solution.state.cameras[name], solution.lens_covariance(name))
-        if np.any(sigmas > _SETTLED * used.sigma):
+        if np.any(sigmas > _SETTLED_FACTOR * used.sigma):
             wider[name] = replace(used, sigma=np.maximum(sigmas, used.sigma))
     return wider
 
@@ -47,5 +47,5 @@ def _solved_again(solution: Solution, lenses: dict[str, Intrinsics], settings: S
     opened = replace(solution.problem, lenses=lenses, held=False)
     if settings.robot_noise == "stated":
         return solve_from(opened, solution.state, settings, solution.findings)
-    found = with_noise(replace(solution, problem=opened), settings, near=solution)
+    found = with_noise(replace(solution, problem=opened), settings, guess=solution)
     return replace(found, problem=replace(found.problem, held=True))

@@ -8,28 +8,28 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.estimation.noise.estimate import NoiseEstimate
-from basecal.estimation.outliers.robust_solve import RobustSolution, judged_again, solve_robustly
+from basecal.estimation.outliers.robust_solve import RobustSolution, judge_again, solve_robustly
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode, solve_from
 from basecal.estimation.view.measurement import Noise
 
-_PASSES = 3
+_JUDGING_PASSES = 3
 # Of arms with errors of their own (belts, links, a loose base) up to 9 mm and 7 mrad are on record.
 _ARM_M, _ARM_RAD = 1.2e-2, 1.2e-2
 _STAMP_S = 2e-2  # of computers that stamp what arrives: with more, stamps are not of the pictures
 
 
-def with_noise(solution: Solution, settings: Settings, near: Solution | None = None) -> Solution:
+def with_noise(solution: Solution, settings: Settings, guess: Solution | None = None) -> Solution:
     """A solution with the most likely sigmas for what states none; as it is where its views say nothing in numbers.
 
     Args:
         solution: The solution.
         settings: How to solve.
-        near: One with sigmas of nearly the same views, to start from.
+        guess: One with sigmas of nearly the same views, to start from.
     """
     estimated = replace(settings, robot_noise="estimated")
     try:
-        sigmas = None if near is None else near.noise
+        sigmas = None if guess is None else guess.noise
         found = solve_at_mode(solution.problem, solution.state, estimated, solution.findings, sigmas)
     except np.linalg.LinAlgError:
         return solution
@@ -61,9 +61,9 @@ def solve_with_noise(
     """
     stated = replace(settings, robot_noise="stated")
     solution, before = noisy if exact is None else with_noise(exact.solution, settings), exact
-    for _ in range(_PASSES):
+    for _ in range(_JUDGING_PASSES):
         with settings.stage("outliers"):
-            robust = _judged(cell, stated, plain, solution, before)
+            robust = _judge(cell, stated, plain, solution, before)
         if _places(robust) == _places(before):
             break
         before = robust
@@ -75,15 +75,15 @@ def solve_with_noise(
     return replace(robust, solution=found, agreeing=agreeing)
 
 
-def _judged(
-    cell: Cell, settings: Settings, plain: Solution, solution: Solution, before: RobustSolution | None
+def _judge(
+    cell: Cell, settings: Settings, plain: Solution, solution: Solution, previous: RobustSolution | None
 ) -> RobustSolution:
     """What agrees by the sigmas of `solution`, looked for from where it was found before."""
-    again = None if before is None else judged_again(before, solution, plain.problem, cell, settings)
+    again = None if previous is None else judge_again(previous, solution, plain.problem, cell, settings)
     if again is not None:
         return again
-    held = solution.noise.held_by(plain.problem)
-    if before is None:  # the noise is that of all views, whose optimum by it is known
+    held = solution.noise.hold_sigmas(plain.problem)
+    if previous is None:  # the noise is that of all views, whose optimum by it is known
         whole = replace(solution, problem=held, noise=NoiseEstimate(Noise(), 1.0, (), True))
     else:
         # From a state that outliers have pulled aside steps may overflow; such steps are not taken.

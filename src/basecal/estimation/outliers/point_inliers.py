@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.cell import Cell
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.estimation.outliers.classify import CHANCE_OF_POINT, is_stated
 from basecal.estimation.outliers.inlier_mask import all_inliers, point_count
@@ -29,7 +29,7 @@ _UNSUSPECTED_PX = 1.0  # [px] scatter of points about their view's own pose that
 PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 
 
-def points_within(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
+def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
     """By group, (n, p): points of suspect views that agree with the rest of their view, and all of others.
 
     A lens that is free may have been bent by wrong poses: where points scatter as if it were, that of the views alone
@@ -37,11 +37,11 @@ def points_within(problem: Problem, state: State, suspects: list[IntArray], cell
     """
     if not any(map(len, suspects)):
         return all_inliers(problem).points
-    found = [_points_by(problem, state, suspects)]
+    found = [_scale_and_points(problem, state, suspects)]
     unsuspected = CONTRADICTED**2 if is_stated(problem) else _UNSUSPECTED_PX**2
     if found[0][0] > unsuspected and not problem.columns.keys().isdisjoint(problem.lenses):
         alone = replace(state, cameras=lenses(problem, cell))
-        found.append(_points_by(problem, alone, suspects))
+        found.append(_scale_and_points(problem, alone, suspects))
     return min(found, key=lambda f: f[0])[1]
 
 
@@ -56,13 +56,13 @@ class _Hypotheses:
     poses: SE3
 
 
-def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
+def _scale_and_points(problem: Problem, state: State, suspects: list[IntArray]) -> tuple[float, tuple[BoolArray, ...]]:
     """The scale of all points' squares with the lenses of a state, and the points that agree within it.
 
     Subsets are drawn of those views alone of which the fit to all points does not explain most.
     """
     poses = [_hypotheses(g, of, problem, state, near_fits) for g, of in zip(problem.groups, suspects, strict=True)]
-    scale, kept = _agreed(problem, state, poses)
+    scale, kept = _choose_points(problem, state, poses)
     unclear = [_unclear(g, k, of) for g, k, of in zip(problem.groups, kept, suspects, strict=True)]
     if any(map(len, unclear)):
         for k, group in enumerate(problem.groups):
@@ -71,22 +71,22 @@ def _points_by(problem: Problem, state: State, suspects: list[IntArray]) -> tupl
                 *_hypotheses(group, clear, problem, state, near_fits),
                 *_hypotheses(group, unclear[k], problem, state, subset_fits),
             ]
-        scale, kept = _agreed(problem, state, poses)
+        scale, kept = _choose_points(problem, state, poses)
     return scale.variance, kept
 
 
-def _unclear(group: ViewGroup, kept: BoolArray, suspects: IntArray) -> IntArray:
+def _unclear(group: ViewGroup, inliers: BoolArray, suspects: IntArray) -> IntArray:
     """Suspect views of few points, and those of which many points do not agree."""
     measurement = group.measurement
     if not isinstance(measurement, SeenPoints):
         return suspects[:0]
     seen = measurement.seen[suspects]
-    share = (seen & kept[suspects]).sum(1) / np.maximum(seen.sum(1), 1)
+    share = (seen & inliers[suspects]).sum(1) / np.maximum(seen.sum(1), 1)
     unclear: IntArray = suspects[(share < _AGREED) | (seen.shape[1] <= FEW_POINTS)]
     return unclear
 
 
-def _agreed(
+def _choose_points(
     problem: Problem, state: State, poses: Sequence[Sequence[_Hypotheses]]
 ) -> tuple[Scale, tuple[BoolArray, ...]]:
     """Scale of all points' squares and the points that agree at the best of each view's poses, until both rest."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, fdtri
 
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
 from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.geometry import Array, BoolArray, IntArray
 
-_ROUNDS = 10
+_SCALE_ROUNDS = 10
 # The median uses as much of a sample's information as 0.4 of it would by its mean.
 _EFFICIENCY = 0.4
 _SHAPES = np.linspace(1.0, 15.0, 57)
@@ -55,18 +55,18 @@ class Scale:
             limit = self.variance * chdtri(at, 0.5) * over_median
         return np.where(freedoms > 0, limit, np.inf)
 
-    def beyond(self, squares: MahalanobisSquared) -> BoolArray:
+    def gross_mask(self, squares: MahalanobisSquared) -> BoolArray:
         """Which deviations are gross; those that nothing checks are not."""
         return np.nan_to_num(squares.value, nan=0.0) > self.limit(squares.freedoms)
 
 
-def robust_scale(squares: list[MahalanobisSquared], unknowns: int, stated: bool, chance: float) -> Scale:
+def robust_scale(squares: list[MahalanobisSquared], unknowns: int, is_stated: bool, chance: float) -> Scale:
     """The scale of squared deviations.
 
     Args:
         squares: The deviations, in any grouping.
         unknowns: How many unknowns were fitted to them.
-        stated: Whether their sigmas were.
+        is_stated: Whether their sigmas were.
         chance: See `Scale`.
     """
     value = np.concatenate([s.value.ravel() for s in squares]) if squares else np.zeros(0)
@@ -77,10 +77,10 @@ def robust_scale(squares: list[MahalanobisSquared], unknowns: int, stated: bool,
     if not len(value):
         return as_stated
     ratio = value / chdtri(np.arange(1, int(freedoms.max()) + 1), 0.5)[freedoms - 1]
-    if stated and np.median(ratio) < CONTRADICTED**2:
+    if is_stated and np.median(ratio) < CONTRADICTED**2:
         return as_stated
     within = np.ones(len(value), dtype=bool)
-    for _ in range(_ROUNDS):
+    for _ in range(_SCALE_ROUNDS):
         variance = max(float(np.median(ratio[within])), 1e-300)
         left = _EFFICIENCY * max(float(freedoms[within].sum()) - unknowns, 1.0)
         low, high = np.quantile(ratio[within], (0.2, 0.5))
@@ -90,4 +90,4 @@ def robust_scale(squares: list[MahalanobisSquared], unknowns: int, stated: bool,
         if not now.any() or np.array_equal(now, within):
             break
         within = now
-    return as_stated if stated and scale.variance < CONTRADICTED**2 else scale
+    return as_stated if is_stated and scale.variance < CONTRADICTED**2 else scale

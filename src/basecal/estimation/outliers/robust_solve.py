@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import BasecalError
-from basecal.estimation.least_squares.studentized import judged_by_view, studentize_views
+from basecal.estimation.least_squares.studentized_residuals import judged_by_view, studentize_views
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
     Classification,
@@ -29,25 +29,25 @@ from basecal.estimation.outliers.consensus import (
     implausible,
     is_answer,
 )
+from basecal.estimation.outliers.graduated_truncation import graduated_truncation
 from basecal.estimation.outliers.inlier_mask import (
     InlierMask,
     all_inliers,
-    at_stops_of,
     inlier_problem,
     without_points,
+    without_unseen_stops,
 )
-from basecal.estimation.outliers.left_out import LeftOut, measure_left_out
-from basecal.estimation.outliers.point_inliers import points_within
-from basecal.estimation.outliers.reweighted import graduated_truncation
+from basecal.estimation.outliers.left_out import LeftOut, measure_left_out_items
+from basecal.estimation.outliers.point_inliers import agreeing_points
 from basecal.estimation.outliers.subset_starts import score, subset_states
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import STATED, Settings
-from basecal.estimation.solve import Solution, solve_from, solve_packed
+from basecal.estimation.solve import Solution, solve_from, solve_problem
 from basecal.estimation.view.measurement import Noise
 from basecal.estimation.view.pixels import PixelMeasurement
 
-_ROUNDS = 12  # of leaving out and taking back, at most
+_SELECTION_ROUNDS = 12  # of leaving out and taking back, at most
 _FREE_ROUNDS = 6  # after these nothing is taken back: no circle
 
 _FEW_OUT = 0.9  # of the views that agree: what is left out could not have pulled the state aside
@@ -81,7 +81,7 @@ def solve_robustly(
 ) -> RobustSolution:
     """The solution of all views and points but the gross outliers, and these.
 
-    Where there are none it is that of `solve_packed`. Where fewer than half of the samples agree it is that, too:
+    Where there are none it is that of `solve_problem`. Where fewer than half of the samples agree it is that, too:
     then no part of the data can be told to be the right one.
 
     Args:
@@ -94,7 +94,7 @@ def solve_robustly(
         NotObservable: if nothing was seen that could be solved for.
         InputError: if the cell contradicts the recording.
     """
-    plain = plain or solve_packed(problem, cell, settings)
+    plain = plain or solve_problem(problem, cell, settings)
     whole = all_inliers(plain.problem)
     judgement = classify_inliers(plain.problem, plain.state, whole)
     agreeing: tuple[int, ...] = ()
@@ -104,43 +104,43 @@ def solve_robustly(
             ends, states = _ends(plain, whole, judgement, cell, settings)
         best = best_consensus([e for e in ends if is_answer(e, plain)])
         if best is not None and not best.kept.same_as(whole):
-            return _told(cell, problem, best)
+            return _make_result(cell, problem, best)
         agreeing = () if best is not None else agreeing_samples(plain.problem, states)
     nothing = plain.problem.with_groups(())
     return RobustSolution(plain, (), nothing, _sample_count(problem), _point_count(problem), agreeing)
 
 
-def judged_again(
-    before: RobustSolution, noisy: Solution, recorded: Problem, cell: Cell, settings: Settings = STATED
+def judge_again(
+    previous: RobustSolution, noisy: Solution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
     """The same views and points judged anew by other sigmas; None where that leads to no answer.
 
     Args:
-        before: What was left out so far.
+        previous: What was left out so far.
         noisy: The solution of what is left, with the sigmas to judge by, which are held.
-        recorded: All that was seen, as it was recorded.
+        recorded_problem: All that was seen, as it was recorded.
         cell: What exists and what is known.
         settings: How to solve.
     """
-    rest = before.consensus
+    rest = previous.consensus
     if rest is None:
         return None
     with np.errstate(all="ignore"):
-        end = _end(noisy.noise.held_by(rest.problem), rest.kept, noisy.state, settings)
+        end = _end(noisy.noise.hold_sigmas(rest.problem), rest.kept, noisy.state, settings)
     sees = rest.solution.observability.unobservable
     convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
-    return _told(cell, recorded, end) if end is not None and convinces else None
+    return _make_result(cell, recorded_problem, end) if end is not None and convinces else None
 
 
 def _ends(
-    plain: Solution, whole: InlierMask, judgement: Classification, cell: Cell, settings: Settings
+    plain: Solution, full_mask: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[list[Consensus], list[State]]:
     """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
-    full, kept, state = _agreeing_within(plain, whole, judgement, cell, settings)
+    full, kept, state = _drop_contradicted_points(plain, full_mask, judgement, cell, settings)
     direct = _end(full, kept, state, settings)
     if convincing(direct, _FEW_OUT):
         return [direct], []
-    ends = [_end(full, kept, _annealed(full, kept, state), settings)]
+    ends = [_end(full, kept, _anneal(full, kept, state), settings)]
     states: list[State] = []
     least = np.inf
     for start in () if convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
@@ -154,98 +154,98 @@ def _ends(
     return [e for e in ends if e is not None], states
 
 
-def _cost(full: Problem, kept: InlierMask, state: State) -> float:
-    problem, now = _rechosen(full, kept, state)
+def _cost(full: Problem, inliers: InlierMask, state: State) -> float:
+    problem, now = _rechosen(full, inliers, state)
     try:
         return score(without_points(problem, now.points), state, is_stated(full))
     except np.linalg.LinAlgError:
         return np.inf
 
 
-def _agreeing_within(
-    plain: Solution, whole: InlierMask, judgement: Classification, cell: Cell, settings: Settings
+def _drop_contradicted_points(
+    plain: Solution, full_mask: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[Problem, InlierMask, State]:
     """Without the points that the rest of their view contradicts, and solved again where there are any."""
     suspects = []  # views of many points of which some are not where the others put them
     for group, points in zip(plain.problem.groups, judgement.points, strict=True):
-        beyond = judgement.point_scale.beyond(points).any(-1) | implausible(plain, judgement)
+        beyond = judgement.point_scale.gross_mask(points).any(-1) | implausible(plain, judgement)
         suspects.append(np.flatnonzero(judged_by_view(group.measurement) & beyond))
-    within = points_within(plain.problem, plain.state, suspects, cell)
-    kept = InlierMask(whole.views, within)
-    if kept.same_as(whole):
-        return plain.problem, whole, plain.state
+    within = agreeing_points(plain.problem, plain.state, suspects, cell)
+    kept = InlierMask(full_mask.views, within)
+    if kept.same_as(full_mask):
+        return plain.problem, full_mask, plain.state
     cleaned = without_points(plain.problem, within).with_noise(Noise())
     again = solve_from(cleaned, plain.state, settings)
     if not (again.converged and fits(again)):
-        again = solve_packed(cleaned, cell, settings)
+        again = solve_problem(cleaned, cell, settings)
     full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
 
 
-def _annealed(full: Problem, kept: InlierMask, state: State) -> State:
+def _anneal(full: Problem, inliers: InlierMask, state: State) -> State:
     """The state of truncated least squares from a state that outliers have pulled aside."""
-    full, kept = _rechosen(full, kept, state)
-    masked = without_points(full, kept.points)
+    full, inliers = _rechosen(full, inliers, state)
+    masked = without_points(full, inliers.points)
     try:
         return graduated_truncation(masked, state, lambda squares: view_scale(masked, squares))
     except np.linalg.LinAlgError:
         return state
 
 
-def _end(full: Problem, kept: InlierMask, state: State, settings: Settings) -> Consensus | None:
+def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:
     """From a state to where no view or point changes sides; None where that is no answer."""
-    full, kept = _rechosen(full, kept, state)
-    masked = without_points(full, kept.points)
+    full, inliers = _rechosen(full, inliers, state)
+    masked = without_points(full, inliers.points)
     try:
         squares = studentize_views(masked, state)
     except np.linalg.LinAlgError:
         return None
     scale = view_scale(masked, squares)
-    kept = InlierMask(tuple(~scale.beyond(s) for s in squares), kept.points)
+    inliers = InlierMask(tuple(~scale.gross_mask(s) for s in squares), inliers.points)
     before: list[InlierMask] = []
     free = True
-    for k in range(_ROUNDS):
-        left = inlier_problem(full, kept)
+    for k in range(_SELECTION_ROUNDS):
+        left = inlier_problem(full, inliers)
         if sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
             return None
         try:
-            solution = solve_from(left, at_stops_of(left, state), settings)
+            solution = solve_from(left, without_unseen_stops(left, state), settings)
         except (BasecalError, np.linalg.LinAlgError):
             return None
         if not np.isfinite(solution.cost):
             return None
-        full, kept = _rechosen(full.with_noise(solution.noise.noise), kept, solution.state)
+        full, inliers = _rechosen(full.with_noise(solution.noise.noise), inliers, solution.state)
         state = solution.state
-        judgement = classify_inliers(full, state, kept)
+        judgement = classify_inliers(full, state, inliers)
         # What was kept before comes again: a view goes and is taken back in turns, and is left out.
         free &= k < _FREE_ROUNDS and not any(map(judgement.kept.same_as, before))
-        now = judgement.kept if free else judgement.kept.both(kept)
-        if now.same_as(kept):
+        now = judgement.kept if free else judgement.kept.intersection(inliers)
+        if now.same_as(inliers):
             break
-        before.append(kept)
-        kept = now
-    return Consensus(full, kept, solution, judgement)
+        before.append(inliers)
+        inliers = now
+    return Consensus(full, inliers, solution, judgement)
 
 
-def _rechosen(full: Problem, kept: InlierMask, state: State) -> tuple[Problem, InlierMask]:
+def _rechosen(full: Problem, inliers: InlierMask, state: State) -> tuple[Problem, InlierMask]:
     """Every view read as the state predicts best; of a grid read from its other end the points change places, too."""
     after, changed = choose_correspondence(full, state)
     if not changed:
-        return full, kept
-    points = list(kept.points)
+        return full, inliers
+    points = list(inliers.points)
     for k, (old, new) in enumerate(zip(full.groups, after.groups, strict=True)):
         if new.half_turn is not None:
             assert isinstance(old.measurement, PixelMeasurement)
             assert isinstance(new.measurement, PixelMeasurement)
             turned = np.any(old.measurement.pixels != new.measurement.pixels, axis=(1, 2))
             points[k] = np.where(turned[:, None], points[k][:, ::-1], points[k])
-    return after, replace(kept, points=tuple(points))
+    return after, replace(inliers, points=tuple(points))
 
 
-def _told(cell: Cell, problem: Problem, end: Consensus) -> RobustSolution:
+def _make_result(cell: Cell, problem: Problem, end: Consensus) -> RobustSolution:
     rows = [np.flatnonzero(~v) for v in end.kept.views]
     groups = (replace(g, readings=()).take(r) for g, r in zip(end.problem.groups, rows, strict=True) if len(r))
-    found = measure_left_out(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
+    found = measure_left_out_items(cell, problem, end.problem, end.solution.state, end.kept, end.judgement)
     left_out = end.problem.with_groups(groups)
     points = _point_count(end.solution.problem)
     return RobustSolution(end.solution, found, left_out, _sample_count(problem), points, consensus=end)

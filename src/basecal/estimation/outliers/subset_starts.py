@@ -15,9 +15,9 @@ import numpy as np
 
 from basecal.cell import Cell, Intrinsics
 from basecal.estimation.least_squares.bundle_adjustment import batch_states, bundle_adjust_batch
-from basecal.estimation.least_squares.studentized import studentize_views
+from basecal.estimation.least_squares.studentized_residuals import studentize_views
 from basecal.estimation.noise.estimate import degrees_of_freedom
-from basecal.estimation.outliers.inlier_mask import of_samples
+from basecal.estimation.outliers.inlier_mask import select_samples
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.start.first_state import first_states, lenses, light_states
@@ -32,7 +32,7 @@ _LIGHT_STARTS = 40  # starts of a light among reflections; judged by benchmarks.
 _SPARE = 1.3  # samples over those that could hold every unknown
 _CONCENTRATIONS = 3  # rounds, as in Rousseeuw & Van Driessen: further ones go on with the best alone
 _CONCENTRATED = 0.5  # of the views draw the state: most of them are good
-_STEPS = 30  # of a descent from a start
+_DESCENT_STEPS = 30  # of a descent from a start
 _FARTHEST = 1e30  # squares beyond are alike
 _FEW_STEPS = 4  # steps between two choices of views
 _SEED = 20240301
@@ -43,17 +43,17 @@ T = TypeVar("T")
 def subset_states(problem: Problem, cell: Cell, first: State) -> Iterator[State]:
     """States that some samples alone lead to, after that which `first` leads to, as many as are worth their time."""
     problem = _with_lenses(problem, lenses(problem, cell))
-    yield from _side_by_side(lambda states: _concentrated(problem, states), [first])
+    yield from _side_by_side(lambda states: _concentrate(problem, states), [first])
     yield from light_states(problem, cell, _LIGHT_STARTS)
     numbers = np.unique(np.concatenate([g.sample for g in problem.groups]))
     subsets = _subsets(problem, numbers)
     # Each is fitted to its own samples and drawn on to the views that fit best.
     while few := list(islice(subsets, _AT_ONCE)):
-        fitted = _side_by_side(lambda some: _fitted(problem, some), _begun(problem, cell, few))
-        yield from _side_by_side(lambda states: _concentrated(problem, states), fitted)
+        fitted = _side_by_side(lambda some: _fit_subsets(problem, some), _start_subsets(problem, cell, few))
+        yield from _side_by_side(lambda states: _concentrate(problem, states), fitted)
 
 
-def score(problem: Problem, state: State, stated: bool) -> float:
+def score(problem: Problem, state: State, uses_stated_noise: bool) -> float:
     """How badly a state explains the views, whatever a few of them say: less is better.
 
     The Cauchy likelihood with its own scale, which is at least one where sigmas are stated.
@@ -65,7 +65,7 @@ def score(problem: Problem, state: State, stated: bool) -> float:
     if not seen.any():
         return np.inf
     ratio, half = value[seen] / freedoms[seen], 0.5 * freedoms[seen]
-    scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0 if stated else 1e-12)
+    scales = np.maximum(np.quantile(ratio, np.linspace(0.1, 0.9, 17)), 1.0 if uses_stated_noise else 1e-12)
     return min(float(np.sum(half * np.log(s) + (half + 0.5) * np.log1p(2 * half * ratio / s))) for s in scales)
 
 
@@ -114,9 +114,9 @@ def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]
         return [*_side_by_side(work, items[:half]), *_side_by_side(work, items[half:])] if half else []
 
 
-def _begun(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_Subset]:
+def _start_subsets(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_Subset]:
     """Those subsets that determine every unknown and for which a start is found."""
-    parts = [(few, of_samples(problem, few)) for few in numbers]
+    parts = [(few, select_samples(problem, few)) for few in numbers]
     parts = [(few, part) for few, part in parts if part.groups and degrees_of_freedom(part) >= 0]
     starts = first_states([part for _, part in parts], cell, thorough=False)
     return [
@@ -126,26 +126,26 @@ def _begun(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_S
     ]
 
 
-def _gathered(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
+def _gather_views(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
     """Of each subset the views that are inside alone, and as many of others as make their number even."""
     rows = [np.argsort(~of, axis=1, kind="stable")[:, : max(int(of.sum(1).max()), 1)] for of in inside]
     few = problem.with_groups([g.take(row) for g, row in zip(problem.groups, rows, strict=True)])
     return few, [np.take_along_axis(of, row, axis=1) for of, row in zip(inside, rows, strict=True)]
 
 
-def _fitted(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
+def _fit_subsets(problem: Problem, subsets: Sequence[_Subset]) -> list[State]:
     """Each start fitted to its own samples, all side by side; those without an end are left out."""
     inside = [np.stack([np.isin(g.sample, subset.numbers) for subset in subsets]) for g in problem.groups]
     if not len(problem.stops):
-        problem, inside = _gathered(problem, inside)
+        problem, inside = _gather_views(problem, inside)
     states = batch_states(problem, [subset.start for subset in subsets])
     problem, _ = choose_correspondence(problem, states)
     dof, weights = np.array([subset.dof for subset in subsets]), [of.astype(np.float64) for of in inside]
-    ends = bundle_adjust_batch(problem, states, dof, _STEPS, weights)
+    ends = bundle_adjust_batch(problem, states, dof, _DESCENT_STEPS, weights)
     return [take(ends.state, int(k)) for k in np.flatnonzero(np.isfinite(ends.cost))]
 
 
-def _concentrated(problem: Problem, states: Sequence[State]) -> list[State]:
+def _concentrate(problem: Problem, states: Sequence[State]) -> list[State]:
     """Drawn on to the views that fit best, all side by side."""
     drawn = batch_states(problem, states)
     for _ in range(_CONCENTRATIONS):

@@ -17,7 +17,7 @@ from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.measurement import Measurement, ViewInformation
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.seen_points import SeenPoints
-from basecal.estimation.view.view_pose import refined, view_poses
+from basecal.estimation.view.view_pose import refine_poses, view_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.numerics.spectral import dimension
 
@@ -26,9 +26,9 @@ _DRAWS = 40
 _DRAWN = 5
 FEW_POINTS = 8
 _MOST_LEFT_OUT = 2  # of so few: with three out four corners or five are left, which agree with anything
-_ROUNDS = 10  # of fitting to the points that agree: three or four do
+_FIT_ROUNDS = 10  # of fitting to the points that agree: three or four do
 _FIRST_STEPS = 4  # of a pose from a subset, enough to rank it
-_STEPS = 6  # of one from the points that agree, which starts near
+_FIT_STEPS = 6  # of one from the points that agree, which starts near
 _SEED = 20240229
 # So many points at once: arrays of a few megabytes.
 _CHUNK_POINTS = 50_000
@@ -72,18 +72,18 @@ class RansacViews:
         """The views at these indices."""
         return RansacViews(self.camera_from_target[views], self.points[views], self.squares[views], self.cost[views])
 
-    def better(self, other: RansacViews) -> RansacViews:
+    def cheaper(self, rival: RansacViews) -> RansacViews:
         """Of each view the cheaper of two; this one where they are alike."""
-        take = other.cost < self.cost
-        one, two = self.camera_from_target, other.camera_from_target
+        take = rival.cost < self.cost
+        one, two = self.camera_from_target, rival.camera_from_target
         return RansacViews(
             SE3(
                 np.where(take[:, None, None], two.rotation, one.rotation),
                 np.where(take[:, None], two.translation, one.translation),
             ),
-            np.where(take[:, None], other.points, self.points),
-            np.where(take[:, None], other.squares, self.squares),
-            np.where(take, other.cost, self.cost),
+            np.where(take[:, None], rival.points, self.points),
+            np.where(take[:, None], rival.squares, self.squares),
+            np.where(take, rival.cost, self.cost),
         )
 
 
@@ -118,14 +118,14 @@ class _Views:
         prior = None if self.prior is None else self.prior.take(views)
         return _Views(self.measurement.take(views), self.camera, prior)
 
-    def fitted(self, start: SE3, points: BoolArray, steps: int) -> SE3:
+    def fit(self, start: SE3, points: BoolArray, steps: int) -> SE3:
         """Poses fitted to some of the points, (n, p), and to the prior, (n,)."""
-        few = self.measurement.masked(points)
-        return refined(
+        few = self.measurement.mask_points(points)
+        return refine_poses(
             few if self.prior is None else _WithPrior(few, self.prior), start, self.camera, steps
         ).camera_from_target
 
-    def at(self, pose: SE3, limit: float) -> RansacViews:
+    def agreement(self, pose: SE3, limit: float) -> RansacViews:
         """What points agree with poses, (n,)."""
         # Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not.
         of = self.measurement
@@ -139,47 +139,47 @@ class _Views:
 
 
 def view_ransac(
-    measurement: SeenPoints, near: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
+    measurement: SeenPoints, start: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
     """The largest agreement within each view.
 
     Args:
         measurement: The views, (n,).
-        near: Where they may be, a start among others, (n,).
+        start: Where they may be, a start among others, (n,).
         camera: The lens; None for points in 3-D.
         limit: Squared residual over sigma beyond which a point does not agree.
         prior: Where they should be.
     """
-    return largest_agreement(measurement, subset_fits(measurement, near, camera, prior), camera, limit, prior)
+    return largest_agreement(measurement, subset_fits(measurement, start, camera, prior), camera, limit, prior)
 
 
-def explained(
+def explain_views(
     measurement: SeenPoints, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
     """What views' points agree on at given poses, (n,); the arguments are those of `view_ransac`."""
-    return _Views(measurement, camera, prior).at(pose, limit)
+    return _Views(measurement, camera, prior).agreement(pose, limit)
 
 
-def near_fits(measurement: SeenPoints, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
-    """Poses that each view may have, (2, n): `near`, and from there fitted to all points."""
-    fitted = _Views(measurement, camera, prior).fitted(near, measurement.seen, _FIRST_STEPS)
-    return _reshaped(_joined([near, fitted]), (2, len(near)))
+def near_fits(measurement: SeenPoints, start: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
+    """Poses that each view may have, (2, n): `start`, and from there fitted to all points."""
+    fitted = _Views(measurement, camera, prior).fit(start, measurement.seen, _FIRST_STEPS)
+    return _reshape_poses(_join_poses([start, fitted]), (2, len(start)))
 
 
-def subset_fits(measurement: SeenPoints, near: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
+def subset_fits(measurement: SeenPoints, guess: SE3, camera: Camera | None, prior: Prior | None = None) -> SE3:
     """Poses that each view may have, (m, n): `near_fits`, and from there fitted to subsets of the points."""
     views = _Views(measurement, camera, prior)
-    found = [_reshaped(near_fits(measurement, near, camera, prior), (-1,))]
+    found = [_reshape_poses(near_fits(measurement, guess, camera, prior), (-1,))]
     subsets = _subsets(measurement.seen)
     for which in _chunks(*subsets.shape):
         points = subsets[which].reshape(-1, subsets.shape[-1])
-        rows = _every_view(len(near), len(subsets[which]))
-        start = near[rows]
+        rows = _every_view(len(guess), len(subsets[which]))
+        start = guess[rows]
         many, flat = points.shape[-1] > FEW_POINTS, dimension(measurement.points_in_target) < 3
         if isinstance(measurement, PixelMeasurement) and many and flat:
-            start = _closed_form(measurement, points, camera, near)
-        found.append(views.take(rows).fitted(start, points, _FIRST_STEPS))
-    return _reshaped(_joined(found), (-1, len(near)))
+            start = _closed_form(measurement, points, camera, guess)
+        found.append(views.take(rows).fit(start, points, _FIRST_STEPS))
+    return _reshape_poses(_join_poses(found), (-1, len(guess)))
 
 
 def largest_agreement(
@@ -192,59 +192,59 @@ def largest_agreement(
     views, (m, n) = _Views(measurement, camera, prior), poses.translation.shape[:2]
     costs = []
     for which in _chunks(m, *measurement.seen.shape):
-        some = _reshaped(poses[which], (-1,))
-        costs.append(views.take(_every_view(n, len(some) // n)).at(some, limit).cost.reshape(-1, n))
+        some = _reshape_poses(poses[which], (-1,))
+        costs.append(views.take(_every_view(n, len(some) // n)).agreement(some, limit).cost.reshape(-1, n))
     cost = np.concatenate(costs)
     best = poses[np.argmin(np.where(np.isnan(cost), np.inf, cost), axis=0), np.arange(n)]
-    both = _settled(views.take(_every_view(n, 2)), _joined([best, poses[0]]), limit)
-    return both.take(np.arange(n)).better(both.take(np.arange(n, 2 * n)))
+    both = _settle(views.take(_every_view(n, 2)), _join_poses([best, poses[0]]), limit)
+    return both.take(np.arange(n)).cheaper(both.take(np.arange(n, 2 * n)))
 
 
-def _settled(views: _Views, pose: SE3, limit: float) -> RansacViews:
+def _settle(views: _Views, pose: SE3, limit: float) -> RansacViews:
     """Fitted to the points that agree, and judged again, each view until none of its points changes sides."""
-    found = views.at(pose, limit)
+    found = views.agreement(pose, limit)
     moving = np.arange(len(pose))
-    for _ in range(_ROUNDS):
+    for _ in range(_FIT_ROUNDS):
         few, before = views.take(moving), found.take(moving)
-        after = few.at(few.fitted(before.camera_from_target, before.points, _STEPS), limit).better(before)
-        found = _replaced(found, moving, after)
+        after = few.agreement(few.fit(before.camera_from_target, before.points, _FIT_STEPS), limit).cheaper(before)
+        found = _replace_rows(found, moving, after)
         moving = moving[np.any(after.points != before.points, axis=-1)]
         if not len(moving):
             break
     return found
 
 
-def _replaced(found: RansacViews, rows: IntArray, by: RansacViews) -> RansacViews:
+def _replace_rows(views: RansacViews, rows: IntArray, replacement: RansacViews) -> RansacViews:
     """With other values for the views at `rows`."""
-    source = np.arange(len(found.cost))
+    source = np.arange(len(views.cost))
     source[rows] = len(source) + np.arange(len(rows))
     both = RansacViews(
-        _joined([found.camera_from_target, by.camera_from_target]),
-        np.concatenate([found.points, by.points]),
-        np.concatenate([found.squares, by.squares]),
-        np.concatenate([found.cost, by.cost]),
+        _join_poses([views.camera_from_target, replacement.camera_from_target]),
+        np.concatenate([views.points, replacement.points]),
+        np.concatenate([views.squares, replacement.squares]),
+        np.concatenate([views.cost, replacement.cost]),
     )
     return both.take(source)
 
 
-def _subsets(seen: BoolArray) -> BoolArray:
+def _subsets(is_visible: BoolArray) -> BoolArray:
     """Of each view's points (n, p): all but one or two of a few, random ones of many, (m, n, p)."""
-    n, p = seen.shape
+    n, p = is_visible.shape
     if p <= FEW_POINTS:
         counts = range(1, min(_MOST_LEFT_OUT, p - 1) + 1)
         kept = [~np.isin(np.arange(p), out) for count in counts for out in combinations(range(p), count)]
-        return np.asarray(seen & np.array(kept, dtype=bool).reshape(-1, 1, p))
-    order = np.where(seen, np.random.default_rng(_SEED).random((_DRAWS, n, p)), 2.0)
+        return np.asarray(is_visible & np.array(kept, dtype=bool).reshape(-1, 1, p))
+    order = np.where(is_visible, np.random.default_rng(_SEED).random((_DRAWS, n, p)), 2.0)
     subsets = np.zeros(order.shape, dtype=bool)
     np.put_along_axis(subsets, np.argpartition(order, _DRAWN - 1, axis=-1)[..., :_DRAWN], True, axis=-1)
-    return subsets & seen
+    return subsets & is_visible
 
 
-def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Camera | None, near: SE3) -> SE3:
-    """Poses by the closed form from some points of the views, taken several times, (k n, p); else `near`."""
+def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Camera | None, start: SE3) -> SE3:
+    """Poses by the closed form from some points of the views, taken several times, (k n, p); else `start`."""
     assert camera is not None
     bearings, valid = camera.undistort(measurement.pixels)
-    rows = _every_view(len(near), len(subsets) // len(near))
+    rows = _every_view(len(start), len(subsets) // len(start))
     seen = subsets & valid[rows]
     chords = BearingMeasurement(
         measurement.points_in_target,
@@ -254,8 +254,8 @@ def _closed_form(measurement: PixelMeasurement, subsets: BoolArray, camera: Came
     poses = view_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
     pose = poses.camera_from_target[:, 0]
     return SE3(
-        np.where(poses.found[:, None, None], pose.rotation, near.rotation[rows]),
-        np.where(poses.found[:, None], pose.translation, near.translation[rows]),
+        np.where(poses.has_pose[:, None, None], pose.rotation, start.rotation[rows]),
+        np.where(poses.has_pose[:, None], pose.translation, start.translation[rows]),
     )
 
 
@@ -270,9 +270,9 @@ def _every_view(views: int, times: int) -> IntArray:
     return np.tile(np.arange(views, dtype=np.int64), times)
 
 
-def _joined(poses: list[SE3]) -> SE3:
+def _join_poses(poses: list[SE3]) -> SE3:
     return SE3(np.concatenate([p.rotation for p in poses]), np.concatenate([p.translation for p in poses]))
 
 
-def _reshaped(poses: SE3, shape: tuple[int, ...]) -> SE3:
+def _reshape_poses(poses: SE3, shape: tuple[int, ...]) -> SE3:
     return SE3(poses.rotation.reshape(*shape, 3, 3), poses.translation.reshape(*shape, 3))

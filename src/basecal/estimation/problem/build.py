@@ -102,7 +102,7 @@ def scene_groups(
     return tuple(groups)
 
 
-def restated(cell: Cell, problem: Problem) -> Problem:
+def restate(cell: Cell, problem: Problem) -> Problem:
     """The views of a problem in a cell that states its transforms, lenses and robots' parameters otherwise."""
     other = replace(_problem(cell, problem.groups, problem.stops), unstated=problem.unstated, stands=problem.stands)
     return other.with_models(_models(cell, other))
@@ -126,12 +126,12 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
 
 def recorded_by_joints(problem: Problem, robot: str) -> bool:
     """Whether every view of a robot has its joints."""
-    return all(end.joints is not None for end in problem.ends_of(robot))
+    return all(end.joints is not None for end in problem.robot_ends(robot))
 
 
 def recorded_joints(problem: Problem, robot: str) -> Array:
     """Different joints at which a robot was seen, every view of which has them, (m, n) [rad]."""
-    joints = [end.joints for end in problem.ends_of(robot) if end.joints is not None]
+    joints = [end.joints for end in problem.robot_ends(robot) if end.joints is not None]
     return np.unique(np.concatenate(joints), axis=0)
 
 
@@ -140,11 +140,11 @@ def free_ends(problem: Problem, robot: str) -> tuple[bool, bool]:
 
     The reference's base is the world: it is free where everything else that is placed in the world is.
     """
-    ends = problem.ends_of(robot)
+    ends = problem.robot_ends(robot)
     placed = [end.base for end in ends if end.base]
     if len(placed) < len(ends):
         placed = [end.base for group in problem.groups for end in group.ends if end.base]
-        placed += [end.mount for end in problem.ends_of(None) if end.base is None]
+        placed += [end.mount for end in problem.robot_ends(None) if end.base is None]
     carried = [end.mount for end in ends]
     base, flange = (all(problem.unknowns[name].status == "free" for name in each) for each in (placed, carried))
     return base, flange
@@ -290,20 +290,20 @@ def _group(
     )
 
 
-def _end(cell: Cell, poses: Mapping[str, _Poses], carried: str, on: str, index: list[int]) -> End:
+def _end(cell: Cell, poses: Mapping[str, _Poses], body: str, carrier: str, index: list[int]) -> End:
     """What is recorded in these samples of the robot that carries a camera or target; nothing moves on `world`."""
-    mount = cell.mount_name(carried)
-    if on == WORLD:
+    mount = cell.mount_name(body)
+    if carrier == WORLD:
         nowhere = np.full(len(index), -1, dtype=np.int64)
         return End(None, mount, None, SE3.identity((len(index),)), nowhere, nowhere)
-    if on in cell.plates:
+    if carrier in cell.plates:
         nowhere = np.full(len(index), -1, dtype=np.int64)
-        return End(None, mount, cell.plate_name(on), SE3.identity((len(index),)), nowhere, nowhere)
-    of = poses[on]
+        return End(None, mount, cell.plate_name(carrier), SE3.identity((len(index),)), nowhere, nowhere)
+    of = poses[carrier]
     rows = np.array([of.row[i] for i in index])
-    base = None if on == cell.reference else cell.base_name(on)
+    base = None if carrier == cell.reference else cell.base_name(carrier)
     joints = None if of.joints is None else of.joints[rows]
-    return End(on, mount, base, of.base_from_flange[rows], of.stop[rows], of.stand[rows], joints)
+    return End(carrier, mount, base, of.base_from_flange[rows], of.stop[rows], of.stand[rows], joints)
 
 
 def _problem(cell: Cell, groups: tuple[ViewGroup, ...], stops: Stops) -> Problem:

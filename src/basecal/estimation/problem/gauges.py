@@ -34,14 +34,14 @@ def end_moves(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
     return np.concatenate([np.zeros((len(base_from_flange), 6, 0)), *ends], axis=-1)
 
 
-def independent_moves(moves: Array, others: Array) -> Spectrum:
+def independent_moves(moves: Array, other_moves: Array) -> Spectrum:
     """What of some moves of a flange others cannot take up: mean squares along directions of the moves [rad^2].
 
     Args:
         moves: (m, 6, k) right tangents by one unit of each [m, rad].
-        others: (m, 6, j) likewise.
+        other_moves: (m, 6, j) likewise.
     """
-    flat, by_others = _flatten_moves(moves), _flatten_moves(others)
+    flat, by_others = _flatten_moves(moves), _flatten_moves(other_moves)
     across = scaled_spectrum(by_others.T @ by_others, LEAST_RMS**2).inverse_root.T @ (by_others.T @ flat)
     return scaled_spectrum(flat.T @ flat - across.T @ across, LEAST_RMS**2)
 
@@ -52,18 +52,18 @@ def _flatten_moves(moves: Array) -> Array:
     return np.asarray(rows.reshape(6 * len(moves), moves.shape[-1]) / np.sqrt(max(len(moves), 1)))
 
 
-def determined_directions(moves: Array, others: Array) -> Array:
+def determined_directions(moves: Array, other_moves: Array) -> Array:
     """An orthonormal basis, (k, r), of what of some moves is none of the others; see `independent_moves`."""
-    left = independent_moves(moves, others)
+    left = independent_moves(moves, other_moves)
     return np.asarray(left.vectors[:, left.held])
 
 
-def determined_joints(moves: Array, others: Array) -> IntArray:
+def determined_joints(moves: Array, other_moves: Array) -> IntArray:
     """Which of some moves, one of each joint, are not to be held so that the rest is none of the others.
 
     Of joints that are in a gauge alike the first is held.
     """
-    of = independent_moves(moves, others)
+    of = independent_moves(moves, other_moves)
     left, held = of.vectors[:, ~of.held], list[int]()
     for _ in range(left.shape[1]):
         share = np.round(np.linalg.norm(left, axis=-1), _SHARE_DECIMALS)

@@ -89,13 +89,13 @@ def alternative_readings(
     return tuple(_select_spot(measurement, observations, k) for k in range(most if most > 1 else 0))
 
 
-def _select_spot(measurement: PixelMeasurement, observations: list[Observation], which: int) -> PixelMeasurement:
+def _select_spot(measurement: PixelMeasurement, observations: list[Observation], number: int) -> PixelMeasurement:
     """The views as if the light were the spot of this number, or the first where there are fewer; each by its sigma."""
     pixels = measurement.pixels.copy()
     share, of_detector = np.ones((2, len(observations), 1))  # 1 / sigma over that of the first spot
     for view, observation in enumerate(observations):
         if isinstance(observation, CandidateObservation):
-            first, spot = _as_pixels(observation), _as_pixels(observation, which)
+            first, spot = _as_pixels(observation), _as_pixels(observation, number)
             pixels[view] = spot.pixels
             if first.sigma_px is not None and spot.sigma_px is not None:
                 share[view] = first.sigma_px / spot.sigma_px

@@ -97,7 +97,7 @@ class Problem:
         """Names of the robots that see or are seen."""
         return tuple(sorted({robot for group in self.all_groups for robot in group.robots}))
 
-    def ends_of(self, robot: str | None) -> list[End]:
+    def robot_ends(self, robot: str | None) -> list[End]:
         """The ends of views that a robot, or the world, carries."""
         seen = [end for group in self.all_groups for end in group.ends if end.mount != SCENE]
         return [end for end in seen if end.robot == robot]
@@ -135,9 +135,9 @@ class Problem:
         tied = tuple(group.with_ends(change) for group in self.tied.groups)
         return replace(changed, tied=replace(self.tied, groups=tied))
 
-    def of_batch(self, rows: Rows) -> Problem:
+    def take_batch(self, rows: Rows) -> Problem:
         """The problems at these rows of a batch."""
-        return self.with_groups(g.of_batch(rows) for g in self.groups)
+        return self.with_groups(g.take_batch(rows) for g in self.groups)
 
     def robot_model(self, robot: str | None) -> RobotModel | None:
         """The model of a robot that has columns in the step; None where it has none."""

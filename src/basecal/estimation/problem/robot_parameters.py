@@ -79,7 +79,7 @@ class Kinematics:
     stated: Mapping[str, Parameters] = field(default_factory=dict, metadata=SHARED)
 
     @cached_property
-    def moved(self) -> SerialChain:
+    def moved_chain(self) -> SerialChain:
         """The chain moved by the parameters; shifts of joints are not in it."""
         chain = self.chain
         for kind, values in self.values.items():
@@ -88,10 +88,10 @@ class Kinematics:
 
     def spread(self, model: RobotModel | None, count: int) -> Kinematics:
         """A single one so many times, with values of all kinds that a model estimates."""
-        kinds = {**self.values, **({} if model is None else {kind: self.of(kind) for kind in model.columns})}
+        kinds = {**self.values, **({} if model is None else {kind: self.kind_values(kind) for kind in model.columns})}
         return replace(self, values={kind: np.broadcast_to(of, (count, *of.shape)) for kind, of in kinds.items()})
 
-    def of(self, kind: str) -> Array:
+    def kind_values(self, kind: str) -> Array:
         """The values of a kind."""
         return self.values[kind] if kind in self.values else ROBOT_PARAMETERS[kind].zero(self.chain.n)
 
@@ -101,7 +101,7 @@ class Kinematics:
 
     def forward(self, joints: Array) -> SE3:
         """`base_from_flange`, ([b,] m), at recorded joints ([b,] m, n) [rad]."""
-        return self.moved.forward(self.true_joints(joints))
+        return self.moved_chain.forward(self.true_joints(joints))
 
     def true_joints(self, joints: Array) -> Array:
         """Where recorded joints ([b,] m, n) truly stand [rad]; each kind shifts them as recorded."""
@@ -166,10 +166,10 @@ def column_derivative(model: RobotModel, kinematics: Kinematics, joints: Array) 
         kinematics: Where.
         joints: (..., m, n) as recorded [rad].
     """
-    at = Posture(model.chain, joints, kinematics.moved.posture(kinematics.true_joints(joints)))
+    at = Posture(model.chain, joints, kinematics.moved_chain.posture(kinematics.true_joints(joints)))
     parts = [at.true.joint_derivative[..., :0]]
     for kind, columns in model.columns.items():
-        derivative = ROBOT_PARAMETERS[kind].derivative(at, model.stated[kind], kinematics.of(kind))
+        derivative = ROBOT_PARAMETERS[kind].derivative(at, model.stated[kind], kinematics.kind_values(kind))
         parts.append(derivative @ columns.basis)
     return np.concatenate(parts, -1)
 
@@ -178,7 +178,7 @@ def apply_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Arr
     """The kinematics after steps of the columns, (..., k), by their names."""
     values = dict(kinematics.values)
     for name, kind in model.names.items():
-        before = kinematics.of(kind)
+        before = kinematics.kind_values(kind)
         moved = step[name] @ model.columns[kind].basis.T
         values[kind] = before + moved.reshape(*moved.shape[:-1], *ROBOT_PARAMETERS[kind].zero(model.chain.n).shape)
     return replace(kinematics, values=values)
@@ -190,6 +190,6 @@ def column_values(model: RobotModel, kinematics: Kinematics) -> dict[str, Array]
     for name, kind in model.names.items():
         basis, sigma = model.columns[kind]
         if sigma is not None:
-            values, zero = kinematics.of(kind), ROBOT_PARAMETERS[kind].zero(model.chain.n)
+            values, zero = kinematics.kind_values(kind), ROBOT_PARAMETERS[kind].zero(model.chain.n)
             found[name] = values.reshape(*values.shape[: values.ndim - zero.ndim], -1) @ basis
     return found

@@ -135,7 +135,9 @@ class ViewGroup:
             return {eye: transforms[hand] @ hand_base_from_eye_base if hand else hand_base_from_eye_base}
         return {}
 
-    def closed_by(self, eye_flange_from_camera: SE3, eye_base_from_hand_base: SE3, hand_flange_from_target: SE3) -> SE3:
+    def close_loop(
+        self, eye_flange_from_camera: SE3, eye_base_from_hand_base: SE3, hand_flange_from_target: SE3
+    ) -> SE3:
         """`camera_from_target` of the recorded poses by these mounts and this relation of the bases, (n,)."""
         eye_base_from_eye_flange, hand_base_from_hand_flange = (end.base_from_flange for end in self.ends)
         camera_from_eye_base = (eye_base_from_eye_flange @ eye_flange_from_camera).inverse()
@@ -145,10 +147,10 @@ class ViewGroup:
         """The views at these indices."""
         return take(self, views)
 
-    def of_batch(self, rows: Rows) -> ViewGroup:
+    def take_batch(self, rows: Rows) -> ViewGroup:
         """What these rows of a batch saw."""
         if self.sample.ndim == 1:
-            return replace(self, measurement=self.measurement.of_batch(rows))
+            return replace(self, measurement=self.measurement.take_batch(rows))
         return self.take(rows)
 
     def with_noise(self, noise: Noise) -> ViewGroup:

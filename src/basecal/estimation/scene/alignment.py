@@ -35,14 +35,14 @@ class Alignment:
     agrees: BoolArray
 
 
-def alignments(first: Array, second: Array, tolerance_m: Array, most: int) -> list[Alignment]:
+def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) -> list[Alignment]:
     """Distinct transforms that pairs of points agree with, those of most pairs first.
 
     Args:
         first: (n, 3) points of the first arm [m].
         second: (n, 3) the points of the second that they are paired with [m].
         tolerance_m: (n,) how far a pair may be apart [m].
-        most: How many to give.
+        max_count: How many to give.
     """
     if len(first) < 3 + _FEWEST_PAIRS_BEYOND:
         return []
@@ -55,7 +55,7 @@ def alignments(first: Array, second: Array, tolerance_m: Array, most: int) -> li
     agrees = np.concatenate([_agreeing(every[some], first, second, tolerance_m) for some in _parts(len(triples))])
     is_left = np.ones(len(first), dtype=bool)
     found: list[Alignment] = []
-    while len(found) < most:
+    while len(found) < max_count:
         # A transform of fewer pairs, such as of a repeated object, shows among the pairs that others leave.
         best = int(np.argmax(agrees @ is_left.astype(np.int64)))
         refined = _refine(every[best], first, second, tolerance_m)
@@ -99,9 +99,9 @@ def _refine(transform: SE3, first: Array, second: Array, tolerance_m: Array) -> 
     return Alignment(transform, agrees) if agrees.sum() >= 3 + _FEWEST_PAIRS_BEYOND else None
 
 
-def _is_near(one: Alignment, other: Alignment, points: Array) -> bool:
+def _is_near(first: Alignment, second: Alignment, points: Array) -> bool:
     """Whether two transforms move the middle of the points to one place, and have one rotation."""
     middle = np.median(points, axis=0)
-    apart = one.second_from_first @ middle - other.second_from_first @ middle
-    turn = (one.second_from_first.inverse() @ other.second_from_first).rotvec
+    apart = first.second_from_first @ middle - second.second_from_first @ middle
+    turn = (first.second_from_first.inverse() @ second.second_from_first).rotvec
     return bool(np.linalg.norm(apart) < _NEAR_M and np.linalg.norm(turn) < _NEAR_RAD)

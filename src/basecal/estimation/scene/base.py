@@ -48,15 +48,17 @@ def refine_transform(
     own = points[sightings.point]
     camera = camera_from_second[sightings.view]
 
-    def off(transform: SE3) -> Array:
+    def residuals(transform: SE3) -> Array:
         """Residuals, (2 n,) [px]."""
         at = (camera @ transform).rotation @ own[..., None]
         place = at[..., 0] + (camera @ transform).translation
         return np.asarray(np.nan_to_num(lens.project(place) - sightings.pixels, nan=1e3).ravel())
 
     for _ in range(_MOST_STEPS):
-        now = off(second_from_first)
-        slope = np.stack([(off(second_from_first @ SE3.exp(_STEP * axis)) - now) / _STEP for axis in np.eye(6)], -1)
+        now = residuals(second_from_first)
+        slope = np.stack(
+            [(residuals(second_from_first @ SE3.exp(_STEP * axis)) - now) / _STEP for axis in np.eye(6)], -1
+        )
         weight = np.repeat(1 / (1 + np.sum(now.reshape(-1, 2) ** 2, 1) / _TAIL_PX**2), 2)
         information = slope.T @ (weight[:, None] * slope)
         step = -np.linalg.solve(information + 1e-9 * np.diag(np.diag(information) + 1e-12), slope.T @ (weight * now))

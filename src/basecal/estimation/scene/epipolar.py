@@ -44,14 +44,14 @@ class PointPairs:
         return np.where(valid, first, 0.0), np.where(valid, second, 0.0)
 
 
-def point_pairs(views: SceneViews, tracks: Tracks, camera: int, most: int) -> PointPairs:
+def point_pairs(views: SceneViews, tracks: Tracks, camera: int, max_count: int) -> PointPairs:
     """At most so many pairs of image points of a camera, of views that are not neighbours in time."""
     mine = np.flatnonzero(views.camera[tracks.view] == camera)
     factor, modulus = _MIXING
     order = mine[np.lexsort((tracks.view[mine] * factor % modulus, tracks.point[mine]))]
     is_same = tracks.point[order[1:]] == tracks.point[order[:-1]]
     first, second = order[:-1][is_same], order[1:][is_same]
-    few = np.unique(np.linspace(0, max(len(first) - 1, 0), min(most, len(first))).astype(np.int64))
+    few = np.unique(np.linspace(0, max(len(first) - 1, 0), min(max_count, len(first))).astype(np.int64))
     first, second = first[few], second[few]
     return PointPairs(tracks.view[first], tracks.view[second], tracks.pixels[first], tracks.pixels[second])
 

@@ -30,7 +30,7 @@ def fit_scene(
     tracks: Tracks,
     start: SceneState,
     guesses: tuple[Camera, ...],
-    stated: Sequence[Array | None],
+    stop_noise: Sequence[Array | None],
 ) -> SceneFit:
     """The most likely state of a scene downhill of mounts and bases.
 
@@ -39,13 +39,13 @@ def fit_scene(
         tracks: The image points.
         start: Where to start; its points are found anew.
         guesses: Lenses about which free ones are expected.
-        stated: (6,) noise of each robot [m, rad]; None if it is to be estimated.
+        stop_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
 
     Raises:
         np.linalg.LinAlgError: if no points are left, or too few.
     """
     reach_m = _reach_m(views)
-    stop_sigma = _first_sigmas(views, stated, reach_m)
+    stop_sigma = _first_sigmas(views, stop_noise, reach_m)
     state = start
     points, is_seen = triangulate(views, tracks, state)
     tracks, kept = tracks.take(is_seen[tracks.point])
@@ -55,13 +55,13 @@ def fit_scene(
         _check_points(views, tracks, state)
         found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses, _TAIL), state)
         sigma_px = _robust_sigma(found)
-        stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stated, reach_m).stop_sigma
+        stop_sigma = estimate_sigmas(replace(found, sigma_px=sigma_px), stop_noise, reach_m).stop_sigma
         limit_px = max(_GROSS * sigma_px, _FIRST_LIMIT_PX / 2**number if number < _REFINEMENTS - 1 else 0.0)
         tracks, state = _without_gross(found, limit_px)
     _check_points(views, tracks, state)
     for _ in range(2):
         found = adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
-        sigmas = estimate_sigmas(found, stated, reach_m)
+        sigmas = estimate_sigmas(found, stop_noise, reach_m)
         sigma_px, stop_sigma, state = sigmas.sigma_px, sigmas.stop_sigma, found.state
     return adjust(Task(views, tracks, sigma_px, stop_sigma, guesses), state)
 
@@ -78,28 +78,28 @@ def _reach_m(views: SceneViews) -> list[float]:
     return [float(np.sqrt(np.mean(squares[views.robot == k]))) for k in range(len(views.robots))]
 
 
-def _first_sigmas(views: SceneViews, stated: Sequence[Array | None], reach_m: Sequence[float]) -> Array:
+def _first_sigmas(views: SceneViews, stop_noise: Sequence[Array | None], reach_m: Sequence[float]) -> Array:
     """Noise of stops that is stated, or usual, (s, 6)."""
     usual = [np.repeat([ROBOT_RAD[0] * reach, ROBOT_RAD[0]], 3) for reach in reach_m]
-    by_robot = [own if noise is None else noise for own, noise in zip(usual, stated, strict=True)]
+    by_robot = [own if noise is None else noise for own, noise in zip(usual, stop_noise, strict=True)]
     return np.array(by_robot)[views.stop_robot].reshape(-1, 6)
 
 
-def _robust_sigma(found: SceneFit) -> float:
+def _robust_sigma(fit: SceneFit) -> float:
     """Sigma of image points by the median of their residuals, which the unknowns have made smaller [px]."""
-    residual = residuals_px(found.views, found.tracks, found.state)
+    residual = residuals_px(fit.views, fit.tracks, fit.state)
     equations = residual.size
-    unknowns = 3 * found.tracks.count + 6 * len(found.views)
+    unknowns = 3 * fit.tracks.count + 6 * len(fit.views)
     share = max(1 - unknowns / max(equations, 1), 0.1)
     finite = residual[np.isfinite(residual)]
     return float(_NORMAL_MAD * np.median(np.abs(finite)) / np.sqrt(share))
 
 
-def _without_gross(found: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:
+def _without_gross(fit: SceneFit, limit_px: float) -> tuple[Tracks, SceneState]:
     """Image points within a limit, of points whose depth is known."""
-    views, tracks, state = found.views, found.tracks, found.state
+    views, tracks, state = fit.views, fit.tracks, fit.state
     off = np.linalg.norm(residuals_px(views, tracks, state), axis=1)
-    equations = pixel_equations(views, tracks, state, np.full(len(tracks), 1 / found.sigma_px))
+    equations = pixel_equations(views, tracks, state, np.full(len(tracks), 1 / fit.sigma_px))
     worst = np.sqrt(np.trace(np.linalg.inv(point_information(tracks, equations)), axis1=1, axis2=2))
     centres = state.world_from_camera(views).translation[tracks.view]
     distance = np.linalg.norm(state.points[tracks.point] - centres, axis=1)

@@ -107,7 +107,7 @@ def _refine(pairs: PointPairs, base_from_flange: SE3, mount: SE3, lens: Camera, 
     """The optimum of Sampson distances downhill of a mount."""
     logarithm = 0.0
 
-    def off(step: Array) -> Array:
+    def distances(step: Array) -> Array:
         """Distances after a step of the mount, (6,), and of the focal length's logarithm."""
         scaled = lens.parameters.copy()
         scaled[:2] *= np.exp(logarithm + step[6])
@@ -116,8 +116,8 @@ def _refine(pairs: PointPairs, base_from_flange: SE3, mount: SE3, lens: Camera, 
     held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2 if is_free else 1e18])
     for tail_px in _TAILS_PX:
         for _ in range(_MOST_STEPS):
-            now = off(np.zeros(7))
-            slope = np.stack([(off(_STEP * axis) - now) / _STEP for axis in np.eye(7)], -1)
+            now = distances(np.zeros(7))
+            slope = np.stack([(distances(_STEP * axis) - now) / _STEP for axis in np.eye(7)], -1)
             weight = 1 / (1 + (now / tail_px) ** 2)
             information = slope.T @ (weight[:, None] * slope) + held
             gradient = slope.T @ (weight * now) + held @ np.r_[np.zeros(6), logarithm]
@@ -127,4 +127,4 @@ def _refine(pairs: PointPairs, base_from_flange: SE3, mount: SE3, lens: Camera, 
                 break
     scaled = lens.parameters.copy()
     scaled[:2] *= np.exp(logarithm)
-    return MountStart(mount, lens.with_parameters(scaled), float(np.median(np.abs(off(np.zeros(7))))))
+    return MountStart(mount, lens.with_parameters(scaled), float(np.median(np.abs(distances(np.zeros(7))))))

@@ -67,16 +67,16 @@ def _residuals(
     return found
 
 
-def _transform_residual(known: Unknown, value: SE3) -> tuple[Array, Array]:
-    assert known.mean is not None
-    assert known.sigma is not None
-    return (known.mean.inverse() @ value).log() / known.sigma, np.diag(1 / known.sigma)
+def _transform_residual(unknown: Unknown, value: SE3) -> tuple[Array, Array]:
+    assert unknown.mean is not None
+    assert unknown.sigma is not None
+    return (unknown.mean.inverse() @ value).log() / unknown.sigma, np.diag(1 / unknown.sigma)
 
 
-def _lens_residual(known: Intrinsics, value: Camera, guess: Camera) -> tuple[Array, Array]:
+def _lens_residual(intrinsics: Intrinsics, value: Camera, guess: Camera) -> tuple[Array, Array]:
     """A stated lens by its sigmas; a free one by what lenses have."""
-    if known.status == "prior" and known.camera is not None and known.sigma is not None:
-        return (value.parameters - known.camera.parameters) / known.sigma, np.diag(1 / known.sigma)
+    if intrinsics.status == "prior" and intrinsics.camera is not None and intrinsics.sigma is not None:
+        return (value.parameters - intrinsics.camera.parameters) / intrinsics.sigma, np.diag(1 / intrinsics.sigma)
     count = len(value.parameters)
     focal = float(guess.focal.mean())
     width, height = guess.size_px or (2 * focal, 2 * focal)

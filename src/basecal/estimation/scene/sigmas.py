@@ -92,15 +92,15 @@ class _Likelihood:
         return total
 
 
-def estimate_sigmas(fit: SceneFit, stated: Sequence[Array | None], reach_m: Sequence[float]) -> SceneSigmas:
+def estimate_sigmas(fit: SceneFit, stop_noise: Sequence[Array | None], reach_m: Sequence[float]) -> SceneSigmas:
     """The most likely sigmas about an optimum.
 
     Args:
         fit: The optimum.
-        stated: (6,) noise of each robot [m, rad]; None if it is to be estimated.
+        stop_noise: (6,) noise of each robot [m, rad]; None if it is to be estimated.
         reach_m: Of each robot, how far its flange is from its base [m], root of the mean square.
     """
-    likelihood = _likelihood(fit, stated, reach_m)
+    likelihood = _likelihood(fit, stop_noise, reach_m)
     start = [np.log(fit.sigma_px)]
     for k in likelihood.open_robots:
         now = fit.stop_sigma[fit.views.stop_robot == k][0]
@@ -113,7 +113,7 @@ def estimate_sigmas(fit: SceneFit, stated: Sequence[Array | None], reach_m: Sequ
     return likelihood.sigmas(found.x)
 
 
-def _likelihood(fit: SceneFit, stated: Sequence[Array | None], reach_m: Sequence[float]) -> _Likelihood:
+def _likelihood(fit: SceneFit, stop_noise: Sequence[Array | None], reach_m: Sequence[float]) -> _Likelihood:
     columns = scene_columns(fit.views, fit.state.lenses)
     own = columns.errors
     prior = fit.information - fit.pixel_information / fit.sigma_px**2
@@ -124,4 +124,4 @@ def _likelihood(fit: SceneFit, stated: Sequence[Array | None], reach_m: Sequence
     residuals = residuals_px(fit.views, fit.tracks, fit.state)
     residuals = residuals[np.isfinite(residuals)]  # without points behind a camera, which the next round leaves out
     squares = float(np.sum(residuals**2) - 2 * fit.pixel_gradient @ errors + errors @ carried)
-    return _Likelihood(fit, stated, reach_m, prior, fit.pixel_gradient - carried, squares)
+    return _Likelihood(fit, stop_noise, reach_m, prior, fit.pixel_gradient - carried, squares)

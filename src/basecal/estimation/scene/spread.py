@@ -67,7 +67,7 @@ def _view_folds(fit: SceneFit) -> list[BoolArray]:
 def _jackknife_step(fit: SceneFit, left_out: BoolArray) -> Array:
     """How the optimum moves without some image points, to first order, (m,)."""
     rest = Tracks(fit.tracks.view[~left_out], fit.tracks.point[~left_out], fit.tracks.pixels[~left_out])
-    rest, old = rest.take(np.ones(len(rest), dtype=bool), fewest=2)
+    rest, old = rest.take(np.ones(len(rest), dtype=bool), min_views=2)
     state = fit.state.with_points(fit.state.points[old])
     columns = scene_columns(fit.views, state.lenses)
     equations = pixel_equations(fit.views, rest, state, np.full(len(rest), 1 / fit.sigma_px))

@@ -141,7 +141,7 @@ def column_jacobian(views: SceneViews, state: SceneState, columns: Columns, lens
 def take_step(state: SceneState, columns: Columns, step: Array) -> SceneState:
     """The state after a step, with the points as they were."""
 
-    def moved(transforms: SE3, places: tuple[slice | None, ...]) -> SE3:
+    def move(transforms: SE3, places: tuple[slice | None, ...]) -> SE3:
         """Transforms after their parts of the step."""
         tangents = np.array([np.zeros(6) if where is None else step[where] for where in places]).reshape(-1, 6)
         return transforms @ SE3.exp(tangents)
@@ -152,5 +152,5 @@ def take_step(state: SceneState, columns: Columns, step: Array) -> SceneState:
     )
     errors = state.errors + step[columns.errors].reshape(-1, 6)
     return SceneState(
-        moved(state.mounts, columns.mounts), moved(state.bases, columns.bases), lenses, errors, state.points
+        move(state.mounts, columns.mounts), move(state.bases, columns.bases), lenses, errors, state.points
     )

@@ -39,10 +39,10 @@ class Tracks:
         parts = zip((self.view, self.point, self.pixels), (tracks.view, tracks.point, tracks.pixels), strict=True)
         return Tracks(*(np.concatenate(part) for part in parts))
 
-    def take(self, keep: BoolArray, fewest: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
+    def take(self, keep: BoolArray, min_views: int = FEWEST_VIEWS) -> tuple[Tracks, IntArray]:
         """The image points to keep of the points that so many views still show, and the old indices of these."""
         left = np.bincount(self.point[keep], minlength=self.count)
-        chosen = keep & (left[self.point] >= fewest)
+        chosen = keep & (left[self.point] >= min_views)
         old, point = np.unique(self.point[chosen], return_inverse=True)
         return Tracks(self.view[chosen], point.astype(np.int64), self.pixels[chosen]), old.astype(np.int64)
 

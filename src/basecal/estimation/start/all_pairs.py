@@ -75,7 +75,7 @@ def _make_refinement(
     x, z = transforms[g.eye.mount], transforms[g.hand.mount]
     triple = (x, g.eye_base_from_hand_base(transforms), z)
     known_x, known_z = (transforms[end.mount] if end.mount in known_names else None for end in g.ends)
-    loop = sight.loop(known_x, None, known_z, sight.nearer_pose(triple))
+    loop = sight.loop(known_x, None, known_z, sight.closest_pose(triple))
     return Refinement(sight, loop, [triple], g.hand.mount in problem.point_mounts)
 
 
@@ -95,7 +95,7 @@ def _restart_pairs(wishes: Sequence[Refinement]) -> list[Refinement]:
 def _misfit(sight: PairViews, triple: Triple) -> float:
     """How far a pair's views are turned from where X, Y and Z have them, the median [rad]."""
     assert sight.candidates is not None
-    chosen = sight.nearer_pose(triple)
+    chosen = sight.closest_pose(triple)
     own = sight.candidates[np.arange(len(chosen)), chosen]
     off = (own.inverse() @ sight.predict_poses(triple)).rotvec
     found = float(np.median(np.linalg.norm(off, axis=-1)))

@@ -242,14 +242,14 @@ def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
         if not found.clear:
             return None
         triple = solve_translations(loop, found)
-        better = sight.nearer_pose(triple)
+        better = sight.closest_pose(triple)
         if np.mean(better != chosen) <= _FEW_CHANGES_SHARE:
             break
         chosen = better
     return triple
 
 
-def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
+def light_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State]:
     """Where a search for a single light ends from each of its starts, by weights that leave out what is far off.
 
     The end that fits all views best may be wrong where some of the views are.
@@ -257,7 +257,7 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
     Args:
         problem: The problem; nothing is given unless it is of one camera that sees one light.
         cell: What exists and what is known.
-        most: How many starts.
+        max_count: How many starts.
     """
     cameras, known = lenses(problem, cell), _Known(known_transforms(problem))
     if len(problem.groups) != 1 or problem.groups[0].hand.mount not in problem.point_mounts:
@@ -265,7 +265,7 @@ def light_states(problem: Problem, cell: Cell, most: int) -> Iterator[State]:
     if has_metric_start(problem.groups[0], known.transforms):
         return
     sight = pair_views(problem.groups[0], cameras.get(problem.groups[0].camera), *_MANY_VIEWS_POINTS)
-    as_point, light, starts = light_search(sight, _loop(sight, known), most)
+    as_point, light, starts = light_search(sight, _loop(sight, known), max_count)
     g = sight.group
     fixed = {name: _fallback(unknown) for name, unknown in problem.unknowns.items()}
     pair = pair_problem(as_point, light, True)

@@ -60,7 +60,7 @@ def lens_from_views(camera: CellCamera, measurements: Sequence[PixelMeasurement]
     usable = [m for m in usable if len(m.seen)]
     if not usable:
         return guessed_lens(camera)
-    few = [m.thinned(_FEW_POINTS) for m in usable]
+    few = [m.thin(_FEW_POINTS) for m in usable]
     guesses = [guessed_lens(camera, focal) for focal in _FOCAL_GUESSES]
     start = stack([_Lenses(lens, tuple(_poses(lens, m) for m in few)) for lens in guesses])
     terms = np.arange(start.camera.parameters.shape[-1])
@@ -90,7 +90,7 @@ def _promising_lenses(rough: Optima[_Lenses, _About]) -> IntArray:
 def _thin_points(measurement: PixelMeasurement) -> PixelMeasurement:
     enough = np.flatnonzero(measurement.seen.sum(-1) >= FEWEST_POINTS)
     step = max(1, -(-len(enough) // _MOST_VIEWS))
-    few = measurement.take(enough[::step]).thinned(_MOST_POINTS)
+    few = measurement.take(enough[::step]).thin(_MOST_POINTS)
     return PixelMeasurement(few.points_in_target, few.pixels, few.seen, few.stated, few.seen.astype(np.float64))
 
 

@@ -14,13 +14,13 @@ from basecal.geometry import SE3
 Triple = tuple[SE3, SE3, SE3]
 
 
-def light_search(sight: PairViews, loop: Loop, most: int) -> tuple[PairViews, Loop, list[Triple]]:
+def light_search(sight: PairViews, loop: Loop, max_count: int) -> tuple[PairViews, Loop, list[Triple]]:
     """The views of the point that most of them see, as a light, what is known of its loop, and the best starts.
 
     Args:
         sight: Views of a target, of which some points may be seen, or one.
         loop: What of X, Y and Z is known.
-        most: How many starts.
+        max_count: How many starts.
     """
     chords, point = as_light(sight.group.measurement)
     views = np.flatnonzero(chords.weight[:, point] > 0)
@@ -30,4 +30,4 @@ def light_search(sight: PairViews, loop: Loop, most: int) -> tuple[PairViews, Lo
     as_point = replace(sight, group=replace(few, measurement=one), weight=sight.weight[views])
     light_z = None if loop.z is None else SE3(np.eye(3), loop.z @ chords.points_in_target[point])
     light = as_point.loop(loop.x, loop.y, light_z, np.zeros(len(views), dtype=np.int64))
-    return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], most)
+    return as_point, light, light_starts(light, one.bearings_in_camera[:, 0], max_count)

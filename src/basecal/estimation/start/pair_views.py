@@ -52,7 +52,7 @@ class PairViews:
         b = SE3.identity((len(rows),)) if self.candidates is None else self.candidates[rows, choice]
         return Loop(self.group.eye.base_from_flange, b, self.group.hand.base_from_flange, x, y, z, self.weight)
 
-    def loop_with_both(self, loop: Loop) -> Loop | None:
+    def ambiguous_loop(self, loop: Loop) -> Loop | None:
         """A loop with both poses of ambiguous views as samples of their own; None if no view is ambiguous."""
         if self.candidates is None or self.is_ambiguous is None:
             return None
@@ -62,9 +62,9 @@ class PairViews:
 
     def predict_poses(self, triple: tuple[SE3, SE3, SE3]) -> SE3:
         """Poses of the target in each view by X, Y and Z, (n,)."""
-        return self.group.closed_by(*triple)
+        return self.group.close_loop(*triple)
 
-    def nearer_pose(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
+    def closest_pose(self, triple: tuple[SE3, SE3, SE3]) -> IntArray:
         """Which of each view's two poses lies nearer to what X, Y and Z predict, (n,)."""
         assert self.candidates is not None
         x, y, z = (of.rotation for of in triple)
@@ -106,7 +106,7 @@ def pair_views(
     assert camera is not None
     # A view may show a part of the target alone, as of a body in space: thinned by all of it none would be left.
     shown = 1.0 if measurement.seen.all() else max(float(np.median(measurement.seen.mean(-1))), 1e-3)
-    measurement = measurement.thinned(int(np.ceil(points / shown)), paired=few.half_turn is not None)
+    measurement = measurement.thin(int(np.ceil(points / shown)), is_paired=few.half_turn is not None)
     return _pixel_views(few, measurement, camera, total, estimate_poses)
 
 
@@ -123,7 +123,7 @@ def _pixel_views(
     if len(measurement.points_in_target) < 4:
         return PairViews(group, None, np.ones(len(group)), total)
     poses = estimate_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
-    found = np.flatnonzero(poses.found)
+    found = np.flatnonzero(poses.has_pose)
     if len(found) < 3:
         return PairViews(group, None, np.ones(len(group)), total)
     # Not the inverse of the sum with a ridge: of points in a line it is singular, or negative, by rounding.

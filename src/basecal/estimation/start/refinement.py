@@ -73,7 +73,7 @@ def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
     states = State({k: SE3.stack([start[k] for start in starts]) for k in "xyz"}, {}, np.zeros((len(starts), 0, 6)))
     # Of starts far from any optimum the lowest after few steps need not lead to the lowest optimum.
     for steps, most_left in ((iterations, _FINALISTS), (_FINAL_STEPS, 1)) if wishes[0].searched else ((iterations, 1),):
-        together = problems[0].with_groups([group.of_batch(owner)])
+        together = problems[0].with_groups([group.take_batch(owner)])
         ends = bundle_adjust_batch(together, states, dof=1, iterations=steps, weights=[weight[owner]])
         left = _lowest_costs(ends.cost, owner, most_left)
         states, owner = take(ends.state, left), owner[left]
@@ -90,7 +90,7 @@ def _lowest_costs(cost: Array, owner: IntArray, count: int) -> IntArray:
 
 def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
     """Starts by a search over rotations, with the better pose of each view, and with both of those that have two."""
-    both = {k: loop for k, wish in enumerate(wishes) if (loop := wish.views.loop_with_both(wish.loop)) is not None}
+    both = {k: loop for k, wish in enumerate(wishes) if (loop := wish.views.ambiguous_loop(wish.loop)) is not None}
     found = pose_starts([*(wish.loop for wish in wishes), *both.values()], _GRID_CELLS)
     starts = [[_place_rotations(wish.loop, turn) for turn in of] for wish, of in zip(wishes, found, strict=False)]
     for k, of in zip(both, found[len(wishes) :], strict=True):
@@ -105,7 +105,7 @@ def _search_starts(wishes: Sequence[Refinement]) -> list[list[Triple]]:
 def _choose_poses(views: PairViews, loop: Loop, rotations: tuple[Array, Array, Array]) -> Loop:
     """A loop with the pose of each view that is nearer to what rotations of X, Y and Z predict."""
     assert views.candidates is not None
-    choice = views.nearer_pose(_place_rotations(loop, rotations))
+    choice = views.closest_pose(_place_rotations(loop, rotations))
     return loop._replace(b=views.candidates[np.arange(len(choice)), choice])
 
 

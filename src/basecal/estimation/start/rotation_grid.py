@@ -36,13 +36,13 @@ def icosahedral_rotations() -> Array:
     return rotation_from_quaternion(quaternions[first])
 
 
-def light_starts(loop: Loop, bearings_in_camera: Array, most: int) -> list[tuple[SE3, SE3, SE3]]:
+def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[tuple[SE3, SE3, SE3]]:
     """The most promising X, Y and Z for a single light.
 
     Args:
         loop: Flange poses and what is known; its B is not used.
         bearings_in_camera: (n, 3) unit, towards the light.
-        most: How many to give, best first.
+        max_count: How many to give, best first.
     """
     step = max(1, -(-len(loop.a) // _MOST_VIEWS))
     a, c, b = loop.a[::step], loop.c[::step], bearings_in_camera[::step]
@@ -53,7 +53,7 @@ def light_starts(loop: Loop, bearings_in_camera: Array, most: int) -> list[tuple
     for x in xs:
         scored += _with_camera(loop, a, c, b, x, ys)
     scored.sort(key=lambda s: s[0])
-    return [(x, y, z) for _, x, y, z in scored[:most]]
+    return [(x, y, z) for _, x, y, z in scored[:max_count]]
 
 
 def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, SE3, SE3, SE3]]:

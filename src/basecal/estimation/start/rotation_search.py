@@ -86,17 +86,17 @@ class _Loops:
         return np.asarray((q[:, :, None] @ half).reshape(h, p.shape[1], 3, 3))
 
 
-def pose_starts(loops: Sequence[Loop], most: int) -> list[list[tuple[Array, Array, Array]]]:
+def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array, Array, Array]]]:
     """For each loop the most promising rotations of X, Y and Z where views give whole poses, those alike once.
 
     The best cells of the grid, refined: most of them end in the same few places. Rotations are (3, 3).
 
     Args:
         loops: With the same unknowns.
-        most: How many cells of the grid.
+        max_count: How many cells of the grid.
     """
     every = _loops(loops)
-    at = _alternate(every, _grid_starts(every, most), _START_ROUNDS)
+    at = _alternate(every, _grid_starts(every, max_count), _START_ROUNDS)
     count = at[every.unknown[0]].shape[1]
     turns = {k: np.broadcast_to(turn, (len(loops), count, 3, 3)) for k, turn in at.items()}
     off = np.max([rotation_angle(turns[k][:, :, None], turns[k][:, None]) for k in every.unknown], axis=0)
@@ -106,10 +106,10 @@ def pose_starts(loops: Sequence[Loop], most: int) -> list[list[tuple[Array, Arra
     ]
 
 
-def settled_rotations(loops: Sequence[Loop], near: Sequence[Sequence[Array]]) -> list[Rotations]:
+def settled_rotations(loops: Sequence[Loop], starts: Sequence[Sequence[Array]]) -> list[Rotations]:
     """Rotations of loops with the same unknowns that agree with each loop's own samples, downhill of X, Y, Z."""
     every = _loops(loops)
-    begun = {k: np.stack([turns["xyz".index(k)][None] for turns in near]) for k in every.unknown}
+    begun = {k: np.stack([turns["xyz".index(k)][None] for turns in starts]) for k in every.unknown}
     at = _alternate(every, {**every.known, **begun}, _SETTLING_ROUNDS)
     return [Rotations(at["x"][h, 0], at["y"][h, 0], at["z"][h, 0], True) for h in range(len(loops))]
 
@@ -179,17 +179,17 @@ def _grid() -> Array:
     return icosahedral_rotations()
 
 
-def _grid_starts(loops: _Loops, most: int) -> dict[str, Array]:
+def _grid_starts(loops: _Loops, max_count: int) -> dict[str, Array]:
     """The most promising rotations, (h, m, 3, 3) by letter, best first; of so many loops at a time as a cache holds."""
     count = len(loops.moments)
     parts = [
-        _best_of_grid(loops.take(np.arange(at, min(at + _CHUNK_LOOPS, count))), most)
+        _best_of_grid(loops.take(np.arange(at, min(at + _CHUNK_LOOPS, count))), max_count)
         for at in range(0, count, _CHUNK_LOOPS)
     ]
     return {letter: np.concatenate([part[letter] for part in parts]) for letter in parts[0]}
 
 
-def _best_of_grid(loops: _Loops, most: int) -> dict[str, Array]:
+def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
     h = len(loops.moments)
     averaged = loops.unknown[-1]
     tried = {
@@ -200,8 +200,8 @@ def _best_of_grid(loops: _Loops, most: int) -> dict[str, Array]:
     first, second = tried
     means = loops.means(averaged, tried, count=True)
     score = _sum_of_singular_values(means).reshape(h, -1)
-    most = min(most, score.shape[1])
-    best = np.argpartition(-score, most - 1, axis=-1)[:, :most]
+    max_count = min(max_count, score.shape[1])
+    best = np.argpartition(-score, max_count - 1, axis=-1)[:, :max_count]
     row = np.arange(h)[:, None]
     best = best[row, np.argsort(-score[row, best], axis=-1, kind="stable")]
     at_first, at_second = np.unravel_index(best, means.shape[1:3])
@@ -245,13 +245,13 @@ def _alternate(loops: _Loops, turns: Turns, rounds: int) -> dict[str, Array]:
     return found
 
 
-def _rank_rotations(loops: _Loops, turns: Turns, most: int) -> tuple[dict[str, Array], Array]:
+def _rank_rotations(loops: _Loops, turns: Turns, max_count: int) -> tuple[dict[str, Array], Array]:
     """The best rotations of each loop, (h, most, 3, 3) by letter, and the angles that they leave, (h, most) [rad]."""
     x, y, z = (turns[k][:, :, None] for k in "xyz")
     seen = loops.a[:, None] @ x @ loops.b[:, None]
     told = y @ loops.c[:, None] @ z
     angle = _trimmed_rms(rotation_angle(told, seen), loops.count)
-    best = np.argsort(angle, axis=-1, kind="stable")[:, :most]
+    best = np.argsort(angle, axis=-1, kind="stable")[:, :max_count]
     row = np.arange(len(best))[:, None]
     return {k: turn[row, best] for k, turn in turns.items()}, angle[row, best]
 

@@ -70,7 +70,7 @@ class Path:
             (inside & self.steady_intervals[self._preceding_records(times)]) | self._nearest_rest(times)[1]
         )
 
-    def at(self, times: Array) -> PathPoints:
+    def evaluate(self, times: Array) -> PathPoints:
         """The robot at instants at which that is known, (m,)."""
         record, stood = self._nearest_rest(times)
         points = self._moving(np.where(stood, self.times[record], times))

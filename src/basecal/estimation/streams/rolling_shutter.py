@@ -74,23 +74,23 @@ class Known:
 
 
 def correct_rolling_shutter(
-    recording: Recording, known: Known, line_s: Mapping[str, float], robots: Mapping[str, Mapping[int, Moving]]
+    recording: Recording, motion: Known, line_s: Mapping[str, float], robots: Mapping[str, Mapping[int, Moving]]
 ) -> Recording:
     """The recording with pixels where they had been, had all rows been seen at the instant of the mean one.
 
     Args:
         recording: Samples at those instants.
-        known: What pixels are corrected by.
+        motion: What pixels are corrected by.
         line_s: Line times by camera [s].
         robots: By name, then by sample.
     """
-    rolling = {camera for camera, line in line_s.items() if line and camera in known.lenses}
+    rolling = {camera for camera, line in line_s.items() if line and camera in motion.lenses}
     samples = []
     for sample in recording.samples:
         here = {name: of[sample.sample] for name, of in robots.items() if sample.sample in of}
         middle = mean_row(sample)
         seen = tuple(
-            _correct_rows(o, known, line_s[o.camera], middle, here) if o.camera in rolling else o
+            _correct_rows(o, motion, line_s[o.camera], middle, here) if o.camera in rolling else o
             for o in sample.observations
         )
         samples.append(replace(sample, observations=seen))
@@ -98,12 +98,12 @@ def correct_rolling_shutter(
 
 
 def _correct_rows(
-    observation: Observation, known: Known, line_s: float, middle: float, robots: Mapping[str, Moving]
+    observation: Observation, motion: Known, line_s: float, middle: float, robots: Mapping[str, Moving]
 ) -> Observation:
-    target = known.cell.targets[observation.target].target
+    target = motion.cell.targets[observation.target].target
     if not isinstance(observation, PixelObservation | CandidateObservation) or target is None:
         return observation
-    placed = known.camera_from_target(observation.camera, observation.target, robots)
+    placed = motion.camera_from_target(observation.camera, observation.target, robots)
     if placed is None:
         return observation
     ids = (
@@ -113,5 +113,5 @@ def _correct_rows(
     )
     points, (pose, velocity) = target.points[target.rows(ids)], placed
     after_s = (observation.pixels[:, 1] - middle) * line_s
-    moved = row_shift(known.lenses[observation.camera], pose, velocity, points, after_s)
+    moved = row_shift(motion.lenses[observation.camera], pose, velocity, points, after_s)
     return replace(observation, pixels=observation.pixels - moved)

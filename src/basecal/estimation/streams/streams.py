@@ -43,11 +43,11 @@ class Streams:
         return tuple(name for name, clock in self.clocks.items() if clock.status != "fixed")
 
     @property
-    def stated(self) -> dict[str, float]:
+    def stated_offsets(self) -> dict[str, float]:
         """Offsets and line times as stated, or guessed [s]."""
         return {name: clock.offset_s for name, clock in self.clocks.items()}
 
-    def thinned(self, count: int) -> Streams:
+    def thin(self, count: int) -> Streams:
         """The same with at most so many instants, spread evenly."""
         chosen = np.unique(np.linspace(0, len(self.instants) - 1, min(count, len(self.instants))).astype(int))
         return replace(self, instants=tuple(self.instants[k] for k in chosen))
@@ -65,15 +65,15 @@ class Synchronised:
     recording: Recording
     robots: Mapping[str, Mapping[int, Moving]]
 
-    def correct_rows(self, known: Known, offsets_s: Mapping[str, float]) -> Synchronised:
+    def correct_rows(self, motion: Known, offsets_s: Mapping[str, float]) -> Synchronised:
         """The same as if the rows of pictures were all seen at once; `offsets_s` as of `synchronise`."""
         lines = {
             camera: offsets_s[line_time_name(camera)]
-            for camera in known.cell.cameras
+            for camera in motion.cell.cameras
             if line_time_name(camera) in offsets_s
         }
         return (
-            replace(self, recording=correct_rolling_shutter(self.recording, known, lines, self.robots))
+            replace(self, recording=correct_rolling_shutter(self.recording, motion, lines, self.robots))
             if lines
             else self
         )
@@ -126,7 +126,7 @@ def synchronise(streams: Streams, offsets_s: Mapping[str, float]) -> Synchronise
     robots: dict[str, dict[int, Moving]] = {}
     for robot, path in streams.paths.items():
         mine = [k for k, row in enumerate(rows) if robot in needed[row]]
-        points = path.at(times[rows[mine]] - offsets_s[robot]) if mine else None
+        points = path.evaluate(times[rows[mine]] - offsets_s[robot]) if mine else None
         robots[robot] = {}
         for j, k in enumerate(mine):
             assert points is not None
@@ -154,8 +154,8 @@ def synchronous(cell: Cell, recording: Recording, calibration: Calibration | Non
     if streams is None:
         return recording
     if calibration is None:
-        return synchronise(streams, streams.stated).recording
-    offsets = streams.stated | {name: clock.offset_s for name, clock in calibration.clocks.items()}
+        return synchronise(streams, streams.stated_offsets).recording
+    offsets = streams.stated_offsets | {name: clock.offset_s for name, clock in calibration.clocks.items()}
     offsets |= {line_time_name(name): line.line_time_s for name, line in calibration.line_times.items()}
     stated = {n: c.intrinsics.camera for n, c in cell.cameras.items() if c.intrinsics and c.intrinsics.camera}
     lenses = stated | {name: lens for name, (lens, _) in calibration.cameras.items()}

@@ -14,7 +14,7 @@ from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.array import to_front
 
 _FIRST, _SECOND = np.array(UPPER).T
-_SAME = np.where(_FIRST == _SECOND, 1.0, 0.0)
+_IS_DIAGONAL = np.where(_FIRST == _SECOND, 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class BearingMeasurement(MeasuredPoints):
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`; the residual is the chord between seen and predicted unit vectors."""
-        axes = to_front(self.in_camera(camera_from_target), -1)
+        axes = to_front(self.camera_points(camera_from_target), -1)
         norm = np.maximum(np.sqrt(np.einsum("i...,i...->...", axes, axes)), 1e-12)
         unit = axes / norm
         seen = to_front(self.bearings_in_camera, -1)
@@ -44,7 +44,7 @@ class BearingMeasurement(MeasuredPoints):
         forces = chord - unit * np.einsum("i...,i...->...", unit, chord)
         forces *= scale
         squares = unit[_FIRST] * unit[_SECOND]
-        np.subtract(_SAME.reshape(len(UPPER), *[1] * norm.ndim), squares, out=squares)
+        np.subtract(_IS_DIAGONAL.reshape(len(UPPER), *[1] * norm.ndim), squares, out=squares)
         squares *= scale * scale
         cost = np.einsum("i...p,i...p->...", chord, chord)
         return self.information(cost, forces, squares, camera_from_target.rotation)

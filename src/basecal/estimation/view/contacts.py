@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from basecal.cell import Contact
-from basecal.estimation.view.measurement import ViewInformation, information_of
+from basecal.estimation.view.measurement import ViewInformation, make_information
 from basecal.estimation.view.points import TouchMeasurement
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import cross_matrix
@@ -49,7 +49,7 @@ class ContactMeasurement(TouchMeasurement):
         """See `Measurement`."""
         off, jacobian, _ = self.tangent_rows(camera_from_target, camera, lens)
         weight = self.weight[..., None]
-        return information_of((off * weight)[..., 0, :], (jacobian * weight[..., None])[..., 0, :, :].mT)
+        return make_information((off * weight)[..., 0, :], (jacobian * weight[..., None])[..., 0, :, :].mT)
 
 
 def _axes(camera_from_target: SE3) -> tuple[Array, Array, Array]:

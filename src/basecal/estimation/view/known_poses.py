@@ -23,15 +23,15 @@ class KnownPoses:
     known: dict[bytes, ViewPoses] = field(default_factory=dict)
 
     def __call__(
-        self, points_in_target: Array, bearings_in_camera: Array, seen: BoolArray, measurement: BearingMeasurement
+        self, points_in_target: Array, bearings_in_camera: Array, is_visible: BoolArray, measurement: BearingMeasurement
     ) -> ViewPoses:
         """See `view_poses`."""
         target = points_in_target.tobytes()
-        of_views = zip(bearings_in_camera, seen, measurement.weight, strict=True)
+        of_views = zip(bearings_in_camera, is_visible, measurement.weight, strict=True)
         keys = [target + b.tobytes() + s.tobytes() + w.tobytes() for b, s, w in of_views]
         rows = np.array([row for row, key in enumerate(keys) if key not in self.known], dtype=np.int64)
         if len(rows):
-            found = view_poses(points_in_target, bearings_in_camera[rows], seen[rows], measurement.take(rows))
+            found = view_poses(points_in_target, bearings_in_camera[rows], is_visible[rows], measurement.take(rows))
             for k, row in enumerate(rows):
                 self.known[keys[row]] = take(found, np.array([k]))
         return concatenate([self.known[key] for key in keys])

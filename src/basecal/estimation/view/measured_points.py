@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from basecal.estimation.view.measurement import at_most_six
+from basecal.estimation.view.measurement import limit_equations
 from basecal.estimation.view.target_points import TargetPoints
 from basecal.geometry import Array, BoolArray, IntArray, Rows
 
@@ -26,7 +26,7 @@ class MeasuredPoints(TargetPoints):
     coordinates: ClassVar[int]
     axes: ClassVar[Mapping[str, int]]
 
-    def of_batch(self, rows: Rows | int) -> Self:
+    def take_batch(self, rows: Rows | int) -> Self:
         """See `Measurement`."""
         arrays = {name: getattr(self, name) for name in self.axes}
         batched = {name: of[rows] for name, of in arrays.items() if of is not None and of.ndim > self.axes[name]}
@@ -36,11 +36,11 @@ class MeasuredPoints(TargetPoints):
         """See `Measurement`."""
         return self._with(weight=self.weight / factor)
 
-    def reweighted(self, weights: Array) -> Self:
+    def reweight(self, weights: Array) -> Self:
         """See `Measurement`."""
         return self._with(weight=self.weight * np.sqrt(weights))
 
-    def masked(self, points: BoolArray) -> Self:
+    def mask_points(self, points: BoolArray) -> Self:
         """See `Measurement`."""
         return self._with(weight=np.where(points, self.weight, 0.0))
 
@@ -54,7 +54,7 @@ class MeasuredPoints(TargetPoints):
 
     def equations(self) -> IntArray:
         """See `Measurement`."""
-        return at_most_six(self.coordinates * self.point_counts())
+        return limit_equations(self.coordinates * self.point_counts())
 
     def _with(self, **changed: Any) -> Self:
         return replace(self, **changed)

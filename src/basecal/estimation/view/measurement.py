@@ -54,7 +54,7 @@ class Measurement(Protocol):
         """What each view says at `camera_from_target`, (..., n); with the lens's columns where `lens`."""
         ...
 
-    def of_batch(self, rows: Rows) -> Measurement:
+    def take_batch(self, rows: Rows) -> Measurement:
         """What these rows of a batch saw; the same where all rows saw the same."""
         ...
 
@@ -70,11 +70,11 @@ class Measurement(Protocol):
         """The same with all sigmas in use, stated or not, so many times as large."""
         ...
 
-    def masked(self, points: BoolArray) -> Measurement:
+    def mask_points(self, points: BoolArray) -> Measurement:
         """The same as if points (n, p) that are not kept had not been seen; poses stay."""
         ...
 
-    def reweighted(self, weights: Array) -> Measurement:
+    def reweight(self, weights: Array) -> Measurement:
         """The same with squared residuals of points (n, p) that count so many times; those of poses stay."""
         ...
 
@@ -99,13 +99,13 @@ class Measurement(Protocol):
         ...
 
 
-def information_of(residual: Array, jacobian: Array) -> ViewInformation:
+def make_information(residual: Array, jacobian: Array) -> ViewInformation:
     """From residuals (..., m) and their derivative by rows of unknowns, (..., k, m)."""
     gradient = (jacobian @ residual[..., None])[..., 0]
     return ViewInformation(np.einsum("...i,...i->...", residual, residual), gradient, jacobian @ jacobian.mT)
 
 
-def of_batch_rows(values: Array, rows: Rows | int, axes: int) -> Array:
+def take_batch_rows(values: Array, rows: Rows | int, axes: int) -> Array:
     """The rows of a batch, of values that have so many axes without one."""
     return values[rows] if values.ndim > axes else values
 
@@ -116,6 +116,6 @@ def sums_of_squares(residual: Sequence[Array]) -> Array:
     return total
 
 
-def at_most_six(equations: IntArray) -> IntArray:
+def limit_equations(equations: IntArray) -> IntArray:
     """No more equations than a pose has freedoms."""
     return np.minimum(equations, 6).astype(np.int64)

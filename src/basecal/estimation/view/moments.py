@@ -40,12 +40,12 @@ class Monomials:
     to_information: Array
 
     @classmethod
-    def of(cls, points: Array) -> Monomials:
+    def from_points(cls, points: Array) -> Monomials:
         """Those of points, (p, 3); of those requested again and again they are known."""
         return _monomials(points.tobytes())
 
     @classmethod
-    def _of(cls, points: Array) -> Monomials:
+    def _from_points(cls, points: Array) -> Monomials:
         h = np.column_stack([np.ones(len(points)), points])
         values = h[:, _FIRST] * h[:, _SECOND]
         kept = np.flatnonzero(values.any(0))
@@ -56,7 +56,7 @@ class Monomials:
 
 @lru_cache(maxsize=_TARGETS)
 def _monomials(points: bytes) -> Monomials:
-    return Monomials._of(np.frombuffer(points).reshape(-1, 3))
+    return Monomials._from_points(np.frombuffer(points).reshape(-1, 3))
 
 
 def dot(left: Sequence[Array], right: Sequence[Array]) -> Array:
@@ -84,7 +84,7 @@ def gradient_and_information(
     entries = flat.reshape(len(flat), 9)
     carried = entries[:, _LEFT] * entries[:, _RIGHT]
     carried += entries[:, _LEFT_SWAPPED] * entries[:, _RIGHT_SWAPPED]
-    carried *= _ONCE
+    carried *= _SYMMETRY_WEIGHTS
     second = carried.reshape(len(flat), 6, 6) @ _moments(squares, of_points.values)
     gradient = first.reshape(len(flat), len(of_points.to_gradient)) @ of_points.to_gradient
     information = second.reshape(len(flat), len(of_points.to_information)) @ of_points.to_information
@@ -127,4 +127,4 @@ _TO_INFORMATION = _to_information()
 _TERMS = [(i, j, a, b) for i, j in UPPER for a, b in UPPER]
 _LEFT, _RIGHT = np.array([(3 * a + i, 3 * b + j) for i, j, a, b in _TERMS]).T
 _LEFT_SWAPPED, _RIGHT_SWAPPED = np.array([(3 * b + i, 3 * a + j) for i, j, a, b in _TERMS]).T
-_ONCE = np.array([0.5 if a == b else 1.0 for _, _, a, b in _TERMS])
+_SYMMETRY_WEIGHTS = np.array([0.5 if a == b else 1.0 for _, _, a, b in _TERMS])

@@ -16,7 +16,7 @@ from basecal.estimation.view.measurement import (
 )
 from basecal.estimation.view.moments import UPPER, dot
 from basecal.estimation.view.seen_points import SeenPoints
-from basecal.estimation.view.target_points import needed, spread_out
+from basecal.estimation.view.target_points import require_camera, spread_rows
 from basecal.geometry import SE3, Array, BoolArray, Camera
 from basecal.geometry.array import to_back, to_front
 from basecal.geometry.lens import Projection
@@ -51,13 +51,13 @@ class PixelMeasurement(SeenPoints):
 
     def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
         """See `SeenPoints`."""
-        return needed(camera).project(self.in_camera(camera_from_target)) - self.pixels
+        return require_camera(camera).project(self.camera_points(camera_from_target)) - self.pixels
 
     def with_derivatives(
         self, points_in_camera: Array, camera: Camera | None, lens: bool
     ) -> tuple[Array, Array, Array | None]:
         """See `SeenPoints`."""
-        pixels, by_point, by_lens = needed(camera).project_with_derivatives(points_in_camera, lens)
+        pixels, by_point, by_lens = require_camera(camera).project_with_derivatives(points_in_camera, lens)
         return pixels - self.pixels, by_point, by_lens
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
@@ -65,11 +65,11 @@ class PixelMeasurement(SeenPoints):
 
         Many views go in chunks that stay in the processor's cache, which halves the time.
         """
-        camera = needed(camera)
+        camera = require_camera(camera)
         *batch, count = camera_from_target.shape
         if batch == [1]:
             one = camera if camera.parameters.ndim == 1 else camera[0]
-            alone = self.of_batch(0).linearise(camera_from_target[0], one, lens)
+            alone = self.take_batch(0).linearise(camera_from_target[0], one, lens)
             return ViewInformation(*(of[None] for of in alone))
         points = len(self.points_in_target) * (count if batch else 1)
         size = max(1, (_CHUNK_LENS_POINTS if lens else _CHUNK_POINTS) // max(points, 1))
@@ -78,7 +78,7 @@ class PixelMeasurement(SeenPoints):
         chunks = [slice(at, at + size) for at in range(0, camera_from_target.shape[0], size)]
         if batch:
             lenses = [camera[c] if camera.parameters.ndim > 1 else camera for c in chunks]
-            of_chunks = [self.of_batch(c) for c in chunks]
+            of_chunks = [self.take_batch(c) for c in chunks]
         else:
             lenses, of_chunks = [camera] * len(chunks), [self.take(c) for c in chunks]
         parts = [
@@ -88,7 +88,7 @@ class PixelMeasurement(SeenPoints):
         return ViewInformation(*(np.concatenate(field) for field in zip(*parts, strict=True)))
 
     def _linearise(self, camera_from_target: SE3, camera: Camera, lens: bool) -> ViewInformation:
-        turned = self.turned(camera_from_target)
+        turned = self.turn(camera_from_target)
         pixels, image = camera.image(self.translate(camera_from_target, turned), lens)
         if lens or self.common_px:
             return self._with_jacobian(camera_from_target.rotation, turned, pixels, image)
@@ -113,16 +113,16 @@ class PixelMeasurement(SeenPoints):
             lens: Whether to give its columns.
             by_shape: (p, 3, k) how points move by each of them [m].
         """
-        turned = self.turned(camera_from_target)
-        pixels, image = needed(camera).image(self.translate(camera_from_target, turned), lens)
+        turned = self.turn(camera_from_target)
+        pixels, image = require_camera(camera).image(self.translate(camera_from_target, turned), lens)
         by_more = image.by_points @ (camera_from_target.rotation[..., None, :, :] @ by_shape)
         return self._with_jacobian(camera_from_target.rotation, turned, pixels, image, by_more)
 
     def _with_jacobian(
-        self, rotation: Array, turned: Array, pixels: Array, image: Projection, by_more: Array | None = None
+        self, rotation: Array, turned_points: Array, pixels: Array, image: Projection, by_more: Array | None = None
     ) -> ViewInformation:
         """The long way, for a lens that is free, a common shift, and points that have no pixel."""
-        rows, lost = self._weighted_rows(pixels, image, by_more, turned), np.zeros(1, dtype=bool)
+        rows, lost = self._weighted_rows(pixels, image, by_more, turned_points), np.zeros(1, dtype=bool)
         # Most often every point has a pixel, which the sum tells at once.
         if not np.isfinite(pixels.sum()):
             lost = np.asarray(np.isnan(pixels).any(-1))
@@ -130,14 +130,16 @@ class PixelMeasurement(SeenPoints):
             np.nan_to_num(rows, copy=False)
         view = _information_of_rows(rows, rotation)
         if self.common_px:
-            by_shift = _in_target(to_back(np.einsum("ki...p,...p->ki...", rows[1:], self.weight * ~lost), 2), rotation)
+            by_shift = _rotate_columns(
+                to_back(np.einsum("ki...p,...p->ki...", rows[1:], self.weight * ~lost), 2), rotation
+            )
             off = np.moveaxis(rows[0], 0, -2)
             view = ViewInformation(*without_common_shift(view, off, self.weight * ~lost, by_shift, self.common_px))
         if not lost.any():
             return view
         return view._replace(cost=np.where((lost & self.seen).any(-1), np.inf, view.cost))
 
-    def _weighted_rows(self, pixels: Array, image: Projection, by_more: Array | None, turned: Array) -> Array:
+    def _weighted_rows(self, pixels: Array, image: Projection, by_more: Array | None, turned_points: Array) -> Array:
         """Residuals and their derivatives by pose, lens and more, over sigmas, (1 + 6 + k, 2, ..., n, p).
 
         The pose's are those to a shift and a turn about the target's origin, but along the axes of the camera.
@@ -146,7 +148,7 @@ class PixelMeasurement(SeenPoints):
             pixels: Predicted, (..., n, p, 2) [px].
             image: Of the points; where it has derivatives to the terms of the lens, its parameters have columns.
             by_more: Derivative to further unknowns, (..., n, p, 2, k), or None.
-            turned: Points from the target's origin in the camera's axes, (3, ..., n, p).
+            turned_points: Points from the target's origin in the camera's axes, (3, ..., n, p).
         """
         parts = [_planes(of) for of in (image.by_terms, by_more) if of is not None]
         at = 7 if image.by_terms is None else 11
@@ -158,8 +160,8 @@ class PixelMeasurement(SeenPoints):
         product = np.empty(out.shape[1:])
         for i in range(3):
             j, k = (i + 1) % 3, (i + 2) % 3
-            np.multiply(turned[j], out[1 + k], out=out[4 + i])
-            np.multiply(turned[k], out[1 + j], out=product)
+            np.multiply(turned_points[j], out[1 + k], out=out[4 + i])
+            np.multiply(turned_points[k], out[1 + j], out=product)
             out[4 + i] -= product
         if image.by_terms is not None:
             out[7:at] = 0.0
@@ -175,20 +177,20 @@ class PixelMeasurement(SeenPoints):
         """Predicted minus seen pixels, (n, p, 2) [px]; NaN where not seen."""
         return np.where(self.seen[..., None], self.residuals(camera_from_target, camera), np.nan)
 
-    def thinned(self, most: int, paired: bool = False) -> PixelMeasurement:
-        """The same views of at most `most` of the points, spread over the target.
+    def thin(self, max_count: int, is_paired: bool = False) -> PixelMeasurement:
+        """The same views of at most `max_count` of the points, spread over the target.
 
         Args:
-            most: How many.
-            paired: Whether with each point the one is kept that takes its place where the target is read from its
+            max_count: How many.
+            is_paired: Whether with each point the one is kept that takes its place where the target is read from its
                 other end.
         """
         count = len(self.points_in_target)
-        if paired:
-            half = spread_out(self.points_in_target[: (count + 1) // 2], (most + 1) // 2)
+        if is_paired:
+            half = spread_rows(self.points_in_target[: (count + 1) // 2], (max_count + 1) // 2)
             rows = np.concatenate([half, count - 1 - half[half < count // 2][::-1]])  # one in the middle is its own
         else:
-            rows = spread_out(self.points_in_target, most)
+            rows = spread_rows(self.points_in_target, max_count)
         of_points = {name: getattr(self, name)[:, rows] for name in ("pixels", "seen", "stated", "weight")}
         relative = None if self.relative is None else self.relative[:, rows]
         return replace(self, points_in_target=self.points_in_target[rows], relative=relative, **of_points)
@@ -224,12 +226,12 @@ def _information_of_rows(rows: Array, rotation: Array) -> ViewInformation:
     product = u[..., 1:].mT @ u
     product += v[..., 1:].mT @ v
     cost = np.einsum("i...p,i...p->...", rows[0], rows[0])
-    by_target = _in_target(product, rotation)
-    information = _in_target(by_target[..., 1:].mT, rotation)
+    by_target = _rotate_columns(product, rotation)
+    information = _rotate_columns(by_target[..., 1:].mT, rotation)
     return ViewInformation(cost, by_target[..., 0], information)
 
 
-def _in_target(columns: Array, rotation: Array) -> Array:
+def _rotate_columns(columns: Array, rotation: Array) -> Array:
     """Columns (..., 6 + k, m) by a shift and a turn in the camera's axes, in place, as by those in the target's."""
     pose = columns[..., :6, :]
     *shape, _, m = pose.shape

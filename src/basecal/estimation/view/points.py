@@ -35,7 +35,7 @@ class PointMeasurement(SeenPoints):
 
     def residuals(self, camera_from_target: SE3, camera: Camera | None) -> Array:
         """See `SeenPoints`."""
-        return self.in_camera(camera_from_target) - self.points_in_camera
+        return self.camera_points(camera_from_target) - self.points_in_camera
 
     def with_derivatives(
         self, points_in_camera: Array, camera: Camera | None, lens: bool

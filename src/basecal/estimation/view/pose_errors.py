@@ -34,7 +34,7 @@ def corner_covariances(camera_from_target: SE3, half_size_m: float) -> Array:
     return inverse
 
 
-def whitening_of(covariance: Array) -> Array:
+def whitening_matrix(covariance: Array) -> Array:
     """Lower blocks (n, 6, 6) that make errors (n, 6) [m, rad] of such covariances independent, of equal variance.
 
     Of all views the mean logarithm of a variance stays: translations given the rotation, and rotations, keep their

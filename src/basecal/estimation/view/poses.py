@@ -9,8 +9,8 @@ import numpy as np
 from basecal.estimation.view.measurement import (
     Noise,
     ViewInformation,
-    information_of,
-    of_batch_rows,
+    make_information,
+    take_batch_rows,
 )
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
@@ -41,7 +41,7 @@ class PoseMeasurement:
         error = self._error(camera_from_target)
         whitening = self.weight[..., None] * (np.eye(6) if self.shape is None else self.shape)
         jacobian = whitening @ right_jacobian_inverse(error)
-        return information_of((whitening @ error[..., None])[..., 0], jacobian.mT)
+        return make_information((whitening @ error[..., None])[..., 0], jacobian.mT)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
@@ -63,11 +63,11 @@ class PoseMeasurement:
         """See `Measurement`."""
         return take(self, views)
 
-    def masked(self, points: BoolArray) -> PoseMeasurement:
+    def mask_points(self, points: BoolArray) -> PoseMeasurement:
         """See `Measurement`."""
         return self
 
-    def reweighted(self, weights: Array) -> PoseMeasurement:
+    def reweight(self, weights: Array) -> PoseMeasurement:
         """See `Measurement`."""
         return self
 
@@ -79,13 +79,13 @@ class PoseMeasurement:
         """See `Measurement`."""
         return np.zeros(self.weight.shape[:-1], dtype=np.int64)
 
-    def of_batch(self, rows: Rows) -> PoseMeasurement:
+    def take_batch(self, rows: Rows) -> PoseMeasurement:
         """See `Measurement`."""
         measured = self.measured_camera_from_target
         measured = measured[rows] if len(measured.shape) > 1 else measured
-        shape = None if self.shape is None else of_batch_rows(self.shape, rows, 3)
+        shape = None if self.shape is None else take_batch_rows(self.shape, rows, 3)
         return PoseMeasurement(
-            measured, of_batch_rows(self.stated, rows, 2), of_batch_rows(self.weight, rows, 2), shape
+            measured, take_batch_rows(self.stated, rows, 2), take_batch_rows(self.weight, rows, 2), shape
         )
 
     def least_rotation_weight(self) -> Array:

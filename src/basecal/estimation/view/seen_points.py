@@ -59,7 +59,7 @@ class SeenPoints(MeasuredPoints):
         off = np.nan_to_num(self.residuals(camera_from_target, camera)) * unstated[..., None]
         return {self.noise_field: float(np.sum(off**2))}
 
-    def masked(self, points: BoolArray) -> Self:
+    def mask_points(self, points: BoolArray) -> Self:
         """See `Measurement`."""
         if points.all():
             return self

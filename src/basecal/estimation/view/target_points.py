@@ -28,17 +28,17 @@ class TargetPoints:
 
     points_in_target: Array = field(metadata=SHARED)
 
-    def in_camera(self, camera_from_target: SE3) -> Array:
+    def camera_points(self, camera_from_target: SE3) -> Array:
         """Points in the camera, (..., n, p, 3), those of one coordinate side by side in memory."""
-        return self.translate(camera_from_target, self.turned(camera_from_target))
+        return self.translate(camera_from_target, self.turn(camera_from_target))
 
-    def turned(self, camera_from_target: SE3) -> Array:
+    def turn(self, camera_from_target: SE3) -> Array:
         """Points from the target's origin in the camera's axes, (3, ..., n, p)."""
         return to_front(camera_from_target.rotation, -2) @ self.points_in_target.T
 
-    def translate(self, camera_from_target: SE3, turned: Array) -> Array:
-        """Points in the camera, (..., n, p, 3), of what `turned` gave."""
-        return to_back(turned + to_front(camera_from_target.translation, -1)[..., None])
+    def translate(self, camera_from_target: SE3, turned_points: Array) -> Array:
+        """Points in the camera, (..., n, p, 3), of what `turned_points` gave."""
+        return to_back(turned_points + to_front(camera_from_target.translation, -1)[..., None])
 
     def information(
         self, cost: Array, forces: Iterable[Array], squares: Iterable[Array], rotation: Array
@@ -48,30 +48,30 @@ class TargetPoints:
 
     @cached_property
     def _monomials(self) -> Monomials:
-        return Monomials.of(self.points_in_target)
+        return Monomials.from_points(self.points_in_target)
 
     def take(self, views: Rows) -> Self:
         """See `Measurement`."""
         return take(self, views)
 
 
-def spread_out(points: Array, most: int) -> IntArray:
+def spread_rows(points: Array, max_count: int) -> IntArray:
     """Rows, rising, of at most so many of points (p, 3): every so manyth, or those far apart where these span less.
 
     Every eleventh point of a grid of eleven columns is one of its columns.
     """
-    every = np.arange(0, len(points), -(-len(points) // most))
+    every = np.arange(0, len(points), -(-len(points) // max_count))
     if dimension(points[every]) == dimension(points):
         return every
     rows = [int(np.argmax(np.sum((points - points.mean(0)) ** 2, -1)))]
     apart = np.full(len(points), np.inf)
-    while len(rows) < most:
+    while len(rows) < max_count:
         apart = np.minimum(apart, np.sum((points - points[rows[-1]]) ** 2, -1))
         rows.append(int(np.argmax(apart)))
     return np.sort(np.array(rows))
 
 
-def needed(camera: Camera | None) -> Camera:
+def require_camera(camera: Camera | None) -> Camera:
     """The camera, without which pixels say nothing.
 
     Raises:

@@ -20,8 +20,8 @@ from basecal.numerics.spectral import principal_axes, smallest_vectors
 
 FEWEST_POINTS = 4  # points that determine the pose of a plane up to two
 _FEWEST_IN_SPACE = 6  # points of the direct linear transform
-_ITERATIONS = 2
-_SETTLED = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
+_REFINEMENT_STEPS = 2
+_SETTLED_GAIN = 1e-3  # of the residuals' norm: a step that gains less than a millionth of the cost is the last
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class ViewPoses:
     information: Array
 
     @property
-    def found(self) -> BoolArray:
+    def has_pose(self) -> BoolArray:
         """(n,) whether the view has a pose at all."""
         return np.isfinite(self.cost[:, 0])
 
@@ -47,16 +47,16 @@ class ViewPoses:
 def view_poses(
     points_in_target: Array,
     bearings_in_camera: Array,
-    seen: BoolArray,
+    is_visible: BoolArray,
     measurement: Measurement,
-    iterations: int = _ITERATIONS,
+    iterations: int = _REFINEMENT_STEPS,
 ) -> ViewPoses:
     """Poses of a target in each of its views.
 
     Args:
         points_in_target: (p, 3) [m].
         bearings_in_camera: (n, p, 3) unit.
-        seen: (n, p).
+        is_visible: (n, p).
         measurement: What is minimised: the views' bearings and sigmas.
         iterations: Steps from the closed form; without any it is what is given.
 
@@ -70,14 +70,14 @@ def view_poses(
     axes = of.axes * np.array([1.0, 1.0, np.linalg.det(of.axes)])  # a rotation, z across the plane of what is flat
     plane_from_target = SE3.adopt(axes, centre).inverse()
     local = centred @ axes / size
-    guess = _direct_linear(local, bearings_in_camera, seen, flat)
+    guess = _direct_linear(local, bearings_in_camera, is_visible, flat)
     guess = SE3.adopt(guess.rotation, guess.translation * size)
-    guesses = concatenate([guess, _tilted(guess)]) if flat else guess
+    guesses = concatenate([guess, _mirror_normal(guess)]) if flat else guess
     n = len(guess)
     twice = measurement.take(np.arange(len(guesses)) % n)
-    poses = refined(twice, guesses @ plane_from_target, iterations=iterations)
-    enough = seen.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
-    first, second = poses.of(slice(0, n)), poses.of(slice(len(guesses) - n, None))
+    poses = refine_poses(twice, guesses @ plane_from_target, iterations=iterations)
+    enough = is_visible.sum(-1) >= (FEWEST_POINTS if flat else _FEWEST_IN_SPACE)
+    first, second = poses.take(slice(0, n)), poses.take(slice(len(guesses) - n, None))
     swapped = ~(first.cost <= second.cost) & ~np.isnan(second.cost)
     best, next_best = choose_entries(swapped, second, first), choose_entries(swapped, first, second)
     cost = np.stack([best.cost, next_best.cost], -1)
@@ -87,11 +87,11 @@ def view_poses(
     return ViewPoses(both, cost, best.information)
 
 
-def _direct_linear(local: Array, bearings_in_camera: Array, seen: BoolArray, flat: bool) -> SE3:
+def _direct_linear(local: Array, bearings_in_camera: Array, is_visible: BoolArray, flat: bool) -> SE3:
     """The pose by the direct linear transform; of a plane by its homography, whose third axis is across the others."""
     places = local[:, :2] if flat else local
     homogeneous = np.column_stack([places, np.ones(len(places))])
-    bearings = bearings_in_camera * seen[..., None]
+    bearings = bearings_in_camera * is_visible[..., None]
     matrix = smallest_vectors(_squared_misses(bearings, homogeneous)).reshape(len(bearings), 3, -1)
     # Points lie along the bearings and not against them.
     along = np.einsum("nia,nia->n", matrix, bearings.mT @ homogeneous)
@@ -122,7 +122,7 @@ def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
     return np.asarray(total.reshape(n, 3, 3, k, k).swapaxes(2, 3).reshape(n, 3 * k, 3 * k))
 
 
-def _tilted(camera_from_plane: SE3) -> SE3:
+def _mirror_normal(camera_from_plane: SE3) -> SE3:
     """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens.
 
     A half turn about the normal n and then one about the line of sight s, (2 s s' - I) (2 n n' - I), turn it there.
@@ -140,7 +140,7 @@ class _Refined:
     cost: Array
     information: Array
 
-    def of(self, views: slice) -> _Refined:
+    def take(self, views: slice) -> _Refined:
         """The views of a slice."""
         return _Refined(self.camera_from_target[views], self.cost[views], self.information[views])
 
@@ -177,10 +177,10 @@ class _Poses:
         return _Poses(self.views.take(rows), self.camera)
 
 
-def refined(views: Views, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
+def refine_poses(views: Views, start: SE3, camera: Camera | None = None, iterations: int = 8) -> _Refined:
     """Each view's pose at its own optimum near `start`, (n,); see `numerics.levenberg_marquardt`."""
     if not iterations:
         at = views.linearise(start, camera, False)
         return _Refined(start, at.cost, at.information)
-    optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED))
+    optima = levenberg_marquardt(_Poses(views, camera), start, Stop(iterations, sigmas=_SETTLED_GAIN))
     return _Refined(optima.state, optima.cost, optima.about.information)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from basecal.errors import BasecalError
-from basecal.estimation.solve import Solution, solve_packed
+from basecal.estimation.solve import Solution, solve_problem
 from basecal.estimation.solve_batch import solve_batch
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.studies.draws import Draws, group_pixels
@@ -85,7 +85,7 @@ def _solve_trial(draws: Draws, trial: int) -> Solution:
         replace(group, measurement=replace(group_pixels(group), pixels=group_pixels(group).pixels[trial]))
         for group in draws.problem.groups
     ]
-    return solve_packed(draws.problem.with_groups(groups), draws.made.cell)
+    return solve_problem(draws.problem.with_groups(groups), draws.made.cell)
 
 
 SOLVER = Solver("all at once, as `basecal.solve`", solve)

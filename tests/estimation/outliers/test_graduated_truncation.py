@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tests.pose_problem import MOUNT, pose_problem
 
-from basecal.estimation.least_squares.studentized import MahalanobisSquared
-from basecal.estimation.outliers.reweighted import (
-    _over_limit,
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared
+from basecal.estimation.outliers.graduated_truncation import (
+    _limit_ratio,
     _point_misfits,
-    _weighted,
+    _weigh_group,
     _weights,
     graduated_truncation,
 )
@@ -97,7 +97,7 @@ def test_squares_are_told_over_their_limits():
     """Those of no freedoms, which have none, are nothing; infinite ones are huge."""
     scale = Scale(4.0, np.inf, np.inf, CHANCE)
     limit = scale.limit(np.array([6]))[0]
-    found = _over_limit(MahalanobisSquared(np.array([limit, 3 * limit, np.inf, 5.0]), np.array([6, 6, 6, 0])), scale)
+    found = _limit_ratio(MahalanobisSquared(np.array([limit, 3 * limit, np.inf, 5.0]), np.array([6, 6, 6, 0])), scale)
     np.testing.assert_allclose(found, [1.0, 3.0, 1e30 / limit, 0.0])
 
 
@@ -118,10 +118,10 @@ def test_points_are_weighted_by_themselves():
     """By the root of their weight, as squares are; poses have none."""
     _, _, group = points_of_five()
     weights = np.array([[0.25, 1.0, 0.0, 4.0, 1.0]] * 3)
-    found = _weighted(group, weights).measurement.weight
+    found = _weigh_group(group, weights).measurement.weight
     np.testing.assert_allclose(found, group.measurement.weight * [0.5, 1.0, 0.0, 2.0, 1.0])
     (poses,) = pose_problem(np.zeros((3, 6)), SIGMA)[0].groups
-    assert _weighted(poses, np.ones((3, 1))).measurement is poses.measurement
+    assert _weigh_group(poses, np.ones((3, 1))).measurement is poses.measurement
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

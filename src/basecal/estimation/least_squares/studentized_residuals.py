@@ -183,9 +183,9 @@ def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: Bo
     return MahalanobisSquared(np.where(freedoms > 0, known.squared_mahalanobis(residual), np.nan), freedoms)
 
 
-def _pair_distances(residual: Array, left: Array) -> tuple[Array, BoolArray]:
+def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
     """Of pairs r: r' M^-1 r, and whether M is clear of zero; written out, since many small systems are slow."""
-    a, b, c = left[..., 0, 0], left[..., 0, 1], left[..., 1, 1]
+    a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
     x, y = residual[..., 0], residual[..., 1]
     determinant = a * c - b * b
     certain = np.asarray((determinant > _LEAST_VARIANCE_SHARE) & (a > 0))

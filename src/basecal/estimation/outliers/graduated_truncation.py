@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
-from basecal.estimation.least_squares.studentized import MahalanobisSquared, judged_by_view, studentize_views
+from basecal.estimation.least_squares.studentized_residuals import MahalanobisSquared, judged_by_view, studentize_views
 from basecal.estimation.outliers.robust_scale import Scale
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
@@ -22,8 +22,8 @@ from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
 from basecal.geometry import Array
 
 _GROWTH = 1.6  # of the control parameter in each round
-_ROUNDS = 60  # 1.6^60 is beyond any square over its limit
-_STEPS = 2  # steps between two sets of weights
+_WEIGHT_ROUNDS = 60  # 1.6^60 is beyond any square over its limit
+_STEPS_BETWEEN_WEIGHTS = 2  # steps between two sets of weights
 _CERTAIN = 1e-3  # weights this near to zero or one have decided
 
 ScaleOf = Callable[[list[MahalanobisSquared]], Scale]
@@ -40,13 +40,13 @@ def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> S
     views = [np.ones(len(g)) for g in problem.groups]
     points = [np.ones((len(g.measurement.equations()), 1)) for g in problem.groups]
     control = 0.0
-    for _ in range(_ROUNDS):
-        weighted = problem.with_groups(_weighted(g, w) for g, w in zip(problem.groups, points, strict=True))
-        state = bundle_adjust(weighted, state, 1, _STEPS, views).state
+    for _ in range(_WEIGHT_ROUNDS):
+        weighted = problem.with_groups(_weigh_group(g, w) for g, w in zip(problem.groups, points, strict=True))
+        state = bundle_adjust(weighted, state, 1, _STEPS_BETWEEN_WEIGHTS, views).state
         of_views = list(studentize_views(weighted, state, views))
         of_points = [_point_misfits(problem, state, g) for g in problem.groups]
-        ratios = [_over_limit(s, scale_of(of_views)) for s in of_views]
-        point_ratios = [_over_limit(s, scale_of(of_points)) for s in of_points]
+        ratios = [_limit_ratio(s, scale_of(of_views)) for s in of_views]
+        point_ratios = [_limit_ratio(s, scale_of(of_points)) for s in of_points]
         worst = max((float(r.max(initial=0.0)) for r in (*ratios, *point_ratios)), default=0.0)
         control = control * _GROWTH if control else 1 / max(2 * min(worst, 1e12) - 1, 1.0)
         before, views = views, [_weights(r, control) for r in ratios]
@@ -57,7 +57,7 @@ def graduated_truncation(problem: Problem, state: State, scale_of: ScaleOf) -> S
     return state
 
 
-def _over_limit(squares: MahalanobisSquared, scale: Scale) -> Array:
+def _limit_ratio(squares: MahalanobisSquared, scale: Scale) -> Array:
     limit = scale.limit(squares.freedoms)
     return np.where(np.isfinite(limit), np.minimum(squares.value, 1e30) / limit, 0.0)
 
@@ -68,8 +68,8 @@ def _weights(ratio: Array, control: float) -> Array:
     return np.where(ratio <= control / (control + 1), 1.0, np.where(ratio >= (control + 1) / control, 0.0, between))
 
 
-def _weighted(group: ViewGroup, weights: Array) -> ViewGroup:
-    return replace(group, measurement=group.measurement.reweighted(weights))
+def _weigh_group(group: ViewGroup, weights: Array) -> ViewGroup:
+    return replace(group, measurement=group.measurement.reweight(weights))
 
 
 def _point_misfits(problem: Problem, state: State, group: ViewGroup) -> MahalanobisSquared:

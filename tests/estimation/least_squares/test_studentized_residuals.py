@@ -12,7 +12,7 @@ from tests.pose_problem import pose_problem
 from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
-from basecal.estimation.least_squares.studentized import (
+from basecal.estimation.least_squares.studentized_residuals import (
     _studentize,
     judged_by_view,
     leave_one_out,
@@ -21,7 +21,7 @@ from basecal.estimation.least_squares.studentized import (
     studentized_stops,
     studentized_views,
 )
-from basecal.estimation.outliers.inlier_mask import all_inliers, at_stops_of
+from basecal.estimation.outliers.inlier_mask import all_inliers, without_unseen_stops
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State, chain
 from basecal.estimation.solve import solve
@@ -204,7 +204,7 @@ def test_views_deviate_as_a_fit_of_the_others_says(scenario, out):
     weights[list(out)] = 0.0
     kept = problem.with_groups(g.take(np.flatnonzero(weights)) for g in problem.groups)
     state = State(made.truth, {}, np.zeros((len(problem.stops), 6)))
-    state = at_stops_of(kept, bundle_adjust(kept, state, 1, 50).state)
+    state = without_unseen_stops(kept, bundle_adjust(kept, state, 1, 50).state)
     found = studentized_views(leave_one_out(problem, state, [weights]))[0]
     residuals, rows = dense_rows(problem, state)
     # Errors of stops are unknowns whose residuals are what they are at the state.

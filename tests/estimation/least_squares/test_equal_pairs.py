@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.estimation.least_squares import alike_pairs as module
-from basecal.estimation.least_squares.alike_pairs import group_pairs
+from basecal.estimation.least_squares import equal_pairs as module
+from basecal.estimation.least_squares.equal_pairs import group_pairs
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.simulation import Scenario, simulate
