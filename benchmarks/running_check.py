@@ -23,7 +23,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.systematic_errors.score_tests import score_of, sums
+from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.acquisition.running.check import Doubt, RunningCheck
 from basecal.cell import Cell, PixelObservation, Recording, RobotState, Sample
@@ -195,7 +195,7 @@ def shown(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     recording = Recording(tuple(fault.samples[:count]))
     found = solve(cell, recording, Settings(robot_noise="stated"))
     of = Situation(found.problem, found.state, build_problem(cell, recording)[0], {})
-    score = score_of(of.about, sums(of.about, fault.moves(of)))
+    score = score_from_sums(of.about, sums(of.about, fault.moves(of)))
     gradient, information = float(score.gradient[0, 0]), float(score.information[0, 0, 0])
     if not information > 0:
         return False, False, False

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2, ncx2
 
-from basecal.accuracy.systematic_errors.score_tests import linearised, score
+from basecal.accuracy.systematic_errors.score_tests import linearise_views, score
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Recording
 from basecal.effects.bending import candidates as sag
@@ -57,7 +57,7 @@ def told(seed: int) -> Told:
     solution = solve_problem(problem, cell, Settings(robot_noise="stated"))
     situation = Situation(solution.problem, solution.state, problem, {})
     of_hand = next(each for each in sag(situation) if each.about == ("hand",))
-    information = score(linearised(situation.problem, situation.state), of_hand).information[0]
+    information = score(linearise_views(situation.problem, situation.state), of_hand).information[0]
     turns = _turns(drawn.recording)
     return Told(float(information[0, 0]), _rms(turns), _rms(turns - turns.mean(0)))
 

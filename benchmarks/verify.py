@@ -21,7 +21,7 @@ import numpy as np
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift.verify import POWER, Verification, verify
-from basecal.accuracy.model_comparison.nested import MOVED
+from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import WORLD, Calibration, Cell, Recording, RobotState
 from basecal.errors import DatasetError
 from basecal.geometry import SE3, Array

@@ -49,7 +49,7 @@ VAGUE = word_set(
     "rounds steps share margin most least far little enough many settled kept known same tiny nothing tries "
     "passes iterations window depth head order named shown listed best better"
 )
-PUBLIC = word_set("between wanted imported")  # of documented nouns, and modules that plug-ins import
+PUBLIC = word_set("between import_into wanted imported")  # of documented nouns, and modules that plug-ins import
 REPLACED = word_set("told mended shaken alike door worth anywhere surprise")
 BUILDERS = word_set("with without to from as is has are was needs can read wait leave")
 PHRASES = (

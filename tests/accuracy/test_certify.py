@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from basecal.accuracy import certify as module
-from basecal.accuracy.certify import certified
+from basecal.accuracy.certify import prove_solution
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -47,9 +47,9 @@ def better_by_one(monkeypatch):
 
 def test_none_unless_asked_for_or_disputed(better_by_one):
     """The solution is given back as it is."""
-    assert certified(Answer(9), Settings()) == (Answer(9), None)
-    assert certified(Answer(9), Settings(certify=True)) == (Answer(9), "of 9")
-    assert certified(Answer(9, disputed=True), Settings()) == (Answer(9, disputed=True), "of 9")
+    assert prove_solution(Answer(9), Settings()) == (Answer(9), None)
+    assert prove_solution(Answer(9), Settings(certify=True)) == (Answer(9), "of 9")
+    assert prove_solution(Answer(9, disputed=True), Settings()) == (Answer(9, disputed=True), "of 9")
     assert better_by_one == []
 
 
@@ -57,7 +57,7 @@ def test_none_unless_asked_for_or_disputed(better_by_one):
 def test_better_optima_are_gone_to_three_times_at_most(better_by_one, start, end):
     """One after another, each solved by the same settings; that starts differed stays known."""
     settings = Settings(certify=True)
-    best, certificate = certified(Answer(start, disputed=True), settings)
+    best, certificate = prove_solution(Answer(start, disputed=True), settings)
     assert best == Answer(end, disputed=True)
     assert certificate == f"of {end}"
     assert better_by_one == [("problem", k, settings, ("finding",)) for k in range(start + 1, end + 1)]
@@ -67,7 +67,7 @@ def test_a_well_posed_cell_is_proven():
     """Poses seen by two arms: global, and the solution is that which was given."""
     made = simulate(Scenario(target="pose", samples=12), 1)
     solution = solve(made.cell, made.recording)
-    best, certificate = certified(replace(solution, disputed=True), Settings())
+    best, certificate = prove_solution(replace(solution, disputed=True), Settings())
     assert certificate is not None
     assert certificate.is_global is True
     assert best.state is solution.state

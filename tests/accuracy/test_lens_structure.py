@@ -16,19 +16,19 @@ from basecal.accuracy import lens_structure
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.lens_structure import (
     LensStructure,
-    _alone,
+    _answer_step,
     _bend,
     _bending,
-    _by_pose,
+    _camera_structure,
     _chance,
-    _estimated,
-    _moved,
-    _of_camera,
-    _projected,
+    _estimate_sizes,
+    _pose_jacobian,
+    _project,
     _side_by_side,
+    _single_view_poses,
     lens_structures,
 )
-from basecal.accuracy.model_comparison.nested import ALONE
+from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.accuracy.widening import widen
 from basecal.estimation.problem.build import build_problem
@@ -129,7 +129,7 @@ def test_derivatives_to_the_pose():
     at = (camera_from_target.rotation[:, None] @ points[..., None])[..., 0] + camera_from_target.translation[:, None]
     _, by_point, _ = camera.project_with_derivatives(at)
     numeric = np.stack([(pixels(1e-6 * e) - pixels(-1e-6 * e)) / 2e-6 for e in np.eye(6)], axis=-1)
-    np.testing.assert_allclose(_by_pose(by_point, camera_from_target, points), numeric, atol=1e-3)
+    np.testing.assert_allclose(_pose_jacobian(by_point, camera_from_target, points), numeric, atol=1e-3)
 
 
 def test_what_known_columns_explain_is_none_of_the_others():
@@ -137,8 +137,8 @@ def test_what_known_columns_explain_is_none_of_the_others():
     rng = np.random.default_rng(0)
     known, columns, sizes = rng.normal(size=(8, 6, 2)), rng.normal(size=(8, 6, 3)), np.array([0.5, -1.0, 2.0])
     residual = columns @ sizes + rng.normal(size=(8, 6))
-    found, chance = _estimated(residual, known, columns)
-    shared = _estimated(residual + known @ np.array([30.0, -20.0]), known, columns)
+    found, chance = _estimate_sizes(residual, known, columns)
+    shared = _estimate_sizes(residual + known @ np.array([30.0, -20.0]), known, columns)
     np.testing.assert_allclose(shared[0], found, rtol=1e-9)
     assert shared[1] == pytest.approx(chance, rel=1e-6)
     np.testing.assert_allclose(found, sizes, atol=0.7)
@@ -182,13 +182,13 @@ def test_two_families_share_the_chance_of_an_alarm():
     own, other, noise = drawn_views()
 
     def chance_of(size):
-        return _estimated(size * other[..., 0] + noise[..., 0], own, other[..., [0]])[1]
+        return _estimate_sizes(size * other[..., 0] + noise[..., 0], own, other[..., [0]])[1]
 
     for share in (0.8, 1.2):
-        size = brentq(lambda x, p=share: np.log(chance_of(x) / (p * ALONE / 2)), 0.05, 1.0)
+        size = brentq(lambda x, p=share: np.log(chance_of(x) / (p * SINGLE_LEVEL / 2)), 0.05, 1.0)
         found, chance = _bend(size * other[..., 0] + noise[..., 0], own, other)
         assert np.any(found) == (share < 1)
-        assert chance == pytest.approx(share * ALONE / 2 if share < 1 else 1.0, rel=1e-6)
+        assert chance == pytest.approx(share * SINGLE_LEVEL / 2 if share < 1 else 1.0, rel=1e-6)
 
 
 def test_the_chance_told_is_the_least_of_those_of_the_families():
@@ -197,7 +197,7 @@ def test_the_chance_told_is_the_least_of_those_of_the_families():
     residual = 1.0 * other[..., 0] + 0.1 * other[..., 2] + 0.3 * noise[..., 0]
     found, chance = _bend(residual, own, other)
     assert np.all(found)
-    assert chance == _estimated(residual, own, other[..., [0]])[1]
+    assert chance == _estimate_sizes(residual, own, other[..., [0]])[1]
 
 
 def test_columns_are_judged_by_what_known_ones_leave_of_them():
@@ -205,8 +205,8 @@ def test_columns_are_judged_by_what_known_ones_leave_of_them():
     rng = np.random.default_rng(0)
     known, columns = rng.normal(size=(8, 6, 2)), rng.normal(size=(8, 6, 3))
     residual = columns @ np.array([0.5, -1.0, 2.0]) + rng.normal(size=(8, 6))
-    found, chance = _estimated(residual, known, columns)
-    mixed = _estimated(residual, known, columns + known @ rng.normal(size=(2, 3)))
+    found, chance = _estimate_sizes(residual, known, columns)
+    mixed = _estimate_sizes(residual, known, columns + known @ rng.normal(size=(2, 3)))
     np.testing.assert_allclose(mixed[0], found, rtol=1e-9)
     assert mixed[1] == pytest.approx(chance, rel=1e-6)
 
@@ -250,7 +250,7 @@ def test_views_alone_are_all_that_give_a_pose(solved, monkeypatch, at_a_time):
     seen, weight = group.measurement.seen.copy(), group.measurement.weight.copy()
     seen[3, 3:], weight[3, 3:] = False, 0.0
     group = replace(group, measurement=replace(group.measurement, seen=seen, weight=weight))
-    found = _alone(solved, group)
+    found = _single_view_poses(solved, group)
     assert len(found) == -(-11 // at_a_time)
     others = np.delete(np.arange(12), 3)
     np.testing.assert_array_equal(np.concatenate([few.pixels for few, _ in found]), group.measurement.pixels[others])
@@ -263,17 +263,17 @@ def test_poses_have_no_place_in_an_image():
     """A target that is seen as poses says nothing of a lens."""
     problem = simulated_problem(Scenario(samples=3, target="pose"))
     state = SimpleNamespace(camera_from_target=lambda group, stops: group.measurement.measured_camera_from_target)
-    assert _alone(SimpleNamespace(problem=problem, state=state), problem.groups[0]) == []
+    assert _single_view_poses(SimpleNamespace(problem=problem, state=state), problem.groups[0]) == []
 
 
 def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
     """Weighted residuals and columns less their part along what the pose moves, by differences, view by view."""
-    ((few, alone),) = _alone(solved, solved.problem.groups[0])
+    ((few, alone),) = _single_view_poses(solved, solved.problem.groups[0])
     few, alone = few.take(np.arange(2)), alone[np.arange(2)]
     weight = few.weight * np.random.default_rng(0).uniform(0.1, 2.0, few.weight.shape)
     weight[1, 4] = 0.0
     few = replace(few, weight=weight)
-    found = _projected(few, alone, CAMERA)
+    found = _project(few, alone, CAMERA)
 
     def pixels(pose, camera=CAMERA):
         return camera.project(few.camera_points(pose))
@@ -303,11 +303,11 @@ def test_what_is_projected_is_what_a_pose_cannot_take_up(solved):
 
 def test_a_point_without_a_pixel_has_no_part(solved):
     """Behind the camera: neither residual nor columns, whatever its weight."""
-    ((few, alone),) = _alone(solved, solved.problem.groups[0])
+    ((few, alone),) = _single_view_poses(solved, solved.problem.groups[0])
     few, alone = few.take(np.arange(1)), alone[np.arange(1)]
     behind = few.points_in_target.copy()
     behind[5] = (alone[0].inverse() @ np.array([[0.01, 0.02, -0.5]]))[0]
-    found = _projected(replace(few, points_in_target=behind), alone, CAMERA)
+    found = _project(replace(few, points_in_target=behind), alone, CAMERA)
     rows = slice(10, 12)
     for part in found:
         assert np.all(np.isfinite(part))
@@ -326,7 +326,7 @@ def test_each_camera_is_judged_by_its_own_views(solved, monkeypatch):
     """Those with pixels, by name; a camera whose residuals show nothing is not told of."""
     told = LensStructure("wrist", 1.0, 0.0, np.zeros(1))
     monkeypatch.setattr(
-        lens_structure, "_of_camera", lambda solution, name, settings: told if name == "wrist" else None
+        lens_structure, "_camera_structure", lambda solution, name, settings: told if name == "wrist" else None
     )
     assert lens_structures(seen_twice(solved), SETTINGS) == [told]
     assert lens_structures(replace(solved, converged=False), SETTINGS) == []
@@ -336,26 +336,26 @@ def test_size_in_pixels_is_over_the_points_that_were_seen(solved, monkeypatch):
     """Root of the mean square over both coordinates; nothing is told where no size stands out, nor of four views."""
     two, size = seen_twice(solved), np.array([0.0, 2.0, -1.0, 0.5, 0.25])
     monkeypatch.setattr(lens_structure, "_bend", lambda residual, own, other: (size, 1e-9))
-    monkeypatch.setattr(lens_structure, "_moved", lambda solution, name, size, settings: 2 * size)
-    found = _of_camera(two, "wrist", SETTINGS)
-    ((few, alone),) = _alone(solved, solved.problem.groups[0])
+    monkeypatch.setattr(lens_structure, "_answer_step", lambda solution, name, size, settings: 2 * size)
+    found = _camera_structure(two, "wrist", SETTINGS)
+    ((few, alone),) = _single_view_poses(solved, solved.problem.groups[0])
     shift = (_bending(solved.state.cameras["wrist"], few.camera_points(alone)) @ size)[few.weight > 0]
     assert (found.camera, found.chance) == ("wrist", 1e-9)
     assert found.rms_px == pytest.approx(np.sqrt(np.sum(shift**2) / shift.size), rel=1e-12)
     np.testing.assert_array_equal(found.moved, 2 * size)
-    assert _of_camera(two, "other", SETTINGS) is None
+    assert _camera_structure(two, "other", SETTINGS) is None
     monkeypatch.setattr(lens_structure, "_bend", lambda residual, own, other: (np.zeros(5), 1.0))
-    assert _of_camera(two, "wrist", SETTINGS) is None
+    assert _camera_structure(two, "wrist", SETTINGS) is None
 
 
 @pytest.mark.parametrize("count", [9, 10])
 def test_ten_views_tell_how_far_they_differ(solved, monkeypatch, count):
     """And nine do not."""
     monkeypatch.setattr(lens_structure, "_bend", lambda residual, own, other: (np.ones(5), 0.0))
-    monkeypatch.setattr(lens_structure, "_moved", lambda *_: np.zeros(1))
+    monkeypatch.setattr(lens_structure, "_answer_step", lambda *_: np.zeros(1))
     (group,) = solved.problem.groups
     few = replace(solved, problem=solved.problem.with_groups([group.take(np.arange(count))]))
-    assert (_of_camera(few, "wrist", SETTINGS) is None) == (count < 10)
+    assert (_camera_structure(few, "wrist", SETTINGS) is None) == (count < 10)
 
 
 def test_the_answer_moves_as_that_of_pixels_without_the_bend(solved):
@@ -366,9 +366,9 @@ def test_the_answer_moves_as_that_of_pixels_without_the_bend(solved):
     shift = _bending(solved.state.cameras["wrist"], points) @ size
     bent_group = replace(group, measurement=replace(group.measurement, pixels=group.measurement.pixels + shift))
     bent_solution = replace(solved, problem=solved.problem.with_groups([bent_group]))
-    moved = _moved(bent_solution, "wrist", size, SETTINGS)
-    there = _moved(solved, "wrist", -size, SETTINGS)
+    moved = _answer_step(bent_solution, "wrist", size, SETTINGS)
+    there = _answer_step(solved, "wrist", -size, SETTINGS)
     sigmas = np.sqrt(np.diag(solved.covariance))
     assert np.abs(there / sigmas).max() > 3
     assert np.abs(moved / sigmas).max() < 0.1
-    np.testing.assert_allclose(_moved(solved, "other", size, SETTINGS) / sigmas, 0.0, atol=1e-4)
+    np.testing.assert_allclose(_answer_step(solved, "other", size, SETTINGS) / sigmas, 0.0, atol=1e-4)

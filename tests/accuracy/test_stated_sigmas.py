@@ -68,7 +68,7 @@ def test_what_nobody_stated_is_not_judged():
 @pytest.mark.slow
 def test_chances_are_uniform(monkeypatch):
     """Of true sigmas the squares of pixels over their mean are normal about 1 as their freedoms say."""
-    monkeypatch.setattr("basecal.accuracy.stated_sigmas.ALONE", 2.0)
+    monkeypatch.setattr("basecal.accuracy.stated_sigmas.SINGLE_LEVEL", 2.0)
     ratios = [f.ratio for k in range(60) for f in contradicted_sigmas(solved(seed=k)) if f.about == "wrist"]
     freedoms = 20 * 2 * 24 - 18 - 20 * 6
     scores = (np.array(ratios) ** 2 - 1) * np.sqrt(freedoms / 2)

@@ -47,12 +47,12 @@ SOLVING_STAGES = (
     Stage("noise", solving.integrate_noise),
 )
 JUDGING_STAGES = (
-    Stage(None, solving.refuse_unexplained),
+    Stage(None, solving.refuse_unexplained_poses),
     Stage("stated sigmas", judging.screen_stated_sigmas),
     Stage("robot model", judging.choose_kinematics),
     Stage("systematic errors", judging.find_systematic_error),
     Stage("certificate", judging.certify_solution),
-    Stage("cross-validation", judging.hold_samples_out),
+    Stage("cross-validation", judging.predict_held_out_samples),
     Stage("findings", judging.list_findings),
     Stage("findings", judging.cover_effects),
     Stage("findings", concluding.conclude),

@@ -12,7 +12,7 @@ from basecal.estimation.solve import Solution, solve_from
 _CERTIFICATE_ROUNDS = 3  # better optima to go to, one after another: each lowers the cost
 
 
-def certified(solution: Solution, settings: Settings) -> tuple[Solution, Certificate | None]:
+def prove_solution(solution: Solution, settings: Settings) -> tuple[Solution, Certificate | None]:
     """The best solution found and its certificate; the solution that was given where the proof finds none better.
 
     A certificate is made where the settings ask for it, and where starts ended in different optima.

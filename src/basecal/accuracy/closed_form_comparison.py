@@ -14,9 +14,9 @@ from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, PoseEstimate
 
 
-def difference(pose: SE3, other: SE3) -> Array:
+def difference(pose: SE3, reference: SE3) -> Array:
     """A transform against another, (6,) along and about the axes of what that other places [m, rad]."""
-    return np.asarray((pose.inverse() @ other).log())
+    return np.asarray((pose.inverse() @ reference).log())
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class ClosedFormComparison:
     stations: tuple[StationBeside, ...]
 
     @property
-    def off(self) -> Array:
+    def difference(self) -> Array:
         """(6,) the closed form against the other answer, as of a station."""
         return difference(self.other.mean, self.estimate.mean)
 

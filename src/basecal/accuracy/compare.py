@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.nested import MOVED, compare_nested
+from basecal.accuracy.model_comparison.nested_models import MOVED, compare_nested_models
 from basecal.cell import Calibration
 from basecal.numerics.spectral import spectrum
 
@@ -89,4 +89,6 @@ def _difference(first: Calibration, second: Calibration, name: str) -> Differenc
         return Difference(length, angle, None, None)
     of = spectrum(covariance)
     squared, freedoms = float(apart[:width] @ of.inverse @ apart[:width]), int(of.rank)
-    return Difference(length, angle, float(np.sqrt(squared / freedoms)), compare_nested(name, squared, freedoms).chance)
+    return Difference(
+        length, angle, float(np.sqrt(squared / freedoms)), compare_nested_models(name, squared, freedoms).chance
+    )

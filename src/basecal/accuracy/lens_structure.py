@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.nested import ALONE, compare_nested
+from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, compare_nested_models
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.accuracy.widening import solution_step
 from basecal.estimation.problem.view_group import ViewGroup
@@ -51,41 +51,41 @@ def lens_structures(solution: Solution, settings: Settings) -> list[LensStructur
     if not solution.converged:
         return []
     cameras = sorted({g.camera for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)})
-    found = [_of_camera(solution, name, settings) for name in cameras]
+    found = [_camera_structure(solution, name, settings) for name in cameras]
     return [each for each in found if each is not None]
 
 
-def _of_camera(solution: Solution, name: str, settings: Settings) -> LensStructure | None:
+def _camera_structure(solution: Solution, name: str, settings: Settings) -> LensStructure | None:
     camera = solution.state.cameras[name]
-    seen = [each for g in solution.problem.groups if g.camera == name for each in _alone(solution, g)]
+    seen = [each for g in solution.problem.groups if g.camera == name for each in _single_view_poses(solution, g)]
     if sum(len(alone) for _, alone in seen) < _FEWEST_VIEWS:
         return None
-    of_groups = [_projected(measurement, alone, camera) for measurement, alone in seen]
+    of_groups = [_project(measurement, alone, camera) for measurement, alone in seen]
     every = _Projected(*map(_side_by_side, zip(*of_groups, strict=True)))
     size, chance = _bend(every.residual, every.of_lens, every.of_others)
     if not np.any(size):
         return None
     shift = every.in_pixels @ size
     rms_px = float(np.sqrt(np.mean(shift[np.any(every.in_pixels, axis=-1)] ** 2)))
-    return LensStructure(name, rms_px, chance, _moved(solution, name, size, settings))
+    return LensStructure(name, rms_px, chance, _answer_step(solution, name, size, settings))
 
 
-def _bend(residual: Array, own: Array, other: Array) -> tuple[Array, float]:
+def _bend(residual: Array, own: Array, rivals: Array) -> tuple[Array, float]:
     """Sizes (q,) of the families of terms that chance does not make, the likeliest first; and that chance."""
     size, chance, used, open_families = np.zeros(_TERM_COUNT), 1.0, np.zeros(0, dtype=np.int64), list(_TERM_FAMILIES)
     while open_families:
-        known = np.concatenate([own, other[..., used]], axis=-1)
-        tried = [_estimated(residual, known, other[..., list(family)]) for family in open_families]
+        known = np.concatenate([own, rivals[..., used]], axis=-1)
+        tried = [_estimate_sizes(residual, known, rivals[..., list(family)]) for family in open_families]
         best = min(range(len(tried)), key=lambda k: tried[k][1])
-        if tried[best][1] > ALONE / len(_TERM_FAMILIES):
+        if tried[best][1] > SINGLE_LEVEL / len(_TERM_FAMILIES):
             break
         chance = min(chance, tried[best][1])
         used = np.append(used, open_families.pop(best))
-        size[used] = _estimated(residual, own, other[..., used])[0]
+        size[used] = _estimate_sizes(residual, own, rivals[..., used])[0]
     return size, chance
 
 
-def _estimated(residual: Array, known_columns: Array, columns: Array) -> tuple[Array, float]:
+def _estimate_sizes(residual: Array, known_columns: Array, columns: Array) -> tuple[Array, float]:
     """Sizes (k,) of columns (n, r, k), with the known ones projected out, and the chance of what they explain."""
     flat = known_columns.reshape(-1, known_columns.shape[-1])
     inverse = spectrum(flat.T @ flat).inverse
@@ -111,7 +111,9 @@ def _chance(scores: Array, information: Array, size: Array) -> float:
     apart = float(of_views.squared_mahalanobis(scores).sum()) - in_common
     if freedoms <= 0 or apart <= 0:
         return 1.0
-    return compare_nested("lens terms", in_common / (apart / freedoms), len(size), noise_freedoms=freedoms).chance
+    return compare_nested_models(
+        "lens terms", in_common / (apart / freedoms), len(size), noise_freedoms=freedoms
+    ).chance
 
 
 def _side_by_side(arrays: tuple[Array, ...]) -> Array:
@@ -121,7 +123,7 @@ def _side_by_side(arrays: tuple[Array, ...]) -> Array:
     return np.concatenate(filled)
 
 
-def _alone(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement, SE3]]:
+def _single_view_poses(solution: Solution, group: ViewGroup) -> list[tuple[PixelMeasurement, SE3]]:
     """The views of a group that give a pose, and these poses, so many at a time as a cache holds."""
     measurement = group.measurement
     predicted = solution.state.camera_from_target(group, solution.problem.stops)
@@ -149,15 +151,15 @@ class _Projected(NamedTuple):
     in_pixels: Array
 
 
-def _projected(measurement: PixelMeasurement, alone: SE3, camera: Camera) -> _Projected:
-    p_in_camera = measurement.camera_points(alone)
+def _project(measurement: PixelMeasurement, poses: SE3, camera: Camera) -> _Projected:
+    p_in_camera = measurement.camera_points(poses)
     pixels, by_point, by_lens = camera.project_with_derivatives(p_in_camera, intrinsics=True)
     weight = np.where(np.isnan(pixels).any(-1), 0.0, measurement.weight)
     bent = np.where(weight[..., None, None] > 0, _bending(camera, p_in_camera), 0.0)
-    columns = np.concatenate([_by_pose(by_point, alone, measurement.points_in_target), by_lens, bent], axis=-1)
+    columns = np.concatenate([_pose_jacobian(by_point, poses, measurement.points_in_target), by_lens, bent], axis=-1)
     weighted = np.nan_to_num(columns) * weight[..., None, None]
     residual = -np.nan_to_num(pixels - measurement.pixels) * weight[..., None]
-    n, r = len(alone), 2 * measurement.pixels.shape[1]
+    n, r = len(poses), 2 * measurement.pixels.shape[1]
     basis, _ = np.linalg.qr(weighted[..., :6].reshape(n, r, 6))
     rest = np.concatenate([residual.reshape(n, r, 1), weighted[..., 6:].reshape(n, r, -1)], axis=-1)
     rest = rest - basis @ (basis.mT @ rest)
@@ -166,9 +168,9 @@ def _projected(measurement: PixelMeasurement, alone: SE3, camera: Camera) -> _Pr
     )
 
 
-def _by_pose(point_jacobian: Array, alone: SE3, points: Array) -> Array:
+def _pose_jacobian(point_jacobian: Array, poses: SE3, points: Array) -> Array:
     """Pixels' derivatives to the tangent of camera_from_target, (n, p, 2, 6), of those to points in the camera."""
-    by_translation = point_jacobian @ alone.rotation[:, None]
+    by_translation = point_jacobian @ poses.rotation[:, None]
     by_rotation = np.cross(np.broadcast_to(points[:, None], (*by_translation.shape[1:3], 3)), by_translation)
     return np.concatenate([by_translation, by_rotation], axis=-1)
 
@@ -186,7 +188,7 @@ def _bending(camera: Camera, p_in_camera: Array) -> Array:
     return np.nan_to_num(bent)
 
 
-def _moved(solution: Solution, name: str, size: Array, settings: Settings) -> Array:
+def _answer_step(solution: Solution, name: str, size: Array, settings: Settings) -> Array:
     """The step of the answer to that of the pixels without the bending."""
     groups = []
     for group in solution.problem.groups:

@@ -67,12 +67,14 @@ def _joint_parameters(solution: Solution, model: RobotModel, kind: str) -> Robot
     return RobotParameters((), values, sigma, np.ones(values.shape, dtype=bool))
 
 
-def _parameters_by_joint(solution: Solution, model: RobotModel, kind: str, unobserved: BoolArray) -> RobotParameters:
+def _parameters_by_joint(
+    solution: Solution, model: RobotModel, kind: str, is_unobservable: BoolArray
+) -> RobotParameters:
     """A value for each joint, their covariance, and which are seen; NaN if nothing is known."""
     n, where = model.chain.n, solution.problem.columns[f"{model.robot}_{kind}"]
     basis, prior = model.columns[kind]
     values, covariance, seen = np.full(n, np.nan), np.full((n, n), np.nan), np.zeros(n, dtype=bool)
-    known = ~unobserved[where]
+    known = ~is_unobservable[where]
     joints = basis.argmax(axis=0)[known]
     values[joints] = solution.state.kinematics(model).kind_values(kind)[joints]
     covariance[np.ix_(joints, joints)] = solution.covariance[where, where][np.ix_(known, known)]

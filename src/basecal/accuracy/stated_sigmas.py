@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtr
 
 from basecal.accuracy.model_comparison.comparison import decide
-from basecal.accuracy.model_comparison.nested import ALONE, log_chance
+from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, log_chance
 from basecal.estimation.least_squares.studentized_residuals import LeaveOneOut, leave_one_out
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
@@ -24,7 +24,7 @@ from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.numerics.spectral import spectrum
 
-_LEAST = 1e-300  # a chance, and a sum of squares, that is no number any more
+_LEAST_CHANCE = 1e-300  # a chance, and a sum of squares, that is no number any more
 _FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
 
 
@@ -77,10 +77,10 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
 def _judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
     if freedoms < _FEWEST_FREEDOMS:
         return None
-    squares = max(squares, _LEAST)
-    below = float(np.log(max(chdtr(freedoms, squares), _LEAST)))
+    squares = max(squares, _LEAST_CHANCE)
+    below = float(np.log(max(chdtr(freedoms, squares), _LEAST_CHANCE)))
     chance = log_chance(squares, freedoms) if squares > freedoms else below
-    compared = decide(name, squares, chance, ALONE)
+    compared = decide(name, squares, chance, SINGLE_LEVEL)
     ratio = float(np.sqrt(squares / freedoms))
     return ContradictedSigma(name, is_robot, ratio, compared.chance) if compared.is_taken else None
 

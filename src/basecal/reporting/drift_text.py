@@ -12,7 +12,7 @@ from basecal.accuracy.compare import Comparison
 from basecal.accuracy.drift.history import Drift
 from basecal.accuracy.drift.shifts import Shift
 from basecal.accuracy.drift.verify import POWER, Verification
-from basecal.accuracy.model_comparison.nested import MOVED
+from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import PastVerification
 
 _TIME_FORMAT = "%Y-%m-%d %H:%M"

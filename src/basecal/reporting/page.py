@@ -204,7 +204,7 @@ def _closed_form(comparison: ClosedFormComparison) -> dict[str, Any]:
             )
             for how, of in both.items()
         ],
-        "apart": _sizes(comparison.off[:3], comparison.off[3:]),
+        "apart": _sizes(comparison.difference[:3], comparison.difference[3:]),
         "stations": [
             (
                 f"{station.samples[0]} to {station.samples[-1]}",

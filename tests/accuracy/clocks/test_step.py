@@ -116,7 +116,7 @@ def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offs
     problem = SimpleNamespace(groups=[])
     about = SimpleNamespace(hessian=hessian)
     monkeypatch.setattr(step, "Situation", lambda *given: None)
-    monkeypatch.setattr(step, "linearised", lambda problem, state: about)
+    monkeypatch.setattr(step, "linearise_views", lambda problem, state: about)
     of_views = SimpleNamespace(information=information[None], gradient=gradient[None])
     monkeypatch.setattr(step, "score", lambda about, every: of_views)
     monkeypatch.setattr(step, "sums", lambda about, every: (None, across, None))

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from basecal.accuracy.cross_validation.closed_form_rival import _off, _ratio, closed_form_rival
+from basecal.accuracy.cross_validation.closed_form_rival import _ratio, _squared_errors, closed_form_rival
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.refit import refit_folds
 from basecal.accuracy.cross_validation.validation import cross_validate
@@ -146,4 +146,4 @@ def test_squares_are_of_lengths_and_of_angles():
     """Of the target as predicted about where a view alone has it, in its own axes."""
     alone = SE3.from_rotvec(np.array([[0.3, 0, 0.1], [0, 1.0, 0]]), np.array([[1.0, 2, 3], [0, 0, 1]]))
     off = SE3.from_rotvec(np.array([[0, 0.3, -0.4], [0, 0, 0]]), np.array([[1.0, 2, 2], [0, 3, 0]]))
-    np.testing.assert_allclose(_off(alone, alone @ off), [[9, 0.25], [9, 0]], atol=1e-12)
+    np.testing.assert_allclose(_squared_errors(alone, alone @ off), [[9, 0.25], [9, 0]], atol=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.ends import end, problem_of, views, with_hand
 
-from basecal.accuracy.cross_validation.folds import _joined, _places, _split, instant_split, splits
+from basecal.accuracy.cross_validation.folds import _join_parts, _places, _split, instant_split, splits
 from basecal.cell import Recording
 from basecal.estimation.problem.build import build_problem
 from basecal.simulation import Scenario, simulate
@@ -107,9 +107,9 @@ def test_parts_are_dealt_to_the_fold_that_has_the_fewest_samples():
 def test_parts_have_no_place_in_common():
     """Samples that share one of either robot's are in one part, and those that a third joins, too."""
     places = {"eye": {0: "a", 1: "b", 2: "a", 3: "c", 5: "e"}, "hand": {1: "x", 3: "y", 4: "x", 2: "z", 5: "y"}}
-    assert set(_joined(range(7), places)) == {frozenset(each) for each in ((0, 2), (1, 4), (3, 5), (6,))}
+    assert set(_join_parts(range(7), places)) == {frozenset(each) for each in ((0, 2), (1, 4), (3, 5), (6,))}
     places["hand"][2] = "x"
-    assert set(_joined(range(7), places)) == {frozenset(each) for each in ((0, 1, 2, 4), (3, 5), (6,))}
+    assert set(_join_parts(range(7), places)) == {frozenset(each) for each in ((0, 1, 2, 4), (3, 5), (6,))}
 
 
 def test_ways_to_split_go_from_all_robots_to_none():

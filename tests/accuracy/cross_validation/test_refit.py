@@ -38,7 +38,7 @@ def test_more_may_be_predicted_than_is_fitted():
     made = simulate(Scenario(samples=12), 0)
     solution = solve(made.cell, made.recording)
     fewer = solution.problem.with_groups(g.take(np.flatnonzero(g.sample != 3)) for g in solution.problem.groups)
-    (fit,) = refit_folds(fewer, solution.state, [frozenset({3, 4})], 100, predicted=solution.problem)
+    (fit,) = refit_folds(fewer, solution.state, [frozenset({3, 4})], 100, prediction_problem=solution.problem)
     assert {int(n) for g in fit.views.groups for n in g.sample} == {3, 4}
     assert {int(n) for g in fit.used.groups for n in g.sample} == set(range(12)) - {3, 4}
 

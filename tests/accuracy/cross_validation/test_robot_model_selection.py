@@ -13,8 +13,8 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.cross_validation import robot_model_selection as module
 from basecal.accuracy.cross_validation.robot_model_selection import (
     Candidate,
+    _is_promising,
     _Trials,
-    _worth_a_look,
     choose_robot_model,
 )
 from basecal.accuracy.cross_validation.station_scores import StationScores
@@ -122,9 +122,9 @@ def test_a_suggested_sigma_does_not_contradict_what_was_found(offsets_deg: list[
 def test_a_model_is_worth_a_look_beyond_six_sigmas_of_chance(gain, told):
     """Eight columns lower a cost by eight times what a freedom leaves, with a sigma of four; here that is two."""
     richest = SimpleNamespace(cost=200.0, dof=100)
-    assert _worth_a_look(200.0 + gain, richest, 8) == told
-    assert not _worth_a_look(0.0, SimpleNamespace(cost=0.0, dof=0), 8)
-    assert _worth_a_look(10.0 + 5 * gain, SimpleNamespace(cost=10.0, dof=0), 8) == told  # as of one freedom
+    assert _is_promising(200.0 + gain, richest, 8) == told
+    assert not _is_promising(0.0, SimpleNamespace(cost=0.0, dof=0), 8)
+    assert _is_promising(10.0 + 5 * gain, SimpleNamespace(cost=10.0, dof=0), 8) == told  # as of one freedom
 
 
 def tried(means, robots=("eye", "hand")):
@@ -173,7 +173,7 @@ def test_simpler_models_are_tried_where_richer_ones_help(better):
 
 @pytest.mark.parametrize(("decision", "kept"), [(Decision.KEEP, 3), (Decision.UNDECIDED, 5), (Decision.TAKE, 5)])
 def test_simpler_models_are_tried_if_a_richer_one_may_help(monkeypatch, decision, kept):
-    monkeypatch.setattr(module, "compare_held_out", lambda rival, gains: Comparison(rival, 0.0, 0.0, decision))
+    monkeypatch.setattr(module, "compare_predicted_gains", lambda rival, gains: Comparison(rival, 0.0, 0.0, decision))
     assert len(tried({}, ("eye",))) == kept
 
 
@@ -187,11 +187,11 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
         Candidate(kind, ("hand",) if kind != "none" else (), None, np.array([float(score)]), None, 1.0)
         for kind, score in zip(("none", "offsets", "links"), (2, 1, 0), strict=True)
     ]
-    monkeypatch.setattr(module, "_worth_a_look", lambda *given: True)
+    monkeypatch.setattr(module, "_is_promising", lambda *given: True)
     monkeypatch.setattr(module, "solve_from", lambda problem, state, settings: solution)
     monkeypatch.setattr(module._Trials, "candidates", lambda trials: found)
     compared = {2.0 - k: Comparison("", 0.0, 0.0, decisions[each]) for k, each in enumerate(behind)}
-    monkeypatch.setattr(module, "compare_held_out", lambda rival, gains: compared[float(gains[0])])
+    monkeypatch.setattr(module, "compare_predicted_gains", lambda rival, gains: compared[float(gains[0])])
     choice = choose_robot_model(solution)
     assert choice.chosen is found[chosen]
     assert choice.better is (found[2] if better else None)
@@ -202,10 +202,10 @@ def test_the_simplest_that_is_not_clearly_worse_is_chosen(monkeypatch, solution,
 def test_a_candidate_has_the_errors_of_stations_held_out(monkeypatch, off_m, error_m):
     """Roots of mean squares, of lengths where every view has one; and the score of each station."""
     scores = StationScores(np.array([0.1, 0.2]), 0.25, np.array(off_m))
-    monkeypatch.setattr(module, "_take_rows", lambda problem, chains, candidate: candidate.kind)
+    monkeypatch.setattr(module, "_candidate_models", lambda problem, chains, candidate: candidate.kind)
     monkeypatch.setattr(module, "score_stations", lambda modelled, state, split, steps: scores if steps == 7 else None)
     trials = _Trials(SimpleNamespace(with_models=lambda models: models), {}, None, None, 7)
-    found = trials.scored("joint", ("hand",), 2)
+    found = trials.score("joint", ("hand",), 2)
     assert (found.kind, found.robots, found.joint, found.rms) == ("joint", ("hand",), 2, 0.5)
     assert found.scores is scores.scores
     assert found.error_m == (None if error_m is None else pytest.approx(error_m))

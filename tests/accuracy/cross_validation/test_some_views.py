@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.cross_validation import some_views
-from basecal.accuracy.cross_validation.some_views import of_some_views
+from basecal.accuracy.cross_validation.some_views import thin_solution
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve
@@ -22,9 +22,9 @@ def test_held_out_errors_are_alike(pixel_noise: bool, monkeypatch: pytest.Monkey
     """A third of the views has a covariance three times as large, and the same held-out error to a tenth."""
     made = simulate(replace(Scenario(samples=120, robot_noise=(1e-4, 2e-4)), state_pixel_noise=pixel_noise), 3)
     whole = solve(made.cell, made.recording, STATED)
-    assert of_some_views(whole, STATED) is whole
+    assert thin_solution(whole, STATED) is whole
     monkeypatch.setattr(some_views, "MOST_VIEWS", 40)
-    few = of_some_views(whole, STATED)
+    few = thin_solution(whole, STATED)
     assert [len(group) for group in few.problem.groups] == [40]
     name = "eye_base_from_hand_base"
     sizes = [np.sqrt(np.diag(each.joint_transform_covariance([name]))) for each in (whole, few)]
@@ -49,4 +49,4 @@ def test_what_has_no_optimum_by_some_is_by_all(monkeypatch: pytest.MonkeyPatch) 
     whole = solve(made.cell, made.recording, STATED)
     monkeypatch.setattr(some_views, "MOST_VIEWS", 10)
     monkeypatch.setattr(some_views, "solve_at_mode", lambda *of: replace(whole, converged=False))
-    assert of_some_views(whole, STATED) is whole
+    assert thin_solution(whole, STATED) is whole

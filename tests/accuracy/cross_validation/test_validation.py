@@ -19,12 +19,12 @@ from basecal.accuracy.cross_validation.validation import (
     FoldSpread,
     HeldOutErrors,
     _Alone,
-    _columns_of,
     _errors,
     _Fold,
     _fold,
-    _moved,
-    _of_group,
+    _fold_tangents,
+    _group_errors,
+    _joined_columns,
     _spread,
     _whitening,
     cross_validate,
@@ -255,9 +255,9 @@ def test_a_change_is_the_tangent_from_the_full_answer():
     fold = {name: full[name] @ SE3.exp(tangent) for name, tangent in tangents.items()}
     columns = {"b": slice(2, 5), "other": slice(0, 2), "a": slice(5, 11)}
     states = (SimpleNamespace(transforms=each) for each in (full, fold))
-    found = _moved(*states, ["a", "b"], columns)
+    found = _fold_tangents(*states, ["a", "b"], columns)
     np.testing.assert_allclose(found, [*tangents["a"], 3e-3, 0, -1e-3], atol=1e-15)
-    assert _columns_of(SimpleNamespace(columns=columns), ["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
+    assert _joined_columns(SimpleNamespace(columns=columns), ["a", "b"]).tolist() == [5, 6, 7, 8, 9, 10, 2, 3, 4]
 
 
 COUNTS = [20, 20, 30, 10]  # of equations that folds hold out, of all of which one tells as much as another
@@ -286,7 +286,7 @@ def spread_of(monkeypatch, counts, changes, asked=2, **noise):
         return np.asarray(changes[fold])[:asked] * sigma[fold]
 
     monkeypatch.setattr(validation, "_information", lambda of: total * np.eye(3))
-    monkeypatch.setattr(validation, "_moved", moved)
+    monkeypatch.setattr(validation, "_fold_tangents", moved)
     return _spread(solution, folds, ["any"], np.arange(asked))
 
 
@@ -332,13 +332,13 @@ def test_errors_of_poses_are_those_of_what_is_predicted():
     some = group.take(np.array([1, 4]))
     off = errors[[1, 4]]
     for alone in ({}, {("camera", "target"): _Alone(group.sample, group.measurement.measured_camera_from_target, ODD)}):
-        found = _of_group(problem, some, state, alone)
+        found = _group_errors(problem, some, state, alone)
         kept = off if not alone else off[:1]
         assert (found.count_px, found.square_px, found.count_poses) == (0, 0.0, len(kept))
         assert found.cost == pytest.approx(np.sum(off**2) / 4e-6, rel=1e-6)
         assert found.square_rad == pytest.approx(np.sum(kept[:, 3:] ** 2), rel=1e-6)
         assert found.square_m == pytest.approx(np.sum(kept[:, :3] ** 2), rel=1e-3)
-    assert _of_group(problem, some, state, None) == HeldOutErrors(found.cost)
+    assert _group_errors(problem, some, state, None) == HeldOutErrors(found.cost)
 
 
 ODD = np.arange(6) % 2 == 1
@@ -393,7 +393,7 @@ def test_errors_of_pixels_are_those_of_points_that_were_seen():
     at = state.camera_from_target(group, problem.stops)
     points = at.rotation @ group.measurement.points_in_target.T + at.translation[..., None]
     off = state.cameras[group.camera].project(np.swapaxes(points, -1, -2)) - group.measurement.pixels
-    found = _of_group(problem, group, state, None)
+    found = _group_errors(problem, group, state, None)
     assert found.count_px == 2 * seen.sum()
     assert found.square_px == pytest.approx(np.sum(off[seen] ** 2), rel=1e-9)
     assert found.cost == pytest.approx(0.25 * found.square_px, rel=1e-9)

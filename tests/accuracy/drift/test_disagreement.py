@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.accuracy.drift.disagreement import disagreement
 from basecal.accuracy.drift.shifts import SIZE_KIND
-from basecal.accuracy.model_comparison.nested import DISAGREES
+from basecal.accuracy.model_comparison.nested_models import DISAGREES
 from basecal.cell import Recording
 from drift_cells import BASE, later
 

@@ -35,7 +35,7 @@ def test_a_moved_base_moves_them_as_its_derivative_says() -> None:
     made, tangent = later(), np.array([1e-4, -5e-5, 2e-5, 1e-4, 0.0, -1e-4])
     before = innovations(made.cell, made.calibration, made.recording)
     after = innovations(made.cell, made.calibration, made.with_base_moved(tangent))
-    expected = before.of(before.frame_jacobian(BASE)) @ tangent
+    expected = before.whiten(before.frame_jacobian(BASE)) @ tangent
     np.testing.assert_allclose(after.off - before.off, expected, atol=0.02 * np.abs(expected).max())
 
 
@@ -99,7 +99,7 @@ def test_arms_built_otherwise_are_off_as_their_joints_say() -> None:
     at = of.posture("hand")
     assert at is not None
     sigma = np.tile(np.repeat([5e-4, 1e-3], 3), at.chain.n + 1)
-    moved = of.of(of.flange_jacobian("hand") @ (at.true.link_derivative * sigma))
+    moved = of.whiten(of.flange_jacobian("hand") @ (at.true.link_derivative * sigma))
     added = predicted(link_parameters=links) - predicted()
     np.testing.assert_allclose(added, moved @ moved.T, atol=1e-9 * np.abs(added).max())
     older = predicted(link_parameters={"sigma": [1e-3] * 6}) - predicted()
@@ -155,7 +155,7 @@ def test_either_arm_moves_them_as_its_derivative_says(robot: str, joints: bool) 
         samples.append(replace(sample, robots={**sample.robots, robot: moved}))
     after = innovations(made.cell, made.calibration, Recording(tuple(samples)))
     moves = before.joint_jacobian(robot) if joints else before.flange_jacobian(robot)
-    expected = -pulls(before, before.of(moves) @ by)
+    expected = -pulls(before, before.whiten(moves) @ by)
     found = pulls(after, after.off) - pulls(before, before.off)
     np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
     assert before.joint_jacobian(robot).shape == (6, 6, 6 if joints else 0)

@@ -79,7 +79,7 @@ def test_few_samples_are_not_asked() -> None:
 def test_a_joint_that_moved_is_none_of_them() -> None:
     """What its zero explains is left out, too."""
     found = of(many(0, joints=True, robot_noise=(1e-4, 2e-4)))
-    moves = found.of(found.joint_jacobian("hand")[..., 2:3])
+    moves = found.whiten(found.joint_jacobian("hand")[..., 2:3])
     off = replace(found, off=found.off + 0.01 * moves[:, 0])
     joint = next(shift for shift in joint_shifts(off) if shift.frame == "hand_flange" and shift.joint == 2)
     assert with_shared_errors(off, joint) is off

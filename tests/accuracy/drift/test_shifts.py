@@ -141,7 +141,7 @@ def test_a_shift_is_that_of_generalised_least_squares(joints: bool) -> None:
     for each, moves in found:
         if each.freedoms < moves.shape[-1]:
             continue
-        by_shift = np.linalg.solve(root, of.of(moves))
+        by_shift = np.linalg.solve(root, of.whiten(moves))
         size, left, *_ = np.linalg.lstsq(by_shift, off)
         np.testing.assert_allclose(each.size, size, rtol=1e-4, atol=1e-5 * np.abs(size).max())
         assert each.statistic == pytest.approx(off @ off - left[0], rel=1e-5, abs=1e-6)

@@ -10,7 +10,7 @@ from basecal.accuracy.drift import verify as verify_module
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts
 from basecal.accuracy.drift.verify import POWER, verify
-from basecal.accuracy.model_comparison.nested import MOVED
+from basecal.accuracy.model_comparison.nested_models import MOVED
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.geometry import SE3

@@ -208,9 +208,9 @@ def surviving(monkeypatch, offs, among=None, of_light=False, made=BOARD):
         yield from ()
         return fits
 
-    monkeypatch.setattr(conventions, "_screened", screened)
+    monkeypatch.setattr(conventions, "_screen", screened)
     among = among or [hypothesis(str(k)) for k in range(1, len(offs))]
-    (found,) = conventions._in_step([conventions._surviving(declared(made.cell, made.recording), {}, among)])
+    (found,) = conventions._run_checks([conventions._surviving(declared(made.cell, made.recording), {}, among)])
     return [each.words for each, _ in found], len(inputs_seen)
 
 
@@ -276,7 +276,7 @@ def test_what_closes_loops_is_known_by_the_declared_fit_of_a_light(monkeypatch):
         yield from ()
         return fits
 
-    monkeypatch.setattr(conventions, "_screened", screened)
+    monkeypatch.setattr(conventions, "_screen", screened)
     assert ended(conventions._surviving(declared(BOARD.cell, BOARD.recording), {}, [hypothesis("other")])) == []
 
 
@@ -299,7 +299,7 @@ def test_checks_in_step_get_their_own_answers(monkeypatch):
             told.append((yield each))
         return told
 
-    found = conventions._in_step([check(["a"], ["b"]), check(), check(["c", "d"])])
+    found = conventions._run_checks([check(["a"], ["b"]), check(), check(["c", "d"])])
     assert found == [[["fit of a"], ["fit of b"]], [], [["fit of c", "fit of d"]]]
     assert asked[:2] == [["a", "c", "d"], ["b"]]
 
@@ -308,7 +308,7 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
     """Eight at a time go side by side, in their order, and what they find is brought together."""
     pairs = [SimpleNamespace(reading=f"reading {k}", state=k) for k in range(17)]
     told, parts, steps = [], [], []
-    in_step = conventions._in_step
+    in_step = conventions._run_checks
 
     def checked(reading, state, settings, explained):
         """Finds the number of the pair."""
@@ -320,8 +320,8 @@ def test_cells_of_many_robots_are_checked_pair_by_pair(monkeypatch):
     monkeypatch.setattr(conventions, "solve_single_pairs", lambda *given: pairs)
     monkeypatch.setattr(conventions, "merge_findings", lambda pairs, found: found)
     monkeypatch.setattr(conventions, "as_recorded", lambda *given: "whole")
-    monkeypatch.setattr(conventions, "_checked", checked)
-    monkeypatch.setattr(conventions, "_in_step", lambda checks: steps.append(len(checks)) or in_step(checks))
+    monkeypatch.setattr(conventions, "_check_reading", checked)
+    monkeypatch.setattr(conventions, "_run_checks", lambda checks: steps.append(len(checks)) or in_step(checks))
     settings = SimpleNamespace(part=lambda at, count: parts.append((at, count)))
     given = (BOARD.cell, BOARD.recording, None, SimpleNamespace(state=None), settings)
     assert conventions.check_conventions(*given) == [(k,) for k in range(17)]
@@ -340,7 +340,7 @@ def judged_by_name(monkeypatch):
     """Fits of `fit_of` are judged by what they say of themselves."""
     monkeypatch.setattr(conventions, "plausible", lambda fit: fit.good)
     monkeypatch.setattr(conventions, "has_tail", lambda fit: fit.tail)
-    monkeypatch.setattr(TriedHypothesis, "beside", lambda tried, other: SimpleNamespace(is_taken=tried.fit.best))
+    monkeypatch.setattr(TriedHypothesis, "compare", lambda tried, other: SimpleNamespace(is_taken=tried.fit.best))
     return monkeypatch
 
 
@@ -394,13 +394,13 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
     }  # fmt: skip
     for name, value in known.items():
         monkeypatch.setattr(conventions, name, lambda *given, value=value: value)
-    monkeypatch.setattr(conventions, "_explained", lambda fit: fit.explained)
+    monkeypatch.setattr(conventions, "_is_explained", lambda fit: fit.explained)
     monkeypatch.setattr(conventions, "_surviving", surviving)
     monkeypatch.setattr(conventions, "_try", try_one)
     problem = SimpleNamespace(unknowns={"a": SimpleNamespace(status="free"), "b": SimpleNamespace(status=status)})
     tracks = {"eye": SimpleNamespace(moves=True)}
     reading = SimpleNamespace(problem=problem, tracks=tracks, thinned=lambda most: None)
-    ended(conventions._tried(reading, TriedHypothesis(hypothesis("declared"), fitted, facts), STATED))
+    ended(conventions._try_hypotheses(reading, TriedHypothesis(hypothesis("declared"), fitted, facts), STATED))
     return tried
 
 
@@ -492,10 +492,12 @@ def test_when_hypotheses_are_compared(judged_by_name, samples, can, whole, facts
     for name, value in known.items():
         judged_by_name.setattr(conventions, name, lambda *given, value=value: value)
     judged_by_name.setattr(conventions, "count_stops", lambda problem, robot: {"eye": 1, "hand": 2}[robot])
-    judged_by_name.setattr(conventions, "_tried", tried)
+    judged_by_name.setattr(conventions, "_try_hypotheses", tried)
     judged_by_name.setattr(conventions, "decide_hypotheses", decide)
     few = replace(BOARD.recording, samples=BOARD.recording.samples[:samples])
-    check = conventions._checked(declared(BOARD.cell, few), None, Settings(start="guess", robot_noise="stated"), True)
+    check = conventions._check_reading(
+        declared(BOARD.cell, few), None, Settings(start="guess", robot_noise="stated"), True
+    )
     assert ended(check) == (("finding",) if decided else ())
     if decided:
         known = {"start": "closed", "found": ["tried"], "explained": True, "still": frozenset({"eye"})}
@@ -514,7 +516,7 @@ def test_links_take_no_part(monkeypatch, links):
     monkeypatch.setattr(conventions, "_can_hold_out", lambda problem: True)
     monkeypatch.setattr(conventions, "_as_declared", lambda *given: asked.append(given))
     state = State(made.truth, made.cameras, np.zeros((0, 6)), robots)
-    assert ended(conventions._checked(reading, state, STATED, False)) == ()
+    assert ended(conventions._check_reading(reading, state, STATED, False)) == ()
     ((found, _, known),) = asked
     assert {name for model in found.problem.models.values() for name in model.columns} == {"joint_offsets"}
     if links == "free":
@@ -536,7 +538,7 @@ def test_a_fit_begins_where_loops_were_closed(monkeypatch):
     """The state that a quick look found for the samples that are solved; or the one that is given."""
     begun = []
     monkeypatch.setattr(conventions, "_SOLVED", 7)
-    monkeypatch.setattr(conventions, "state_of", lambda problem, fits, lenses: (len(problem.groups[0]), fits, lenses))
+    monkeypatch.setattr(conventions, "pair_state", lambda problem, fits, lenses: (len(problem.groups[0]), fits, lenses))
     monkeypatch.setattr(conventions, "fit_hypothesis", lambda cell, few, settings, start, beyond: begun.append(start))
     as_is = TriedHypothesis(hypothesis("declared"), fit_of(), ())
     for start in (({"fit": 1}, {"lens": 2}), "a state"):
@@ -552,7 +554,7 @@ def test_a_quick_look_names_the_fits_of_each_hypothesis(monkeypatch):
 
     given = {"one": [pair("a"), pair("b")], "two": [pair("a"), pair("b")], "three": []}
     monkeypatch.setattr(conventions, "_pairs", lambda reading, views: given[reading])
-    check = conventions._screened(list(given), {})
+    check = conventions._screen(list(given), {})
     assert next(check) == given["one"] + given["two"]
     with pytest.raises(StopIteration) as end:
         check.send(["A", "B", "C", None])
@@ -610,4 +612,4 @@ def test_lenses_are_stated_or_solved_or_seen(judged_by_name, stated, good, lens)
 def test_stated_sigmas_explain_residuals_of_their_size(judged_by_name, share, estimated, tail, explained):
     """Within 15 %, sigmas that were estimated say nothing, nor do those of most views where some are far off."""
     solution = SimpleNamespace(noise=SimpleNamespace(estimated=estimated), cost=100 * share**2, dof=100)
-    assert conventions._explained(SimpleNamespace(solution=solution, tail=tail)) == explained
+    assert conventions._is_explained(SimpleNamespace(solution=solution, tail=tail)) == explained

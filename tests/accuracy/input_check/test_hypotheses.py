@@ -145,7 +145,7 @@ def test_units_of_3d_points_and_sizes():
     assert [undone(POINTS, far, h) for h in of] == [True, False]
     (size,) = hypotheses(BOARD, "board-size")
     right = declared(BOARD.cell, BOARD.recording)
-    board = size.reread(right.resized({"board": 1e3}))
+    board = size.reread(right.resize({"board": 1e3}))
     true = BOARD.cell.targets["board"].target.points
     np.testing.assert_allclose(board.cell.targets["board"].target.points, true)
     np.testing.assert_allclose(board.problem.groups[0].measurement.points_in_target, true)
@@ -172,7 +172,7 @@ def test_quaternions_written_in_another_order():
 def test_robots_exchanged_and_targets_inverted_or_mirrored():
     """Each by the one hypothesis of its code."""
     mixed = {
-        "robots-swapped": rewriting.exchanged(POSES.recording, "eye", "hand"),
+        "robots-swapped": rewriting.exchange(POSES.recording, "eye", "hand"),
         "target-pose-inverted": rewriting.with_targets(POSES.recording, rewriting.inverted),
         "mirrored": rewriting.with_targets(POSES.recording, rewriting.through_the_camera),
     }

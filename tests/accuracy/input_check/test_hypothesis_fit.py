@@ -16,7 +16,7 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     plausible,
     ratio,
 )
-from basecal.accuracy.input_check.view_errors import off_views
+from basecal.accuracy.input_check.view_errors import view_errors
 from basecal.cell import Recording, RobotState
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -34,7 +34,7 @@ def test_core_and_whole():
     """Rms of the seven best of ten, and of all."""
     found = HypothesisFit(None, np.array([1.0] * 7 + [5.0] * 3), np.arange(10), False)
     assert found.core == pytest.approx(1.0)
-    assert found.whole == pytest.approx(np.sqrt((7 + 75) / 10))
+    assert found.rms == pytest.approx(np.sqrt((7 + 75) / 10))
 
 
 def test_errors_in_words():
@@ -84,7 +84,7 @@ def test_a_fit_may_start_where_another_ended():
     found, unguided = (fit_hypothesis(made.cell, problem, STATED, s) for s in (start, None))
     assert found.solution.cost == pytest.approx(unguided.solution.cost, rel=1e-6)
     np.testing.assert_allclose(found.off, unguided.off, rtol=1e-3)
-    assert found.whole > np.sqrt(np.mean(off_views(problem, problem.groups[0], found.solution.state) ** 2))
+    assert found.rms > np.sqrt(np.mean(view_errors(problem, problem.groups[0], found.solution.state) ** 2))
 
 
 def test_a_few_views_that_are_far_off_do_not_hide_it():
@@ -100,7 +100,7 @@ def test_a_few_views_that_are_far_off_do_not_hide_it():
     problem, _ = build_problem(made.cell, replace(made.recording, samples=samples))
     found = fit_hypothesis(made.cell, problem, STATED, start)
     assert found.core < 0.5e-3
-    assert found.whole > 1e-2
+    assert found.rms > 1e-2
 
 
 def test_nothing_to_fit_is_no_fit():
@@ -119,9 +119,9 @@ def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, o
     solution = SimpleNamespace(state=None)
     monkeypatch.setattr(module, "solve_problem", lambda problem, cell, settings: solution)
     monkeypatch.setattr(module, "_concentrate", lambda solution, settings: solution)
-    monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([1.0, 2.0]))
+    monkeypatch.setattr(module, "view_errors", lambda problem, group, state: np.array([1.0, 2.0]))
     monkeypatch.setattr(module, "_is_near", lambda fit: near)
-    monkeypatch.setattr(module, "_predicted_off", lambda problem, solution: held_out)
+    monkeypatch.setattr(module, "_held_out_errors", lambda problem, solution: held_out)
     found = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert (found.solution, found.in_pixels) == (solution, False)
     np.testing.assert_array_equal(found.off, off)
@@ -134,10 +134,10 @@ def test_of_folds_each_predicts_its_own_views(monkeypatch):
     refits = [SimpleNamespace(optimum=SimpleNamespace(state=k), views=SimpleNamespace(groups=groups)) for k in (1, 2)]
     monkeypatch.setattr(module, "instant_split", lambda problem, count: split if problem == "parted" else None)
     monkeypatch.setattr(module, "refit_folds", lambda problem, state, folds, steps, predicted: refits)
-    monkeypatch.setattr(module, "off_views", lambda problem, group, state: np.array([group.off + state]))
+    monkeypatch.setattr(module, "view_errors", lambda problem, group, state: np.array([group.off + state]))
     solution = SimpleNamespace(problem=None, state=None)
-    assert module._predicted_off("whole", solution) is None
-    off, sample = module._predicted_off("parted", solution)
+    assert module._held_out_errors("whole", solution) is None
+    off, sample = module._held_out_errors("parted", solution)
     np.testing.assert_array_equal(off, [11, 21, 12, 22])
     np.testing.assert_array_equal(sample, [11, 21, 11, 21])
 
@@ -155,10 +155,10 @@ def test_a_fit_is_repeated_without_views_far_off(monkeypatch, far, times):
         return SimpleNamespace(problem=whole, state=None)
 
     whole = SimpleNamespace(groups=groups, with_groups=lambda groups: SimpleNamespace(groups=[*groups]))
-    monkeypatch.setattr(module, "off_views", lambda problem, group, state: off[group.k])
+    monkeypatch.setattr(module, "view_errors", lambda problem, group, state: off[group.k])
     monkeypatch.setattr(module, "solve_from", solve)
     first = SimpleNamespace(problem=whole, state=None)
-    found = module._concentrated(first, STATED)
+    found = module._concentrate(first, STATED)
     assert (found is first) == (not kept)
     assert len(kept) == times
     for each in kept:

@@ -15,10 +15,10 @@ from basecal.accuracy.input_check.loop_fit import (
     LoopFit,
     ReadyViews,
     fit_loops,
-    off_loops,
-    sight_for,
-    state_of,
-    trimmed,
+    loop_errors,
+    pair_state,
+    ready_views,
+    trimmed_rms,
 )
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.start.closed_form import Loop, Rotations
@@ -29,7 +29,7 @@ VIEWS = 20
 
 
 def pairs_of(made, problem):
-    return [(sight_for(g, made.cameras.get(g.camera), VIEWS), problem) for g in problem.groups]
+    return [(ready_views(g, made.cameras.get(g.camera), VIEWS), problem) for g in problem.groups]
 
 
 @pytest.mark.parametrize("target", ["charuco", "pose", "led"])
@@ -45,7 +45,7 @@ def test_readings_do_not_know_of_one_another(target):
     for pair, fit in zip(pairs, together, strict=True):
         (alone,) = fit_loops([pair])
         np.testing.assert_allclose(fit.off, alone.off, rtol=1e-6, atol=1e-9)
-    scores = [trimmed(fit.off) for fit in together]
+    scores = [trimmed_rms(fit.off) for fit in together]
     assert len(scores) == 4
     assert scores[0] < 0.01
     assert min(scores[1:]) > 0.05
@@ -60,7 +60,7 @@ def test_views_are_made_ready_once_a_set_of_pixels():
     ready = ReadyViews(made.cameras)
     for reading in readings:
         (group,) = reading.problem.groups
-        view, alone = ready.of(group, 12), sight_for(group, made.cameras[group.camera], 12)
+        view, alone = ready.take(group, 12), ready_views(group, made.cameras[group.camera], 12)
         np.testing.assert_array_equal(view.group.sample, alone.group.sample)
         np.testing.assert_array_equal(view.candidates.rotation, alone.candidates.rotation)
         for mine, theirs in zip(view.group.ends, alone.group.ends, strict=True):
@@ -71,10 +71,10 @@ def test_views_are_made_ready_once_a_set_of_pixels():
 def test_trimmed_counts_what_is_not_finite_as_the_largest():
     """Of ten values seven count; where more than three are lost nothing is left to go by."""
     off = np.array([3.0, 4.0, 3.0, 4.0, 3.0, 4.0, 5.0, np.nan, np.inf, 99.0])
-    assert trimmed(off) == pytest.approx(np.sqrt(np.mean(off[:7] ** 2)))
-    assert trimmed(np.append(off, [np.nan] * 4)) == np.inf
-    assert trimmed(np.zeros(0)) == np.inf
-    assert trimmed(np.array([9.0, 3.0]), 0.1) == pytest.approx(3.0)
+    assert trimmed_rms(off) == pytest.approx(np.sqrt(np.mean(off[:7] ** 2)))
+    assert trimmed_rms(np.append(off, [np.nan] * 4)) == np.inf
+    assert trimmed_rms(np.zeros(0)) == np.inf
+    assert trimmed_rms(np.array([9.0, 3.0]), 0.1) == pytest.approx(3.0)
 
 
 def ready(scenario, seed=1, rows=None):
@@ -86,7 +86,7 @@ def ready(scenario, seed=1, rows=None):
     y = SE3.identity() if base is None else made.truth[base]
     y = y.inverse() if group.hand.base is None else y
     triple = made.truth[group.eye.mount], y, made.truth[group.hand.mount]
-    return sight_for(group, made.cameras.get(group.camera), VIEWS), problem, triple
+    return ready_views(group, made.cameras.get(group.camera), VIEWS), problem, triple
 
 
 @pytest.mark.parametrize("layout", ["dual", "eye_in_hand", "eye_to_hand"])
@@ -96,7 +96,7 @@ def test_loops_are_closed_wherever_robots_stand(layout, target):
     sight, problem, truth = ready(Scenario(samples=12, target=target, layout=layout, pose_noise=(1e-4, 1e-3)))
     (fit,) = fit_loops([(sight, problem)])
     assert not fit.of_light
-    assert trimmed(fit.off) < 0.01
+    assert trimmed_rms(fit.off) < 0.01
     for found, true in zip(fit.triple, truth, strict=True):
         assert np.abs((found.inverse() @ true).log()).max() < 0.03
 
@@ -111,7 +111,7 @@ def test_what_is_fixed_is_taken_as_it_is(known):
     for name, found, true in zip(("camera_mount", "base", "target_mount"), fit.triple, truth, strict=True):
         if name in known:
             np.testing.assert_allclose(found.matrix, true.matrix, atol=1e-12)
-    assert trimmed(fit.off) < 0.01
+    assert trimmed_rms(fit.off) < 0.01
 
 
 def test_a_prior_is_not_taken_for_known():
@@ -124,7 +124,7 @@ def test_a_prior_is_not_taken_for_known():
 def test_views_are_off_by_angle_and_length_over_distance():
     """Two views measured elsewhere: by 0.3 rad, and by 0.2 m at the median distance; of two candidates the nearer."""
     sight, _, truth = ready(Scenario(samples=6, target="pose", pose_noise=(0.0, 0.0)))
-    np.testing.assert_allclose(off_loops(sight, truth), 0.0, atol=1e-7)
+    np.testing.assert_allclose(loop_errors(sight, truth), 0.0, atol=1e-7)
     poses = sight.candidates[:, 0]
     distance = np.median(np.linalg.norm(poses.translation, axis=-1))
     shift = poses.translation.copy()
@@ -132,13 +132,13 @@ def test_views_are_off_by_angle_and_length_over_distance():
     turn = SE3.exp(np.array([[0, 0, 0, 0, 0, 0.3 * (k == 2)] for k in range(6)]))
     off = SE3(poses.rotation @ turn.rotation, shift)
     both = SE3(np.stack([off.rotation] * 2, 1), np.stack([off.translation] * 2, 1))
-    found = off_loops(replace(sight, candidates=both), truth)
+    found = loop_errors(replace(sight, candidates=both), truth)
     assert found[2] == pytest.approx(0.3, abs=1e-6)
     assert found[4] == pytest.approx(0.2 / np.median(np.linalg.norm(shift, axis=-1)), rel=1e-6)
     assert distance > 0.3
     np.testing.assert_allclose(found[[0, 1, 3, 5]], 0.0, atol=1e-7)
     one = SE3(np.stack([off.rotation, poses.rotation], 1), np.stack([off.translation, poses.translation], 1))
-    np.testing.assert_allclose(off_loops(replace(sight, candidates=one), truth), 0.0, atol=1e-7)
+    np.testing.assert_allclose(loop_errors(replace(sight, candidates=one), truth), 0.0, atol=1e-7)
 
 
 def test_lights_are_off_by_their_directions():
@@ -151,7 +151,7 @@ def test_lights_are_off_by_their_directions():
     changed = replace(
         sight, group=replace(sight.group, measurement=replace(of, bearings_in_camera=bearings, weight=weight))
     )
-    off = off_loops(changed, truth)
+    off = loop_errors(changed, truth)
     assert off[3] == pytest.approx(0.05, abs=1e-6)
     assert np.isnan(off[5])
     np.testing.assert_allclose(off[[0, 1, 2, 4, 6, 7]], 0.0, atol=1e-6)
@@ -164,7 +164,7 @@ def test_a_fit_of_the_only_pair_is_a_state(layout):
     made = simulate(scenario, 1)
     _, problem, truth = ready(scenario)
     key = (problem.groups[0].camera, problem.groups[0].target)
-    state = state_of(problem, {key: LoopFit(truth, np.zeros(10))}, made.cameras)
+    state = pair_state(problem, {key: LoopFit(truth, np.zeros(10))}, made.cameras)
     assert state is not None
     for name in problem.unknowns:
         np.testing.assert_allclose(state.transforms[name].matrix, made.truth[name].matrix, atol=1e-12)
@@ -178,11 +178,11 @@ def test_what_is_no_state():
     _, problem, truth = ready(Scenario(samples=10))
     (group,) = problem.groups
     key = (group.camera, group.target)
-    assert state_of(problem, {key: LoopFit(truth, np.zeros(10), of_light=True)}, {}) is None
-    assert state_of(problem, {}, {}) is None
-    assert state_of(problem.with_groups([group, group]), {key: LoopFit(truth, np.zeros(10))}, {}) is None
+    assert pair_state(problem, {key: LoopFit(truth, np.zeros(10), of_light=True)}, {}) is None
+    assert pair_state(problem, {}, {}) is None
+    assert pair_state(problem.with_groups([group, group]), {key: LoopFit(truth, np.zeros(10))}, {}) is None
     more = replace(problem, unknowns={**problem.unknowns, "other": problem.unknowns[group.eye.mount]})
-    assert state_of(more, {key: LoopFit(truth, np.zeros(10))}, {}) is None
+    assert pair_state(more, {key: LoopFit(truth, np.zeros(10))}, {}) is None
 
 
 def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
@@ -193,7 +193,7 @@ def test_the_second_pose_of_a_plane_is_taken_where_it_closes_the_loop():
     rows = np.arange(20)[:, None]
     turned = SE3(sight.candidates.rotation[rows, order], sight.candidates.translation[rows, order])
     (fit,) = fit_loops([(replace(sight, candidates=turned), problem)])
-    assert trimmed(fit.off, 1.0) < 0.02
+    assert trimmed_rms(fit.off, 1.0) < 0.02
     for found, true in zip(fit.triple, truth, strict=True):
         assert np.abs((found.inverse() @ true).log()).max() < 0.06
 
@@ -251,4 +251,4 @@ def test_distances_are_to_the_likelier_poses():
     shifted = poses.translation + np.array([0.0, 0.1, 0.0])
     far = SE3(np.stack([poses.rotation] * 2, 1), np.stack([shifted, 50 * shifted], 1))
     expected = 0.1 / np.median(np.linalg.norm(shifted, axis=-1))
-    np.testing.assert_allclose(off_loops(replace(sight, candidates=far), truth), expected, rtol=1e-6)
+    np.testing.assert_allclose(loop_errors(replace(sight, candidates=far), truth), expected, rtol=1e-6)

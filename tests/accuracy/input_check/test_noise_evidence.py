@@ -46,7 +46,7 @@ def of_size(made, factor):
 def of_lens(made, cell):
     """Evidence for a lens that is not as the cell states."""
     given = declared(cell, made.recording)
-    return noise_evidence(fitted(given.restated(with_lens(cell, status="free"))), fitted(given))
+    return noise_evidence(fitted(given.restate(with_lens(cell, status="free"))), fitted(given))
 
 
 @pytest.mark.parametrize("seed", quick(range(3), [0]))

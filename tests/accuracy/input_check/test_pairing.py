@@ -11,7 +11,7 @@ from tests.shared import rewriting
 from tests.shared.declared import declared
 
 from basecal.accuracy.input_check import pairing
-from basecal.accuracy.input_check.loop_fit import trimmed
+from basecal.accuracy.input_check.loop_fit import trimmed_rms
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.cell import Recording
 from basecal.cell.targets.chessboard import chessboard_target
@@ -23,7 +23,7 @@ from basecal.simulation import Scenario, simulate
 def test_the_sample_of_a_missed_detection_is_found():
     """Observations from sample 9 on one too early: the first guess moves them back from there."""
     made = simulate(Scenario(samples=24), 3)
-    wrong = rewriting.shifted(made.recording, None, -1, start=9)
+    wrong = rewriting.shift(made.recording, None, -1, start=9)
     first, fits = pairing_errors(declared(made.cell, wrong), made.cameras, [None, "eye", "hand"])[0]
     (found,) = first.reread(declared(made.cell, wrong)).problem.groups
     (true,) = declared(made.cell, made.recording).problem.groups
@@ -31,13 +31,13 @@ def test_the_sample_of_a_missed_detection_is_found():
     np.testing.assert_array_equal(found.measurement.pixels, true.measurement.pixels[found.sample])
     assert len(found) == 22
     (fit,) = fits.values()
-    assert trimmed(fit.off, 1.0) < 0.01
+    assert trimmed_rms(fit.off, 1.0) < 0.01
 
 
 def test_the_last_few_samples_are_no_slip():
     """The last two observations are of one sample later: no guess is from there on, which outliers would explain."""
     made = simulate(Scenario(samples=24), 3)
-    wrong = rewriting.shifted(made.recording, None, -1, start=21)
+    wrong = rewriting.shift(made.recording, None, -1, start=21)
     given = declared(made.cell, wrong)
     recorded = dict(
         zip(given.problem.groups[0].sample.tolist(), given.problem.groups[0].measurement.pixels, strict=True)
@@ -171,7 +171,9 @@ def test_six_samples_to_either_side_are_needed(monkeypatch, count, some):
     """And the two likeliest slips are given, best first."""
     made = simulate(Scenario(samples=count, target="pose"), 0)
     monkeypatch.setattr(pairing, "_fits", lambda readings, lenses: [{k: k} for k in range(len(readings))])
-    monkeypatch.setattr(pairing, "_off", lambda pairs, order, fits: np.full(count, 0.1 * (7 - next(iter(fits)))))
+    monkeypatch.setattr(
+        pairing, "_sample_errors", lambda pairs, order, fits: np.full(count, 0.1 * (7 - next(iter(fits))))
+    )
     found = pairing_errors(declared(made.cell, made.recording), made.cameras, [None, "eye", "hand"])
     assert [fits for _, fits in found] == ([{6: 6}, {5: 5}] if some else [])
 
@@ -190,7 +192,7 @@ def test_a_stream_that_comes_later_leaves_a_sample_out(monkeypatch):
 def test_how_far_samples_are_off(monkeypatch):
     """Root of the mean square over the views of a sample, of pairs that were fitted; NaN where it has none."""
     offs = {"a": [0.1, 0.2, 0.3], "b": [0.4, 0.5], "c": [9.0, 9.0]}
-    monkeypatch.setattr(pairing, "off_loops", lambda sight, triple: np.array(offs[triple]))
+    monkeypatch.setattr(pairing, "loop_errors", lambda sight, triple: np.array(offs[triple]))
     pairs = [
         SimpleNamespace(group=SimpleNamespace(camera=camera, target="board", sample=np.array(rows)))
         for camera, rows in (("a", [7, 2, 5]), ("b", [2, 4]), ("c", [1, 2]))
@@ -198,7 +200,7 @@ def test_how_far_samples_are_off(monkeypatch):
     fits = {(name, "board"): SimpleNamespace(triple=name) for name in "ab"}
     order = SimpleNamespace(order=np.array([1, 2, 4, 5, 7]))
     expected = [np.nan, np.sqrt((0.2**2 + 0.4**2) / 2), 0.5, 0.3, 0.1]
-    np.testing.assert_allclose(pairing._off(pairs, order, fits), expected)
+    np.testing.assert_allclose(pairing._sample_errors(pairs, order, fits), expected)
 
 
 def test_views_are_turned_to_the_end_of_the_first():
@@ -210,8 +212,8 @@ def test_views_are_turned_to_the_end_of_the_first():
         turned = poses @ turn
         read = SE3(*(np.where(is_other[(...,) + (None,) * (a.ndim - 1)], b, a) for a, b in
                      ((poses.rotation, turned.rotation), (poses.translation, turned.translation))))  # fmt: skip
-        np.testing.assert_array_equal(pairing._less_alike(read, read @ turn), is_other)
-    assert not pairing._less_alike(poses, poses).any()
+        np.testing.assert_array_equal(pairing._is_nearer_turned(read, read @ turn), is_other)
+    assert not pairing._is_nearer_turned(poses, poses).any()
 
 
 @pytest.mark.parametrize("count", [5, 6])

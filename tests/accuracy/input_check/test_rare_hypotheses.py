@@ -13,10 +13,10 @@ from tests.shared.rewriting import turned_round, with_robots
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.input_check.rare_hypotheses import (
+    _nearest_lists,
     _numbers,
-    _of_order,
+    _order_hypotheses,
     _shorter,
-    _together,
     _turns_rad,
     rare_hypotheses,
     with_stated_inverted,
@@ -186,7 +186,7 @@ def test_lists_are_chosen_that_lie_together(home):
     second = rng.random(30) < 0.5
     numbers = np.stack([np.where(second[:, None], far, near), np.where(second[:, None], near, far)], axis=1)
     numbers = (numbers + np.pi) % (2 * np.pi) - np.pi
-    off = (_together(numbers) - near + np.pi) % (2 * np.pi) - np.pi
+    off = (_nearest_lists(numbers) - near + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(off[1:], 0.0, atol=1e-9)
 
 
@@ -200,7 +200,7 @@ def test_the_shorter_list_has_the_lesser_sum_of_squares():
 def test_streams_are_shifted_by_up_to_six_samples(samples, shifts):
     """Both ways, by less than a third of the recording; each goes by the order of all samples."""
     for stream, who in ((None, "what the cameras saw"), ("hand", "what hand recorded")):
-        turned, *others = _of_order([stream], samples)
+        turned, *others = _order_hypotheses([stream], samples)
         by_name = others[: 2 * (samples > 10)]
         assert all("sorted as text" in each.words for each in by_name)
         shifted = others[len(by_name) :]

@@ -82,7 +82,7 @@ def steps(monkeypatch, gain, sizes_left, spread=None, costs=(1.0,)):
         return _Step(costs[min(k, len(costs) - 1)], gain, sizes_left[min(k, len(sizes_left) - 1)], state)
 
     monkeypatch.setattr(target_sizes, "_step", step)
-    monkeypatch.setattr(target_sizes, "_by_spread", lambda reading, name: spread)
+    monkeypatch.setattr(target_sizes, "_spread_factor", lambda reading, name: spread)
     return _factor(None, "board", None), taken
 
 

@@ -140,9 +140,9 @@ class Group:
 @pytest.fixture
 def by_number(monkeypatch):
     """Groups of `looks` say themselves how far they are off, and how far they move."""
-    monkeypatch.setattr(module, "off_views", lambda problem, group, state: group.off)
+    monkeypatch.setattr(module, "view_errors", lambda problem, group, state: group.off)
     monkeypatch.setattr(module, "moved_views", lambda measurement: measurement.moved)
-    monkeypatch.setattr(module, "trimmed", lambda off, share: float(np.sqrt(np.mean(off**2))))
+    monkeypatch.setattr(module, "trimmed_rms", lambda off, share: float(np.sqrt(np.mean(off**2))))
 
 
 def share_of(*groups):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.pose_problem import pose_problem
 
-from basecal.accuracy.input_check.view_errors import moved_views, off_views
+from basecal.accuracy.input_check.view_errors import moved_views, view_errors
 from basecal.errors import InputError
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
@@ -25,11 +25,11 @@ def test_poses_are_off_by_angle_and_length_over_distance():
     at = replace(group, measurement=replace(group.measurement, measured_camera_from_target=far))
     mount = {**state.transforms, "eye_flange_from_camera": SE3.exp([0, 0, -2.0, 0, 0, 0])}
     exact = replace(state, transforms=mount)
-    np.testing.assert_allclose(off_views(problem, at, exact), 0.0, atol=1e-12)
+    np.testing.assert_allclose(view_errors(problem, at, exact), 0.0, atol=1e-12)
     off = SE3.exp(np.array([[1.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0.3], [0] * 6]))
     moved = replace(at, measurement=replace(at.measurement, measured_camera_from_target=far @ off))
-    np.testing.assert_allclose(off_views(problem, moved, exact)[[0, 2]] * np.sqrt(6), [0.5, 0.0], atol=0.06)
-    assert off_views(problem, moved, exact)[1] * np.sqrt(6) == pytest.approx(0.3, abs=1e-9)
+    np.testing.assert_allclose(view_errors(problem, moved, exact)[[0, 2]] * np.sqrt(6), [0.5, 0.0], atol=0.06)
+    assert view_errors(problem, moved, exact)[1] * np.sqrt(6) == pytest.approx(0.3, abs=1e-9)
 
 
 def of_views(target, change):
@@ -39,7 +39,7 @@ def of_views(target, change):
     (group,) = problem.groups
     measurement = change(group.measurement)
     state = State(made.truth, made.cameras, np.zeros((0, 6)))
-    return off_views(problem, replace(group, measurement=measurement), state), group.reach_m
+    return view_errors(problem, replace(group, measurement=measurement), state), group.reach_m
 
 
 def test_pixels_are_off_by_milliradians():
@@ -75,7 +75,7 @@ def test_robots_are_taken_as_recorded():
     problem, state = pose_problem(np.zeros((2, 6)), np.ones(6), stop_sigma=np.full(6, 0.1))
     shifted = replace(state, stop_errors=np.ones((2, 6)))
     np.testing.assert_array_equal(
-        off_views(problem, problem.groups[0], shifted), off_views(problem, problem.groups[0], state)
+        view_errors(problem, problem.groups[0], shifted), view_errors(problem, problem.groups[0], state)
     )
 
 

@@ -5,17 +5,17 @@ import pytest
 from scipy.stats import t as student
 
 from basecal.accuracy.model_comparison.comparison import Decision
-from basecal.accuracy.model_comparison.held_out import compare_held_out, compare_predictions
+from basecal.accuracy.model_comparison.held_out import compare_predicted_gains, compare_predictions
 
 
 def test_the_chance_is_that_of_students_t():
     """Of the mean over its standard error, with one freedom less than there are parts; its mirror image for losses."""
     gains = np.array([1.0, 2.0, 4.0, 1.0, -0.5])
     t = gains.mean() / (gains.std(ddof=1) / np.sqrt(5))
-    found = compare_held_out("joint", gains)
+    found = compare_predicted_gains("joint", gains)
     assert (found.rival, found.gain) == ("joint", pytest.approx(7.5))
     assert found.chance == pytest.approx(student.sf(t, 4), rel=1e-9)
-    assert compare_held_out("joint", -gains).chance == pytest.approx(student.cdf(t, 4), rel=1e-9)
+    assert compare_predicted_gains("joint", -gains).chance == pytest.approx(student.cdf(t, 4), rel=1e-9)
 
 
 @pytest.mark.parametrize(("t", "decision"), [
@@ -26,12 +26,12 @@ def test_gains_beyond_chance_are_taken_and_likely_ones_doubted(t, decision):
     """Of ten parts at 4.30 and 2.40 standard errors: chances of one in a thousand and of one in fifty."""
     gains = np.tile([1.0, -1.0], 5)
     gains += t * gains.std(ddof=1) / np.sqrt(10)
-    assert compare_held_out("", gains).decision is decision
+    assert compare_predicted_gains("", gains).decision is decision
 
 
 @pytest.mark.parametrize("gains", [[3.0], [], [0.0, 0.0, 0.0]])
 def test_one_part_or_no_difference_tells_nothing(gains):
-    assert compare_held_out("", np.array(gains)).decision is Decision.KEEP
+    assert compare_predicted_gains("", np.array(gains)).decision is Decision.KEEP
 
 
 SPREAD = 1e-6 * np.random.default_rng(0).uniform(0.5, 1.5, 12)

@@ -94,7 +94,7 @@ def test_the_way_to_a_ring_and_back_is_no_part_of_it():
 
     out = [step("a", "b", 5.0), step("b", "c", 7.0)]
     ring = [step("c", "d", 1.0), step("d", "e", 1.0), step("e", "c", -1.5)]
-    loop = _close_loop([*out, *ring, *(each.reversed() for each in reversed(out))])
+    loop = _close_loop([*out, *ring, *(each.reverse() for each in reversed(out))])
     assert (loop.path[0], loop.path[-1], loop.views) == ("c", "c", 30)
     assert set(loop.path).isdisjoint({"a", "b"})
     assert loop.rms_m == pytest.approx(0.5)

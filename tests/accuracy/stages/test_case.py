@@ -43,12 +43,12 @@ def test_findings_add_up():
 
 def test_a_refused_case_has_no_numbers():
     """Its findings, those given or its own; residuals only if something was solved."""
-    found = CASE.with_findings([WARNING]).refused()
+    found = CASE.with_findings([WARNING]).refuse()
     assert found.is_ended
     assert (found.calibration.verdict, found.calibration.findings) == ("refused", (WARNING,))
     assert found.calibration.residuals.rms_px is None
     solution = solve(MADE.cell, MADE.recording)
-    solved = Case(*CASE_WORDS, plain=solution).refused([ERROR])
+    solved = Case(*CASE_WORDS, plain=solution).refuse([ERROR])
     assert solved.calibration.findings == (ERROR,)
     assert solved.calibration.residuals.rms_px is not None
     assert solved.calibration.transforms == {}

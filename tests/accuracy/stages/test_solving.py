@@ -97,7 +97,7 @@ def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected)
     before = case(
         robust=SimpleNamespace(solution=SOLVED, agreeing=()), findings=(Finding("poor-fit", "info", (), ""), WARNING)
     )
-    found = solving.refuse_unexplained(before)
+    found = solving.refuse_unexplained_poses(before)
     assert found.is_ended
     assert [each.code for each in found.calibration.findings] == expected
 
@@ -106,7 +106,7 @@ def test_views_that_are_explained_go_on(monkeypatch):
     """And a case that has ended is left as it is."""
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: False)
     before = case(robust=SimpleNamespace(solution=SOLVED))
-    assert solving.refuse_unexplained(before) is before
+    assert solving.refuse_unexplained_poses(before) is before
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
     ended = before.refused((ERROR,))
-    assert solving.refuse_unexplained(ended) is ended
+    assert solving.refuse_unexplained_poses(ended) is ended

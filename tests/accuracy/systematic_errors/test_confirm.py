@@ -9,7 +9,7 @@ from tests.ends import end, views
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors import confirm
-from basecal.accuracy.systematic_errors.confirm import HeldOut, _gain, _in_configuration, _in_time
+from basecal.accuracy.systematic_errors.confirm import HeldOut, _configuration_blocks, _gain, _time_blocks
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
@@ -51,7 +51,7 @@ def test_what_is_in_one_block_is_not_confirmed():
 def test_blocks_in_time_are_fifths():
     """Of as many samples each as there can be, in their order; none of none."""
     for count, wanted in ((5, [0, 1, 2, 3, 4]), (10, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]), (3, [0, 1, 3]), (0, [])):
-        assert _in_time(SimpleNamespace(samples=np.zeros(count))).tolist() == wanted
+        assert _time_blocks(SimpleNamespace(samples=np.zeros(count))).tolist() == wanted
 
 
 @pytest.mark.parametrize("robots", [("eye", "hand"), ("hand",)])
@@ -72,11 +72,11 @@ def test_blocks_in_configuration_go_along_the_widest_spread(robots):
     of = SimpleNamespace(
         samples=np.arange(10), robots=robots, problem=problem, rank=lambda g: g.sample, recorded_pose=pose
     )
-    found = _in_configuration(of)
+    found = _configuration_blocks(of)
     wanted = along // 2
     assert found.tolist() in (wanted.tolist(), (4 - wanted).tolist())
     nowhere = SimpleNamespace(samples=np.arange(10), robots=(), problem=problem)
-    assert _in_configuration(nowhere).tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert _configuration_blocks(nowhere).tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
 
 
 def test_the_gain_is_what_held_out_blocks_cost_less():

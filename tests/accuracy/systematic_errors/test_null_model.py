@@ -8,7 +8,7 @@ import pytest
 from tests.pose_problem import pose_problem
 
 from basecal.accuracy.systematic_errors.null_model import _independent_moves
-from basecal.accuracy.systematic_errors.score_tests import linearised, score, weighed, with_random_effects
+from basecal.accuracy.systematic_errors.score_tests import linearise_views, score, weigh_views, with_random_effects
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Recording
 from basecal.effects.faces.candidates import Candidates
@@ -31,9 +31,9 @@ def test_a_score_is_that_of_the_covariance_with_random_effects_in_it():
     rng = np.random.default_rng(2)
     problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.full(6, 1e-3))
     by_effects, by_error = 1e-3 * rng.standard_normal((8, 6, 3)), rng.standard_normal((8, 6, 2))
-    model = with_random_effects(linearised(problem, state), (by_effects,))
+    model = with_random_effects(linearise_views(problem, state), (by_effects,))
     found = score(model, candidate(by_error))
-    (views,) = linearised(problem, state).views
+    (views,) = linearise_views(problem, state).views
     noise = np.zeros((48, 48))
     for k in range(8):
         noise[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = np.linalg.inv(views.information[k])
@@ -45,7 +45,7 @@ def test_a_score_is_that_of_the_covariance_with_random_effects_in_it():
     free = weight - weight @ unknowns @ np.linalg.inv(unknowns.T @ weight @ unknowns) @ unknowns.T @ weight
     np.testing.assert_allclose(found.information[0], error.T @ free @ error, rtol=1e-6)
     np.testing.assert_allclose(found.gradient[0], error.T @ free @ residual, rtol=1e-6)
-    again = weighed(model, [np.ones(8)])
+    again = weigh_views(model, [np.ones(8)])
     np.testing.assert_allclose(again.hessian, model.hessian, rtol=1e-9, atol=1e-9 * np.abs(model.hessian).max())
 
 
@@ -53,7 +53,7 @@ def test_random_effects_that_views_do_not_show_are_left_out():
     """Of three, one a multiple of another and one next to nothing, one is left, which moves views as both did."""
     rng = np.random.default_rng(3)
     problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.full(6, 1e-3))
-    model, one = linearised(problem, state), 1e-3 * rng.standard_normal((8, 6, 1))
+    model, one = linearise_views(problem, state), 1e-3 * rng.standard_normal((8, 6, 1))
     (left,) = _independent_moves(model, (np.concatenate([one, 2 * one, 1e-6 * one[::-1]], axis=-1),))
     assert left is not None
     assert left.shape == (8, 6, 1)

@@ -11,12 +11,12 @@ from basecal.accuracy.systematic_errors.score_tests import (
     Linearised,
     Score,
     Sums,
-    linearised,
+    linearise_views,
     log_chance_of_gain,
     score,
-    score_of,
+    score_from_sums,
     sums,
-    weighed,
+    weigh_views,
 )
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Unknown
@@ -55,7 +55,7 @@ def test_statistic_is_what_solving_for_the_error_gains(arms):
     """The drop of the cost when a mount is freed, and where it goes then, with private stops and with shared ones."""
     off = np.array([1e-4, -2e-4, 1e-4, 2e-4, 1e-4, -1e-4])
     of, solution, freed = solved(Scenario(samples=16, arms=arms, robot_noise=NOISE), off=off)
-    found = score(linearised(of.problem, of.state), mount_freed(of))
+    found = score(linearise_views(of.problem, of.state), mount_freed(of))
     assert found.freedoms.tolist() == [6]
     assert found.statistic[0] == pytest.approx(solution.cost - freed.cost, rel=0.02)
     moved = (of.state.transforms[MOUNT].inverse() @ freed.state.transforms[MOUNT]).log()
@@ -68,7 +68,7 @@ def test_what_an_unknown_takes_up_is_not_tested():
     """An error that moves views as a free mount does has no freedoms, and no size."""
     of, _, freed = solved(Scenario(samples=12))
     of = Situation(freed.problem, freed.state, freed.problem, {})
-    found = score(linearised(of.problem, of.state), mount_freed(of))
+    found = score(linearise_views(of.problem, of.state), mount_freed(of))
     assert found.freedoms.tolist() == [0]
     assert found.statistic.tolist() == [0.0]
     assert found.log_chance.tolist() == [0.0]
@@ -80,8 +80,8 @@ def test_several_at_once_are_as_each_alone():
     one = mount_freed(of)
     moves = tuple(np.concatenate([m, 2 * m[::-1]], 1) for m in one.moves)
     two = Candidates("", (MOUNT, MOUNT), (None, None), "", moves)
-    about = linearised(of.problem, of.state)
-    both, first, second = score(about, two), score(about, two.single(0)), score(about, two.only(1))
+    about = linearise_views(of.problem, of.state)
+    both, first, second = score(about, two), score(about, two.single(0)), score(about, two.single(1))
     np.testing.assert_allclose(both.statistic, [first.statistic[0], second.statistic[0]], rtol=1e-9)
     np.testing.assert_allclose(both.size[1], second.size[0], rtol=1e-6, atol=1e-12)
 
@@ -90,10 +90,10 @@ def test_several_at_once_are_as_each_alone():
 def test_views_that_do_not_count(arms):
     """Views of weight zero are as if they had not been taken, and views that all count as if not weighed."""
     of, _, _ = solved(Scenario(samples=12, arms=arms, robot_noise=NOISE, target_mount="prior"))
-    about, keep = linearised(of.problem, of.state), np.arange(12) % 3 > 0
+    about, keep = linearise_views(of.problem, of.state), np.arange(12) % 3 > 0
     fewer = replace(of, problem=of.problem.with_groups(g.take(np.flatnonzero(keep)) for g in of.problem.groups))
     for weights, same in ((np.ones(12), of), (1.0 * keep, fewer)):
-        some, alone = weighed(about, [weights]), linearised(same.problem, same.state)
+        some, alone = weigh_views(about, [weights]), linearise_views(same.problem, same.state)
         np.testing.assert_allclose(some.hessian, alone.hessian, rtol=1e-8, atol=1e-8 * np.abs(alone.hessian).max())
         np.testing.assert_allclose(some.gradient, alone.gradient, atol=1e-8 * np.abs(alone.gradient).max())
         np.testing.assert_allclose(
@@ -104,7 +104,7 @@ def test_views_that_do_not_count(arms):
 def test_chance_has_no_end():
     """Logarithms of chances fall steadily where the chances themselves are no numbers any more."""
     of, _, _ = solved(Scenario(samples=12))
-    found = score(linearised(of.problem, of.state), mount_freed(of))
+    found = score(linearise_views(of.problem, of.state), mount_freed(of))
     far = (10.0, 1000.0, 1300.0, 1500.0, 5000.0)
     logs = [float(replace(found, statistic=np.array([s])).log_chance[0]) for s in far]
     assert logs[0] == pytest.approx(-2.08, abs=0.01)
@@ -126,7 +126,7 @@ def test_a_score_is_the_elimination_of_the_unknowns(hidden):
     twice = np.array([1.0, 3.0])[:, None]  # the same errors in other units
     among = np.broadcast_to(joint[6:, 6:], (2, 3, 3))
     known = Sums(twice * pull[6:], twice[..., None] * joint[6:, :6], (twice**2)[..., None] * among)
-    found = score_of(about, known)
+    found = score_from_sums(about, known)
     rest = slice(0, 8) if hidden else slice(0, 9)
     best = -np.linalg.solve(joint[rest, rest], pull[rest])[6:]
     gains = [pull[part] @ np.linalg.solve(joint[part, part], pull[part]) for part in (rest, slice(0, 6))]
@@ -146,7 +146,7 @@ def test_sums_are_those_over_views_of_every_group():
     one, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.array([1e-3, 2e-3, 1e-3, 3e-3, 1e-3, 1e-3]))
     (group,) = one.groups
     problem = one.with_groups([group, group.take(np.array([0, 2])), group.take(np.array([1]))])
-    about = linearised(problem, state)
+    about = linearise_views(problem, state)
     moves = rng.standard_normal((4, 3, 6, 2)), None, rng.standard_normal((1, 3, 6, 2))
     found = sums(about, Candidates("", ("a", "b", "c"), (None,) * 3, "", moves))
     for b in range(3):
@@ -165,9 +165,9 @@ def test_weights_and_priors_are_in_the_sums_of_the_unknowns():
     rng = np.random.default_rng(1)
     prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, 1e-2))
     problem, state = pose_problem(1e-3 * rng.standard_normal((4, 6)), np.full(6, 1e-3), prior)
-    about, weights = linearised(problem, state), np.array([1.0, 0.25, 0.0, 2.0])
+    about, weights = linearise_views(problem, state), np.array([1.0, 0.25, 0.0, 2.0])
     (views,) = about.views
-    found = weighed(about, [weights])
+    found = weigh_views(about, [weights])
     ((residual, jacobian, where),) = prior_residuals(problem, state)
     assert where == slice(0, 6)
     by = views.by_unknowns
@@ -191,7 +191,7 @@ def test_an_error_of_which_a_ten_thousandth_is_left_is_seen(share, freedoms):
     for unit in (1.0, 1e-3):
         across = unit * np.sqrt(1 - share)
         known = Sums(np.full((1, 1), unit), np.array([[[across]]]), np.array([[[unit**2]]]))
-        found = score_of(Linearised(None, None, (), np.zeros(1), np.eye(1), None), known)
+        found = score_from_sums(Linearised(None, None, (), np.zeros(1), np.eye(1), None), known)
         assert found.freedoms.tolist() == [freedoms]
         assert found.statistic[0] == pytest.approx(freedoms / share)
 
@@ -219,4 +219,4 @@ def test_an_unknown_that_its_prior_holds_takes_no_freedom_of_the_residuals(sigma
     """The equations of four poses, less the unknowns that views determine."""
     prior = Unknown("prior", SE3.exp(np.full(6, 2e-3)), np.full(6, sigma))
     problem, state = pose_problem(1e-3 * np.random.default_rng(1).standard_normal((4, 6)), np.full(6, 1e-3), prior)
-    assert linearised(problem, state).residuals == pytest.approx(24 - problem.width + held, abs=1e-3)
+    assert linearise_views(problem, state).residuals == pytest.approx(24 - problem.width + held, abs=1e-3)

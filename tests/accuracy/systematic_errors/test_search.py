@@ -94,7 +94,7 @@ def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
     solution, stamps = with_noise(exact, Settings(), near=exact), {s.sample: s.stamp_s for s in recording.samples}
     suspects = search._suspects(search._situation(solution, problem, stamps))
     assert {"base-moved", "drift"} <= {each.candidate.code for each in suspects}
-    first = suspects[: search._TRIES]
+    first = suspects[: search._MOST_TRIED]
     for in_order in (first, first[::-1]):
         monkeypatch.setattr(search, "_suspects", lambda of, in_order=in_order: in_order)
         error = systematic_error(solution, problem, stamps, Settings())
@@ -275,7 +275,7 @@ def suspected(monkeypatch, *kinds):
     }
     monkeypatch.setattr(search, "EFFECTS", effects | {"": SimpleNamespace(candidates=None)})
     monkeypatch.setattr(search, "score", scored)
-    return search._suspects(SimpleNamespace(about=None, null_of=lambda effect, about: None))
+    return search._suspects(SimpleNamespace(linearisation=None, null_model=lambda effect, about: None))
 
 
 def test_the_least_likely_of_each_code_and_name_is_suspected(monkeypatch):
@@ -318,8 +318,10 @@ def test_suspects_are_in_order(monkeypatch):
 def test_three_are_solved_for_at_most(monkeypatch):
     """The least likely, but none that moves the data exactly as one before it does."""
     every = [suspect(about=name) for name in "abcde"]
-    monkeypatch.setattr(search, "_left", lambda of, one, other: (0.0, int(one.candidate.about[0] != "b")))
-    assert [each.candidate.about[0] for each in search._tried(None, every)] == ["a", "c", "d"]
+    monkeypatch.setattr(
+        search, "_remaining_chi_square", lambda of, one, other: (0.0, int(one.candidate.about[0] != "b"))
+    )
+    assert [each.candidate.about[0] for each in search._select_suspects(None, every)] == ["a", "c", "d"]
 
 
 def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(None,), size=(0.5,), joint=(), since=None):
@@ -341,10 +343,10 @@ def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
     By the surprise with the random effect that the error is tested beside, before it is taken out and after.
     """
     error = suspect(size=(0.5, 0.1), several=1.5)
-    of = SimpleNamespace(random_effect=lambda effect, about: name, about=SimpleNamespace(residuals=40.0))
+    of = SimpleNamespace(random_effect=lambda effect, about: name, linearisation=SimpleNamespace(residuals=40.0))
     after = {}
-    monkeypatch.setattr(search, "_without", lambda solution, of, error: solution)
-    monkeypatch.setattr(search, "_surprise", lambda solution, name: after[name])
+    monkeypatch.setattr(search, "_without_suspect", lambda solution, of, error: solution)
+    monkeypatch.setattr(search, "_negative_log_evidence", lambda solution, name: after[name])
 
     def chance(before, left, **changed):
         """That of what is gained from one surprise to another."""
@@ -373,7 +375,7 @@ def test_without_an_error_the_hand_is_where_views_move_by_it():
     of = Situation(problem, State(made.truth, made.cameras, np.zeros((len(problem.stops), 6))), problem, {})
     moves = 1e-2 * np.random.default_rng(1).standard_normal((4, 1, 6, 2))
     error = suspect(moves=(moves, None), size=(0.4, -0.7))
-    moved, same = search._without(Solved(problem), of, error).problem.groups
+    moved, same = search._without_suspect(Solved(problem), of, error).problem.groups
     before, after = (of.state.camera_from_target(g, problem.stops) for g in (group, moved))
     np.testing.assert_allclose((before.inverse() @ after).log(), moves[:, 0] @ error.size, atol=1e-12)
     assert same is problem.groups[1]
@@ -390,20 +392,21 @@ def test_without_an_error_the_hand_is_where_views_move_by_it():
 def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_camera, is_target):
     """Its size corrected by what is left of it, its covariance the inverse of its information."""
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
-    monkeypatch.setattr(search, "linearised", lambda problem, state: (problem, state))
+    monkeypatch.setattr(search, "linearise_views", lambda problem, state: (problem, state))
     monkeypatch.setattr(search, "score", lambda about, kind: again if about == ("held problem", "state") else None)
     monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after.state))
     after = SimpleNamespace(
         noise=SimpleNamespace(held_by=lambda problem: f"held {problem}"), problem="problem", state="state"
     )
     groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
-    of = SimpleNamespace(problem=SimpleNamespace(groups=groups), about="plain", null_of=lambda effect, about: "plain")
-    found = search._described(of, suspect(code, about=about, joint=(3,), since=7), "before", after)
+    problem = SimpleNamespace(groups=groups)
+    of = SimpleNamespace(problem=problem, linearisation="plain", null_model=lambda effect, about: "plain")
+    found = search._describe(of, suspect(code, about=about, joint=(3,), since=7), "before", after)
     assert (found.code, found.about, found.since, found.unit, found.joint) == (code, about, 7, "m", 3)
     assert (found.is_camera, found.is_target) == (is_camera, is_target)
     assert (found.size.tolist(), found.covariance.tolist(), found.sigma) == ([0.75], [[0.25]], 0.5)
     assert found.moved == ("before", "state")
-    assert search._described(of, suspect(about=about), "before", after).joint is None
+    assert search._describe(of, suspect(about=about), "before", after).joint is None
 
 
 ERROR = FoundEffect("drift", "drift", "arm", False, False, None, "", np.zeros(1), np.eye(1), np.zeros(6))
@@ -423,11 +426,13 @@ def searched(monkeypatch, suspects, gains=None, models=(), refuted=(), **solutio
     monkeypatch.setattr(
         search, "_confirmed_suspects", lambda of, tried: iter([e for e in tried if e.candidate.about[0] not in refuted])
     )
-    monkeypatch.setattr(search, "_without", lambda whole, of, error: SimpleNamespace(name=error.candidate.about[0]))
+    monkeypatch.setattr(
+        search, "_without_suspect", lambda whole, of, error: SimpleNamespace(name=error.candidate.about[0])
+    )
     monkeypatch.setattr(search, "_solved_again", lambda whole, settings: SimpleNamespace(name=f"{whole.name} again"))
     monkeypatch.setattr(search, "_log_chance", lambda of, error, before: (gains or {}).get(error.candidate.about[0], 0))
-    monkeypatch.setattr(search, "_described", told)
-    monkeypatch.setattr(search, "_tried", lambda of, every: every)
+    monkeypatch.setattr(search, "_describe", told)
+    monkeypatch.setattr(search, "_select_suspects", lambda of, every: every)
     monkeypatch.setattr(search, "_alternatives", lambda of, chosen, every: ())
     usual = {"converged": True, "cost": 1.0, "name": "answer", "noise": NOISE}
     problem = SimpleNamespace(groups=(1,), models=models)

@@ -9,7 +9,7 @@ import pytest
 from tests.shared.deceivers import adversarial, tried
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.certify import certified
+from basecal.accuracy.certify import prove_solution
 from basecal.cell import Recording, RobotState, Unknown
 from basecal.cell.targets.points import points_target
 from basecal.estimation.certificate.certificate import _turned_states, certify, proven_loops
@@ -229,10 +229,10 @@ def test_a_better_optimum_replaces_the_one_found():
 def test_certificate_is_made_where_asked_or_where_starts_differ():
     """Not by default; by itself where starts ended in different optima."""
     solution = solved(Scenario(target="pose"))
-    assert certified(solution, Settings())[1] is None
+    assert prove_solution(solution, Settings())[1] is None
     for certificate in (
-        certified(solution, Settings(certify=True))[1],
-        certified(replace(solution, disputed=True), Settings())[1],
+        prove_solution(solution, Settings(certify=True))[1],
+        prove_solution(replace(solution, disputed=True), Settings())[1],
     ):
         assert certificate is not None
         assert certificate.is_global is True

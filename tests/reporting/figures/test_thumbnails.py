@@ -39,7 +39,7 @@ def test_the_worst_come_first_and_what_was_left_out_last(recording):
     """By their rms, each with its number, what was left out marked."""
     made = thumbnails(CELL, recording, CALIBRATION, [points(0.1, 0.5, 0.3, 9.0, left_out=[3])])
     assert [one.sample for one in made.pictures] == [1, 2, 0, 3]
-    assert [one.is_unused for one in made.pictures] == [False, False, False, True]
+    assert [one.left_out for one in made.pictures] == [False, False, False, True]
     assert made.pictures[0].words == "wrist, 0.354 px rms"
     assert made.pictures[3].words.endswith(", left out")
     assert made.caption.startswith("4 of 4 views.")

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.accuracy.clocks.search import Clocked
 from basecal.accuracy.clocks.step import ClockStep, clock_step
-from basecal.accuracy.model_comparison.nested import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import ClockOffset, Finding, LineTime
 from basecal.estimation.least_squares.normal_equations import linearise, retract
 from basecal.estimation.solve import Solution
@@ -20,27 +20,27 @@ def remaining_step(search: Clocked, solution: Solution) -> ClockStep:
     return clock_step(search.streams, search.synchronised, search.offsets_s, solution)
 
 
-def apply_remaining_step(solution: Solution, left: ClockStep) -> Solution:
+def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
     """The answer at the optimum of the offsets, to first order, and its covariance with theirs.
 
     With C the covariance where the offsets are known, G how the answer goes with them, and V their own covariance, it
     is C + G V G'. Source: docs/mathematics.md (12.3).
     """
     normal = linearise(solution.problem, solution.state)
-    state = retract(solution.problem, solution.state, normal, left.by_offsets @ left.step_s)
-    covariance = solution.covariance + left.by_offsets @ left.covariance @ left.by_offsets.T
+    state = retract(solution.problem, solution.state, normal, step.by_offsets @ step.step_s)
+    covariance = solution.covariance + step.by_offsets @ step.covariance @ step.by_offsets.T
     return replace(solution, state=state, covariance=covariance)
 
 
-def clock_offsets(search: Clocked, left: ClockStep) -> dict[str, ClockOffset]:
+def clock_offsets(search: Clocked, step: ClockStep) -> dict[str, ClockOffset]:
     """Offsets by device, of those that were estimated and seen, or stated and not 0."""
     lines = {line_time_name(camera) for camera in search.streams.cell.cameras}
-    return {name: ClockOffset(*value) for name, value in _estimated_offsets(search, left).items() if name not in lines}
+    return {name: ClockOffset(*value) for name, value in _estimated_offsets(search, step).items() if name not in lines}
 
 
-def line_times(search: Clocked, left: ClockStep) -> dict[str, LineTime]:
+def line_times(search: Clocked, step: ClockStep) -> dict[str, LineTime]:
     """Line times by camera, likewise."""
-    found = _estimated_offsets(search, left)
+    found = _estimated_offsets(search, step)
     return {
         name: LineTime(*found[line_time_name(name)])
         for name in search.streams.cell.cameras
@@ -48,26 +48,26 @@ def line_times(search: Clocked, left: ClockStep) -> dict[str, LineTime]:
     }
 
 
-def _estimated_offsets(search: Clocked, left: ClockStep) -> dict[str, tuple[float, float]]:
+def _estimated_offsets(search: Clocked, step: ClockStep) -> dict[str, tuple[float, float]]:
     """Offsets, and line times by `line_time_name`, with their sigmas."""
     found = {name: (offset, 0.0) for name, offset in search.offsets_s.items() if offset}
-    for k, name in enumerate(left.clocks):
+    for k, name in enumerate(step.clocks):
         found.pop(name, None)
-        if left.seen[k]:
-            found[name] = (search.offsets_s[name] + float(left.step_s[k]), float(np.sqrt(left.covariance[k, k])))
+        if step.seen[k]:
+            found[name] = (search.offsets_s[name] + float(step.step_s[k]), float(np.sqrt(step.covariance[k, k])))
     return found
 
 
-def clock_findings(search: Clocked, left: ClockStep) -> list[Finding]:
+def clock_findings(search: Clocked, step: ClockStep) -> list[Finding]:
     """What is to be said of the clocks and line times that were estimated."""
     findings = []
     cameras = {line_time_name(camera): camera for camera in search.streams.cell.cameras}
-    for k, name in enumerate(left.clocks):
+    for k, name in enumerate(step.clocks):
         known = search.streams.clocks[name]
-        offset = search.offsets_s[name] + float(left.step_s[k])
+        offset = search.offsets_s[name] + float(step.step_s[k])
         device, is_line = cameras.get(name, name), name in cameras
         which = f"The line time of {device}" if is_line else f"The clock of {device}"
-        if not left.seen[k]:
+        if not step.seen[k]:
             at = f"{1e6 * search.offsets_s[name]:.1f} us" if is_line else f"{search.offsets_s[name]:.3f} s"
             why = f"Nothing moves enough while it records: it is held at {at}, and nothing depends on it."
             findings.append(Finding("unobservable-direction", "info", (device,), f"{which} is unobservable.", why=why))
@@ -83,4 +83,4 @@ def clock_findings(search: Clocked, left: ClockStep) -> list[Finding]:
 
 def _is_contradicted(device: str, sigmas: float) -> bool:
     """Whether an offset that is so far off its prior is believed rather than that."""
-    return compare_nested(device, sigmas**2, 1).is_taken
+    return compare_nested_models(device, sigmas**2, 1).is_taken

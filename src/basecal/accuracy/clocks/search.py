@@ -136,29 +136,31 @@ def _apply_step(offsets: dict[str, float], step: ClockStep) -> dict[str, float]:
     return {name: offset + float(np.clip(steps.get(name, 0.0), -reach, reach)) for name, offset in offsets.items()}
 
 
-def _synchronise(streams: Streams, offsets: dict[str, float], near: Solution | None) -> Synchronised:
+def _synchronise(streams: Streams, offsets: dict[str, float], guess: Solution | None) -> Synchronised:
     """The samples, with pixels of rolling shutters corrected by a solution near them."""
     samples = synchronise(streams, offsets)
-    if near is None:
+    if guess is None:
         return samples
-    return samples.correct_rows(_known_motion(streams, near), offsets)
+    return samples.correct_rows(_known_motion(streams, guess), offsets)
 
 
-def _known_motion(streams: Streams, near: Solution) -> Known:
-    return Known(streams.cell, near.state.transforms, near.state.cameras)
+def _known_motion(streams: Streams, guess: Solution) -> Known:
+    return Known(streams.cell, guess.state.transforms, guess.state.cameras)
 
 
-def _add_jitter(problem: Problem, streams: Streams, samples: Synchronised, near: Solution | None) -> Problem:
+def _add_jitter(problem: Problem, streams: Streams, samples: Synchronised, guess: Solution | None) -> Problem:
     return (
-        problem if near is None else with_jitter(problem, _known_motion(streams, near), samples.robots, streams.clocks)
+        problem
+        if guess is None
+        else with_jitter(problem, _known_motion(streams, guess), samples.robots, streams.clocks)
     )
 
 
 def _solve_at_offsets(
-    streams: Streams, offsets: dict[str, float], settings: Settings, near: Solution | None = None
+    streams: Streams, offsets: dict[str, float], settings: Settings, guess: Solution | None = None
 ) -> tuple[Solution, Synchronised]:
-    samples = _synchronise(streams, offsets, near)
-    problem = _add_jitter(build_problem(streams.cell, samples.recording)[0], streams, samples, near)
+    samples = _synchronise(streams, offsets, guess)
+    problem = _add_jitter(build_problem(streams.cell, samples.recording)[0], streams, samples, guess)
     plain = solve_problem(problem, streams.cell, replace(settings, robot_noise="stated", stages=None))
     noisy = plain if settings.robot_noise == "stated" else with_noise(plain, replace(settings, stages=None))
     return noisy, samples

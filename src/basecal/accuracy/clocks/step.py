@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.score_tests import linearised, score, sums
+from basecal.accuracy.systematic_errors.score_tests import linearise_views, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.estimation.solve import Solution
@@ -46,21 +46,19 @@ class ClockStep:
     seen: BoolArray
 
 
-def clock_step(
-    streams: Streams, synchronised: Synchronised, offsets_s: dict[str, float], solution: Solution
-) -> ClockStep:
+def clock_step(streams: Streams, samples: Synchronised, offsets_s: dict[str, float], solution: Solution) -> ClockStep:
     """The most likely step of the open clocks about a solution, to first order.
 
     Args:
         streams: What was recorded, with what is known of the clocks.
-        synchronised: The samples that were solved.
+        samples: The samples that were solved.
         offsets_s: The offsets they were made with, by device.
         solution: With its noise.
     """
     problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {})
-    moves = tuple(_clock_jacobian(situation, k, streams.open, synchronised) for k in range(len(problem.groups)))
-    about = linearised(problem, solution.state)
+    moves = tuple(_clock_jacobian(situation, k, streams.open, samples) for k in range(len(problem.groups)))
+    about = linearise_views(problem, solution.state)
     every = Candidates("clock-offset", ("",), (None,), "s", moves)
     of_views = score(about, every)
     known = [streams.clocks[name] for name in streams.open]
@@ -78,12 +76,12 @@ def clock_step(
     return ClockStep(streams.open, step, covariance * np.outer(seen, seen), by_offsets * seen, seen)
 
 
-def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], synchronised: Synchronised) -> Array:
+def _clock_jacobian(situation: Situation, k: int, clocks: tuple[str, ...], samples: Synchronised) -> Array:
     """How views of a group go with the offsets of clocks, (n, 1, 6, q)."""
     group = situation.problem.groups[k]
     moves = np.zeros((len(group), 1, 6, len(clocks)))
     for robot in group.robots:
-        velocity = np.stack([synchronised.robots[robot][int(sample)].velocity for sample in group.sample])
+        velocity = np.stack([samples.robots[robot][int(sample)].velocity for sample in group.sample])
         moved = (situation.flange_jacobian(k, robot) @ velocity[..., None])[..., 0]
         for q, name in enumerate(clocks):
             if name == group.camera:

@@ -20,7 +20,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.start.closed_form import Loop, solve_rotations, solve_translations
 from basecal.geometry import SE3, Array, BoolArray
 
-_FEWEST = 6  # held-out views that are compared
+_MIN_VIEWS = 6  # held-out views that are compared
 _FEWEST_FITTED = 3  # views, of which a closed form has two motions
 _SMALLEST = np.array([1e-5, 1e-5])  # [m, rad] of held-out errors: no arm and no camera tells smaller ones apart
 
@@ -61,13 +61,13 @@ def closed_form_rival(solution: Solution, refits: Sequence[Refit]) -> ClosedForm
         rows = np.flatnonzero(held)
         views, (x, y, z) = group.take(rows), triple
         state = with_known_stops(refit.optimum.state, refit.known)
-        ours.append(_off(alone[rows], state.camera_from_target(views, solution.problem.stops)))
-        theirs.append(_off(alone[rows], views.close_loop(x, y, z)))
+        ours.append(_squared_errors(alone[rows], state.camera_from_target(views, solution.problem.stops)))
+        theirs.append(_squared_errors(alone[rows], views.close_loop(x, y, z)))
     ratio = _ratio(np.concatenate(ours), np.concatenate(theirs)) if ours else None
     whole = _closed_form(solution.problem, group, *of_all)
     if ratio is None or whole is None:
         return None
-    return ClosedFormRival(ratio, _moved(solution.problem, solution.state, group, whole))
+    return ClosedFormRival(ratio, _closed_form_step(solution.problem, solution.state, group, whole))
 
 
 def _closed_form(problem: Problem, group: ViewGroup, poses: SE3, mask: BoolArray) -> Triple | None:
@@ -94,7 +94,7 @@ def _fixed_mean(problem: Problem, name: str) -> SE3 | None:
     return unknown.mean if unknown.status == "fixed" else None
 
 
-def _off(poses: SE3, predictions: SE3) -> Array:
+def _squared_errors(poses: SE3, predictions: SE3) -> Array:
     """Squares of lengths [m^2] and of angles [rad^2], (n, 2)."""
     off = poses.inverse() @ predictions
     return np.stack([np.sum(off.translation**2, axis=1), np.sum(off.rotvec**2, axis=1)], axis=1)
@@ -102,7 +102,7 @@ def _off(poses: SE3, predictions: SE3) -> Array:
 
 def _ratio(ours: Array, theirs: Array) -> float | None:
     """Held-out error of the answer over the rival's; None if that is no clear gain, or may be chance."""
-    if len(ours) < _FEWEST or not np.all(np.isfinite(theirs)):
+    if len(ours) < _MIN_VIEWS or not np.all(np.isfinite(theirs)):
         return None
     ours, theirs = np.maximum(ours, _SMALLEST**2), np.maximum(theirs, _SMALLEST**2)
     unit = ours.mean(0)
@@ -111,7 +111,7 @@ def _ratio(ours: Array, theirs: Array) -> float | None:
     return float(np.sqrt(in_use.mean() / squares.mean())) if is_taken else None
 
 
-def _moved(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:
+def _closed_form_step(problem: Problem, state: State, group: ViewGroup, triple: Triple) -> Array:
     """The step from the answer to the closed form in the columns of transforms, (p,); 0 in all others."""
     x, y, z = triple
     placed = group.placed_base(y, state.transforms, problem.columns)

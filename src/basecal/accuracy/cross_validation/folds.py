@@ -49,9 +49,9 @@ def splits(problem: Problem, count: int = FOLDS) -> Iterator[Split]:
 
 def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> Iterator[list[Samples]]:
     """Parts by each way, made as they are requested: of many robots hardly any but the first is."""
-    yield _joined(samples, places)
+    yield _join_parts(samples, places)
     for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
-        yield _parted(samples, {n: places[robot].get(n, n) for n in samples})
+        yield _split_by_label(samples, {n: places[robot].get(n, n) for n in samples})
     yield _instants(samples, places)
 
 
@@ -84,7 +84,7 @@ def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
     return {robot: at for robot, at in places.items() if len(set(at.values())) > 1}
 
 
-def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
+def _join_parts(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
     """Parts with no place of any robot in common."""
     part = {number: number for number in samples}
 
@@ -98,14 +98,14 @@ def _joined(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]
         first: dict[Hashable, int] = {}
         for number, place in at.items():
             part[root(number)] = root(first.setdefault(place, number))
-    return _parted(samples, {number: root(number) for number in samples})
+    return _split_by_label(samples, {number: root(number) for number in samples})
 
 
 def _instants(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
-    return _parted(samples, {n: tuple(places[robot].get(n) for robot in sorted(places)) for n in samples})
+    return _split_by_label(samples, {n: tuple(places[robot].get(n) for robot in sorted(places)) for n in samples})
 
 
-def _parted(samples: Sequence[int], label: Mapping[int, Hashable]) -> list[Samples]:
+def _split_by_label(samples: Sequence[int], label: Mapping[int, Hashable]) -> list[Samples]:
     parts: dict[Hashable, list[int]] = defaultdict(list)
     for number in samples:
         parts[label[number]].append(number)

@@ -46,7 +46,7 @@ def refit_folds(
     state: State,
     folds: Iterable[Samples],
     iterations: int,
-    predicted: Problem | None = None,
+    prediction_problem: Problem | None = None,
     worth: Sequence[Array] | None = None,
 ) -> list[Refit]:
     """The fit without each fold, from the same state, stops that it does not share at their recorded poses.
@@ -58,7 +58,7 @@ def refit_folds(
         state: Where the fits start.
         folds: The samples to hold out, one set after another.
         iterations: Steps of each fit, at most.
-        predicted: What is predicted, where that is more than is fitted, such as outliers.
+        prediction_problem: What is predicted, where that is more than is fitted, such as outliers.
         worth: For each group (n,): what each view counts where it is used; 1 where None.
     """
     held = list(folds)
@@ -69,7 +69,7 @@ def refit_folds(
     if worth is not None:
         weights = [used * of for used, of in zip(weights, worth, strict=True)]
     dof = np.array([max(degrees_of_freedom(each), 1) for each in used], dtype=np.float64)
-    views = [_views(predicted or problem, each, inside=True) for each in numbers]
+    views = [_views(prediction_problem or problem, each, inside=True) for each in numbers]
     if is_sparse(problem):
         ends = [
             _sparsely(problem, with_known_stops(state, known[k]), dof[k], iterations, [w[k] for w in weights])
@@ -96,10 +96,10 @@ def _sparsely(
     return OptimumBatch(end.state, *numbers), end.sparse
 
 
-def _known_stops(used: Problem) -> BoolArray:
+def _known_stops(problem: Problem) -> BoolArray:
     """Stops in which views of a problem stand, (k,)."""
-    known = np.zeros(len(used.stops) + 1, dtype=bool)
-    for group in used.groups:
+    known = np.zeros(len(problem.stops) + 1, dtype=bool)
+    for group in problem.groups:
         for end in group.ends:
             known[end.stop] = True
     return known[:-1]  # the last stands for views without a stop
@@ -112,6 +112,6 @@ def _views(problem: Problem, samples: IntArray, inside: bool) -> Problem:
     return replace(views, tied=None if inside else problem.tied)
 
 
-def with_known_stops(state: State, known: BoolArray) -> State:
+def with_known_stops(state: State, is_known: BoolArray) -> State:
     """The state with the errors of the other stops at zero."""
-    return replace(state, stop_errors=np.where(known[..., None], state.stop_errors, 0.0))
+    return replace(state, stop_errors=np.where(is_known[..., None], state.stop_errors, 0.0))

@@ -14,7 +14,7 @@ import numpy as np
 from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.accuracy.model_comparison.comparison import Comparison, Decision
-from basecal.accuracy.model_comparison.held_out import compare_held_out
+from basecal.accuracy.model_comparison.held_out import compare_predicted_gains
 from basecal.cell import Parameters
 from basecal.effects import joint_offsets, link_parameters
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
@@ -32,7 +32,7 @@ from basecal.numerics.spectral import spectrum
 _FEWEST_VIEWS = 15  # of fewer, a fifth held out is two views
 _MOST_SAMPLES = 200  # enough to tell models apart; bounds the time
 _JOINTS_TRIED = 3  # single joints, those that the data call for most: one that is off alone is the first of them
-_WORTH_A_LOOK = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
+_LEAST_GAIN = 6.0  # what a parameter more lowers the cost by, in units of its expectation by chance
 
 OFFSETS, LINKS = joint_offsets.NAME, link_parameters.NAME
 _OFFSETS: dict[str, Parameters] = {OFFSETS: joint_offsets.Stated(status="prior", sigma_rad=joint_offsets.SIGMA_RAD)}
@@ -106,36 +106,38 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
     if split is None:
         return None
     plain = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), settings.iterations)
-    if not _worth_a_look(plain.cost, richest, richest.problem.width - problem.width):
+    if not _is_promising(plain.cost, richest, richest.problem.width - problem.width):
         return None
     found = _Trials(problem, chains, plain.state, split, settings.iterations).candidates()
     best = min(found, key=_mean_score)
-    ahead = [_compared(best, each) for each in found]
+    ahead = [_compare(best, each) for each in found]
     chosen, compared = next(pair for pair in zip(found, ahead, strict=True) if not pair[1].is_taken)
     better = best if compared.decision is Decision.UNDECIDED else None
     whole = solution.problem.with_noise(richest.noise.noise)
-    end = solve_from(whole.with_models(_of(whole, chains, chosen)), solution.state, settings)
+    end = solve_from(whole.with_models(_candidate_models(whole, chains, chosen)), solution.state, settings)
     return RobotModelChoice(chosen, better, tuple(found), end)
 
 
-def _worth_a_look(before: float, richest: Solution, columns: int) -> bool:
+def _is_promising(cost: float, richest: Solution, columns: int) -> bool:
     """Whether the richest model lowers the cost by more than chance would let its columns."""
     scale = max(richest.cost / max(richest.dof, 1), 1e-12)
-    return bool(before - richest.cost > (columns + _WORTH_A_LOOK * np.sqrt(2 * columns)) * scale)
+    return bool(cost - richest.cost > (columns + _LEAST_GAIN * np.sqrt(2 * columns)) * scale)
 
 
 def _models(
     problem: Problem,
     chains: Mapping[str, SerialChain],
     robots: tuple[str, ...],
-    stated: Mapping[str, Parameters],
+    statements: Mapping[str, Parameters],
     joint: int | None = None,
 ) -> Models:
-    models = {r: robot_model(r, chains[r], stated, recorded_joints(problem, r), free_ends(problem, r)) for r in robots}
+    models = {
+        r: robot_model(r, chains[r], statements, recorded_joints(problem, r), free_ends(problem, r)) for r in robots
+    }
     return models if joint is None else {r: model.select_joint(OFFSETS, joint) for r, model in models.items()}
 
 
-def _of(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidate) -> Models:
+def _candidate_models(problem: Problem, chains: Mapping[str, SerialChain], candidate: Candidate) -> Models:
     stated = {**_OFFSETS, LINKS: _OF_LINKS} if candidate.kind == "links" else _OFFSETS
     return _models(problem, chains, candidate.robots, stated, candidate.joint)
 
@@ -153,17 +155,17 @@ class _Trials:
     def candidates(self) -> list[Candidate]:
         """None, single joints, offsets of one robot, of all, links: the later ones only where offsets or links help."""
         robots = tuple(self.chains)
-        none, offsets, links = self.scored("none", ()), self.scored("offsets", robots), self.scored("links", robots)
+        none, offsets, links = self.score("none", ()), self.score("offsets", robots), self.score("links", robots)
         least = min(offsets, links, key=_mean_score)
         found = [none]
-        if _compared(least, none).decision is not Decision.KEEP:
-            joints = (self.scored("joint", (robot,), joint) for robot, joint in self.likeliest_joints())
+        if _compare(least, none).decision is not Decision.KEEP:
+            joints = (self.score("joint", (robot,), joint) for robot, joint in self.likeliest_joints())
             found += sorted(joints, key=_mean_score)
             if len(robots) > 1:
-                found += sorted((self.scored("offsets", (robot,)) for robot in robots), key=_mean_score)
+                found += sorted((self.score("offsets", (robot,)) for robot in robots), key=_mean_score)
         return [*found, offsets, links]
 
-    def told(self, robot: str) -> list[int]:
+    def observable_joints(self, robot: str) -> list[int]:
         """Joints of a robot whose offsets what was recorded tells from what else is unknown."""
         free = _models(self.problem, self.chains, (robot,), {OFFSETS: joint_offsets.Stated(status="free")})[robot]
         return free.columns[OFFSETS].basis.argmax(axis=0).tolist() if OFFSETS in free.columns else []
@@ -180,13 +182,13 @@ class _Trials:
         lowers: dict[tuple[str, int], float] = {}
         for robot in self.chains:
             first = freed.columns[f"{robot}_{OFFSETS}"].start
-            lowers |= {(robot, j): force[first + j] ** 2 / left[first + j] for j in self.told(robot)}
+            lowers |= {(robot, j): force[first + j] ** 2 / left[first + j] for j in self.observable_joints(robot)}
         return sorted(lowers, key=lambda joint: -lowers[joint])[:_JOINTS_TRIED]
 
-    def scored(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
+    def score(self, kind: str, robots: tuple[str, ...], joint: int | None = None) -> Candidate:
         """A model, and how it predicts held-out stations."""
         candidate = Candidate(kind, robots, joint, np.zeros(0), None, 0.0)
-        modelled = self.problem.with_models(_of(self.problem, self.chains, candidate))
+        modelled = self.problem.with_models(_candidate_models(self.problem, self.chains, candidate))
         of = score_stations(modelled, self.state, self.split, self.iterations)
         has_error = len(of.off_m) and np.all(np.isfinite(of.off_m))
         error_m = float(np.sqrt(np.mean(of.off_m**2))) if has_error else None
@@ -197,5 +199,5 @@ def _mean_score(candidate: Candidate) -> float:
     return float(candidate.scores.mean())
 
 
-def _compared(richer: Candidate, simpler: Candidate) -> Comparison:
-    return compare_held_out(richer.kind, simpler.scores - richer.scores)
+def _compare(richer: Candidate, simpler: Candidate) -> Comparison:
+    return compare_predicted_gains(richer.kind, simpler.scores - richer.scores)

@@ -11,7 +11,7 @@ from basecal.estimation.solve import Solution, solve_at_mode
 MOST_VIEWS = 2000  # of a camera and target: an error of so many is known to two in a hundred
 
 
-def of_some_views(solution: Solution, settings: Settings) -> Solution:
+def thin_solution(solution: Solution, settings: Settings) -> Solution:
     """The solution by at most 2,000 views of each camera and target, spread evenly, with the sigmas of all of them.
 
     As it is where there are no more, or where those have no optimum near that of all.

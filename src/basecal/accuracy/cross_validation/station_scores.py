@@ -47,7 +47,7 @@ def score_stations(problem: Problem, state: State, split: Split, iterations: int
     cost, count, off = 0.0, 0, [np.zeros(0)]
     for fit in refit_folds(problem, fresh, split.folds, iterations):
         for group in fit.views.groups:
-            views = _predicted(problem, group, fit.optimum.state)
+            views = _predict_views(problem, group, fit.optimum.state)
             place = np.array([station[number] for number in group.sample.tolist()])
             np.add.at(far, place, views.far)
             np.add.at(freedoms, place, views.freedoms)
@@ -65,7 +65,7 @@ class _Views(NamedTuple):
     off_m: Array
 
 
-def _predicted(problem: Problem, group: ViewGroup, state: State) -> _Views:
+def _predict_views(problem: Problem, group: ViewGroup, state: State) -> _Views:
     links = chain(group, state, problem.stops)
     view = group.measurement.linearise(links.camera_from_target, state.cameras.get(group.camera), False)
     gradient, information = view.gradient[:, :6], view.information[:, :6, :6]

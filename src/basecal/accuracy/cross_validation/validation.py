@@ -19,7 +19,7 @@ from basecal.accuracy.cross_validation.folds import Samples, splits
 from basecal.accuracy.cross_validation.opencv_rivals import opencv_rivals
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.model_comparison.comparison import Comparison
-from basecal.accuracy.model_comparison.nested import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Validation
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians
@@ -113,23 +113,25 @@ class CrossValidation:
     rival: ClosedFormRival | None = None
 
 
-def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings = DEFAULT) -> CrossValidation | None:
+def cross_validate(
+    solution: Solution, transform_names: Sequence[str], settings: Settings = DEFAULT
+) -> CrossValidation | None:
     """How well samples are predicted that were held out, five folds one after another, stations kept together.
 
     A stop that no used sample shares is predicted at its recorded pose, as a user would meet it.
 
     Args:
         solution: The full answer.
-        asked: Names of the transforms that were asked for.
+        transform_names: Names of the transforms that were asked for.
         settings: How long to descend.
 
     Returns:
         The cross-validation; None where the answer is none.
     """
-    free = [name for name in asked if name in solution.problem.columns]
+    free = [name for name in transform_names if name in solution.problem.columns]
     if not solution.converged or solution.observability.unobservable.intersection(free):
         return None
-    chosen = _columns_of(solution.problem, free)
+    chosen = _joined_columns(solution.problem, free)
     fitted: list[_Fold] = []
     skipped: Samples = frozenset()
     for split in splits(solution.problem):
@@ -157,25 +159,25 @@ def cross_validate(solution: Solution, asked: Sequence[str], settings: Settings 
     return CrossValidation(summary, spread, used, predicted, skipped, rival)
 
 
-def _columns_of(problem: Problem, names: Sequence[str]) -> IntArray:
+def _joined_columns(problem: Problem, names: Sequence[str]) -> IntArray:
     where = [problem.columns[name] for name in names]
     return np.array([k for each in where for k in range(each.start, each.stop)], dtype=np.int64)
 
 
-def _fold(solution: Solution, asked: Sequence[str], chosen: IntArray, fit: Refit) -> _Fold | None:
+def _fold(solution: Solution, transform_names: Sequence[str], column_indices: IntArray, fit: Refit) -> _Fold | None:
     """A fold with what it determines; None where it has no optimum, or a transform asked for is unobservable."""
     end, factor = fit.optimum, solution.noise.factor
     if not end.converged:
         return None
     if fit.sparse is not None and condition_number(fit.used, end.state, fit.sparse, factor) is not None:
-        return _Fold(fit, fit.sparse.inverse_columns(chosen))
+        return _Fold(fit, fit.sparse.inverse_columns(column_indices))
     observability = analyse_observability(fit.used, end.state, end.hessian, factor)
-    if observability.unobservable.intersection(asked):
+    if observability.unobservable.intersection(transform_names):
         return None
-    return _Fold(fit, observability.inverse[:, chosen])
+    return _Fold(fit, observability.inverse[:, column_indices])
 
 
-def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
+def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
     """Of the held-out views: as the full answer has them, and as the folds predict them."""
     problem, state = solution.problem, solution.state
     alone: dict[tuple[str, str], _Alone] = {}
@@ -184,12 +186,12 @@ def _errors(solution: Solution, fitted: Sequence[_Fold]) -> tuple[HeldOutErrors,
             said = single_view_pose(state, group, state.camera_from_target(group, problem.stops))
             alone[group.camera, group.target] = _Alone(group.sample, *said)
     used, predicted = HeldOutErrors(), HeldOutErrors()
-    for fold in fitted:
+    for fold in folds:
         full, views = with_known_stops(state, fold.fit.known), fold.fit.views
         for group in views.groups:
             in_pixels = isinstance(group.measurement, PixelMeasurement)
-            used += _of_group(views, group, full, None if in_pixels else alone)
-            predicted += _of_group(views, group, fold.state, alone)
+            used += _group_errors(views, group, full, None if in_pixels else alone)
+            predicted += _group_errors(views, group, fold.state, alone)
         predicted += HeldOutErrors(uncertain=_expected_cost(fold, solution.noise.factor))
     return used, predicted
 
@@ -222,19 +224,19 @@ class _Alone:
     enough: BoolArray
 
 
-def _of_group(
-    views: Problem, group: ViewGroup, state: State, alone: Mapping[tuple[str, str], _Alone] | None
+def _group_errors(
+    views: Problem, group: ViewGroup, state: State, single_views: Mapping[tuple[str, str], _Alone] | None
 ) -> HeldOutErrors:
-    """Of a group's views; of the target's pose only where it is known, or may be found, what views `alone` say."""
+    """Of a group's views; of the target's pose only where it is known, or may be found, what views `single_views` say."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
     square_px, count_px = 0.0, 0
     if isinstance(group.measurement, PixelMeasurement):
         off_px = group.measurement.residual_px(predicted, state.cameras[group.camera])[group.measurement.weight > 0]
         square_px, count_px = float(np.sum(off_px**2)), off_px.size
-    if alone is None:
+    if single_views is None:
         return HeldOutErrors(cost, square_px, count_px)
-    known = alone.get((group.camera, group.target))
+    known = single_views.get((group.camera, group.target))
     if known is None:
         pose, enough = single_view_pose(state, group, predicted)
     else:
@@ -245,16 +247,18 @@ def _of_group(
     return HeldOutErrors(cost, square_px, count_px, square_m, square_rad, int(enough.sum()))
 
 
-def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str], chosen: IntArray) -> FoldSpread | None:
+def _spread(
+    solution: Solution, folds: Sequence[_Fold], transform_names: Sequence[str], column_indices: IntArray
+) -> FoldSpread | None:
     """How far the transforms asked for move between the folds and the full answer, by what its covariance expects."""
     columns = solution.problem.columns
-    if not len(chosen):
+    if not len(column_indices):
         return None
     hessian, factor = _information(solution), solution.noise.factor
-    covariance = solution.covariance[np.ix_(chosen, chosen)]
+    covariance = solution.covariance[np.ix_(column_indices, column_indices)]
     # A fold's change in units of what is expected of it, along the directions in which it has lost information.
-    units = [_whitening(factor * fold.columns[chosen], covariance) for fold in fitted]
-    moved = [_moved(solution.state, fold.state, asked, columns) for fold in fitted]
+    units = [_whitening(factor * fold.columns[column_indices], covariance) for fold in folds]
+    moved = [_fold_tangents(solution.state, fold.state, transform_names, columns) for fold in folds]
     whitened = [unit @ change for unit, change in zip(units, moved, strict=True)]
     freedoms = sum(len(each) for each in whitened)
     if not freedoms:
@@ -263,10 +267,10 @@ def _spread(solution: Solution, fitted: Sequence[_Fold], asked: Sequence[str], c
 
     def squares(i: int, j: int) -> float:
         """Sum of the squares of how two folds' changes, made unit, go together."""
-        together = factor * _shared(fitted[i], fitted[j], hessian) - covariance
+        together = factor * _shared_covariance(folds[i], folds[j], hessian) - covariance
         return float(np.sum((units[i] @ together @ units[j].T) ** 2))
 
-    correlation = sum((1 if i == j else 2) * squares(i, j) for i in range(len(fitted)) for j in range(i + 1))
+    correlation = sum((1 if i == j else 2) * squares(i, j) for i in range(len(folds)) for j in range(i + 1))
     effective = freedoms**2 / max(correlation, 1e-300)
     if effective < _FEWEST_FREEDOMS:
         return None
@@ -283,29 +287,29 @@ def _information(solution: Solution) -> Array | csc_array:
     return linearise(problem, state).hessian
 
 
-def _shared(first: _Fold, second: _Fold, hessian: Array | csc_array) -> Array:
+def _shared_covariance(first: _Fold, second: _Fold, hessian: Array | csc_array) -> Array:
     """Covariance of two folds' answers at unit noise, by the information of the samples that both of them used."""
     both = first.hessian if first is second else first.hessian + second.hessian - hessian
     shared: Array = first.columns.T @ (both @ second.columns)
     return shared
 
 
-def _whitening(without: Array, full: Array) -> Array:
+def _whitening(fold: Array, full: Array) -> Array:
     """(m, n) which makes unit what a fold's change is expected to be, along the directions that can be compared.
 
     Those are left out which the held-out samples do not see, and those which only they see: there a fold is too far
     from the full answer to be compared to first order.
     """
     unit = spectrum(full).inverse_root.T
-    gain = scaled_spectrum(unit @ (without - full) @ unit.T, _LEAST_GAIN)
+    gain = scaled_spectrum(unit @ (fold - full) @ unit.T, _LEAST_GAIN)
     seen = gain.held & (gain.values < _MOST_GAIN)
     return np.asarray(gain.inverse_root[:, seen].T @ unit)
 
 
-def _moved(full: State, fold: State, asked: Sequence[str], columns: Mapping[str, slice]) -> Array:
+def _fold_tangents(full: State, fold: State, transform_names: Sequence[str], columns: Mapping[str, slice]) -> Array:
     """Tangents from the full answer to a fold's, end to end [m, rad]."""
-    tangents = [(full.transforms[name].inverse() @ fold.transforms[name]).log() for name in asked]
-    widths = [columns[name].stop - columns[name].start for name in asked]
+    tangents = [(full.transforms[name].inverse() @ fold.transforms[name]).log() for name in transform_names]
+    widths = [columns[name].stop - columns[name].start for name in transform_names]
     return np.concatenate([tangent[:width] for tangent, width in zip(tangents, widths, strict=True)])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shifts import Shift, frame_shifts, joint_shifts, size_shifts
-from basecal.accuracy.model_comparison.nested import DISAGREES, equally_likely, log_chance
+from basecal.accuracy.model_comparison.nested_models import DISAGREES, equally_likely, log_chance
 from basecal.cell import Calibration, Cell, Recording
 from basecal.geometry import SE3
 
@@ -69,9 +69,9 @@ def _total(innovations: Innovations) -> float:
     return float(innovations.off @ innovations.covariance_inverse @ innovations.off)
 
 
-def _cost(shift: Shift, left: float) -> float:
+def _cost(shift: Shift, chi_square: float) -> float:
     """What a cause leaves, and the mean of what its freedoms take away by chance."""
-    return left + shift.freedoms
+    return chi_square + shift.freedoms
 
 
 def _chance(innovations: Innovations, statistic: float, freedoms: int) -> float:

@@ -63,7 +63,7 @@ class Innovations:
             return self.known_inverse
         return np.asarray(np.linalg.inv(np.eye(len(self.off)) + self.predicted), dtype=np.float64)
 
-    def of(self, tangents: Array) -> Array:
+    def whiten(self, tangents: Array) -> Array:
         """What tangents of the views, (n, 6, k), do to `off`, (6 n, k)."""
         return np.asarray((self.root.mT @ tangents).reshape(len(self.off), tangents.shape[-1]))
 

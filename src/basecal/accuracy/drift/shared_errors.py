@@ -36,10 +36,13 @@ def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
         moves = innovations.frame_jacobian(shift.transform)
     else:
         moves = innovations.joint_jacobian(shift.frame.removesuffix("_flange"))[..., shift.joint : shift.joint + 1]
-    left = innovations.covariance_inverse @ (innovations.off - innovations.of(moves) @ shift.size)
+    left = innovations.covariance_inverse @ (innovations.off - innovations.whiten(moves) @ shift.size)
     cameras = sorted({group.eye.mount for group in innovations.situation.problem.groups})
     more = sum(
-        (_camera_covariance(innovations, innovations.of(innovations.frame_jacobian(name)), left) for name in cameras),
+        (
+            _camera_covariance(innovations, innovations.whiten(innovations.frame_jacobian(name)), left)
+            for name in cameras
+        ),
         np.zeros(innovations.predicted.shape),
     )
     return (
@@ -49,17 +52,17 @@ def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
     )
 
 
-def _camera_covariance(innovations: Innovations, place_jacobian: Array, left: Array) -> Array:
+def _camera_covariance(innovations: Innovations, place_jacobian: Array, residual: Array) -> Array:
     """What a camera's views get wrong together, as a covariance of all views, (6 n, 6 n).
 
     Args:
         innovations: The views.
         place_jacobian: (6 n, 6) how they go with the camera's place.
-        left: (6 n,) what is left of them over its covariance.
+        residual: (6 n,) what is left of them over its covariance.
     """
     inverse = innovations.covariance_inverse
     rows = [np.flatnonzero(np.repeat(innovations.sample == number, 6)) for number in np.unique(innovations.sample)]
-    said = np.stack([place_jacobian[at].T @ left[at] for at in rows])
+    said = np.stack([place_jacobian[at].T @ residual[at] for at in rows])
     expected = sum(
         (place_jacobian[at].T @ inverse[np.ix_(at, at)] @ place_jacobian[at] for at in rows), np.zeros((6, 6))
     )

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtri, chndtr, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
-from basecal.accuracy.model_comparison.nested import log_chance
+from basecal.accuracy.model_comparison.nested_models import log_chance
 from basecal.effects.target_size import size_moves
 from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
@@ -103,7 +103,7 @@ def size_shifts(innovations: Innovations) -> Iterator[Shift]:
 
 
 def _shift(innovations: Innovations, frame: str, transform: str, joint: int | None, moves: Array) -> Shift:
-    by_shift = innovations.of(moves)
+    by_shift = innovations.whiten(moves)
     weighed = by_shift.T @ innovations.covariance_inverse
     information = weighed @ by_shift
     seen = spectrum(0.5 * (information + information.T), _HIDDEN_SHARE)

@@ -9,7 +9,7 @@ import numpy as np
 from basecal.accuracy.drift.innovations import Innovations, innovations
 from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, with_shared_errors
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
-from basecal.accuracy.model_comparison.nested import MOVED, equally_likely
+from basecal.accuracy.model_comparison.nested_models import MOVED, equally_likely
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.streams.streams import synchronous
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.model_comparison.nested import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
 from basecal.effects.target_shape import freedoms, words
 
@@ -18,7 +18,7 @@ def board_shape(evidence: Evidence) -> list[Finding]:
         if target is None:
             continue
         statistic = float(shape @ np.linalg.solve(spread, shape))
-        if not compare_nested(name, statistic, freedoms(target.points, shape)).is_taken:
+        if not compare_nested_models(name, statistic, freedoms(target.points, shape)).is_taken:
             continue
         found = words(name, target.points, shape)
         if found is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.robot_model import robot_model
-from basecal.accuracy.model_comparison.nested import compare_evidence
+from basecal.accuracy.model_comparison.nested_models import compare_evidence
 from basecal.accuracy.phrases.gravity import describe_gravity
 from basecal.cell import Finding
 from basecal.effects import deflection

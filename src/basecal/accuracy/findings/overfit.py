@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.validation import HeldOutErrors, root_mean
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.model_comparison.nested import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested
 from basecal.cell import Finding
 
 _ROUNDING = 1e-12  # cost of a view that fits to rounding: synthetic cells without noise
@@ -31,10 +31,10 @@ def overfit(evidence: Evidence) -> list[Finding]:
     return [Finding("overfit", "warning", (), what, do, "The covariance is too small for it.")]
 
 
-def _comparison(used: HeldOutErrors, held_out: HeldOutErrors) -> str:
+def _comparison(errors: HeldOutErrors, held_out: HeldOutErrors) -> str:
     """Both errors in pixels, or in mm and degrees."""
-    inside, outside = (root_mean(e.square_px, e.count_px) for e in (used, held_out))
+    inside, outside = (root_mean(e.square_px, e.count_px) for e in (errors, held_out))
     if inside is not None and outside is not None:
         return f" ({outside:.2f} px against {inside:.2f} px)"
-    inside, outside = (root_mean(e.square_m, e.count_poses) for e in (used, held_out))
+    inside, outside = (root_mean(e.square_m, e.count_poses) for e in (errors, held_out))
     return "" if inside is None or outside is None else f" ({1e3 * outside:.2f} mm against {1e3 * inside:.2f} mm)"

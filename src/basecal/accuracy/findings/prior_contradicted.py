@@ -7,7 +7,7 @@ from collections.abc import Set
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.model_comparison.nested import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
 from basecal.estimation.least_squares.normal_equations import prior_residuals
 from basecal.estimation.problem.stated_lens import is_stated
@@ -24,7 +24,7 @@ def prior_contradicted(evidence: Evidence) -> list[Finding]:
     return contradicted_priors(evidence.solution, lenses)
 
 
-def contradicted_priors(solution: Solution, excluded: Set[str] = frozenset()) -> list[Finding]:
+def contradicted_priors(solution: Solution, exclusions: Set[str] = frozenset()) -> list[Finding]:
     """A finding for each prior that is further from the answer than chance allows, once in 10,000 times.
 
     The answer leaves the mean of a true prior by a normal error whose covariance is the prior's less the answer's, in
@@ -32,17 +32,17 @@ def contradicted_priors(solution: Solution, excluded: Set[str] = frozenset()) ->
 
     Args:
         solution: The solution.
-        excluded: Cameras whose lenses nobody stated a prior of.
+        exclusions: Cameras whose lenses nobody stated a prior of.
     """
     found = []
     for residual, jacobian, where in prior_residuals(solution.problem, solution.state):
         name = next(n for n, c in solution.problem.columns.items() if c == where)
-        if name in excluded or (name in solution.problem.lenses and solution.problem.lenses[name].status == "free"):
+        if name in exclusions or (name in solution.problem.lenses and solution.problem.lenses[name].status == "free"):
             continue  # what is known of lenses in general was not stated by anyone
         after = jacobian @ solution.observability.inverse[where, where] @ jacobian.T
         learnt = informed_spectrum(innovation(after, np.ones(len(residual))))
         off = float(learnt.squared_mahalanobis(residual)) / max(solution.noise.factor, 1.0)
-        if compare_nested(name, off, int(learnt.rank)).is_taken:
+        if compare_nested_models(name, off, int(learnt.rank)).is_taken:
             what = f"The answer is up to {np.abs(residual).max():.1f} sigmas away from the prior of {name}."
             why, do = "That is more than chance explains.", ("State larger sigmas or a better value, or make it free.",)
             found.append(Finding("prior-contradicted", "warning", (name,), what, do, why))

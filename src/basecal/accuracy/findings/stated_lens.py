@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.prior_contradicted import informed_spectrum, innovation
-from basecal.accuracy.model_comparison.nested import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.cell import Finding
 from basecal.effects.faces.found_effect import FIX
 from basecal.effects.registry import LENS_PARAMETERS
@@ -35,7 +35,7 @@ def _is_contradicted(name: str, stated_camera: Camera, solution: Solution) -> bo
     known = informed_spectrum(
         innovation(solution.observability.inverse[where, where] / np.outer(usual, usual), used / usual)
     )
-    return compare_nested(name, float(known.squared_mahalanobis(off)), int(known.rank)).is_taken
+    return compare_nested_models(name, float(known.squared_mahalanobis(off)), int(known.rank)).is_taken
 
 
 def _sentences(name: str, stated_camera: Camera, solution: Solution) -> tuple[str, tuple[str, ...], str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.model_comparison.comparison import Comparison, decide
-from basecal.accuracy.model_comparison.nested import ALONE
+from basecal.accuracy.model_comparison.nested_models import ALONE
 from basecal.accuracy.model_comparison.splits import compare_split
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.systematic_errors.search import candidate_chance, timeless_situation

@@ -35,7 +35,7 @@ def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
     change, path, journal = cure.change, folder / _CELL, folder / FOLDER / FILE
     text = old = read_text(path, "")
     if change.cell:
-        text, _ = completed_cell_text(old, _nested(change.cell), str(path), change.cell.keys())
+        text, _ = completed_cell_text(old, _nest_values(change.cell), str(path), change.cell.keys())
     described = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
     lines = None if change.samples is None else "".join(map(sample_line, change.samples))
     if lines is not None:
@@ -86,7 +86,7 @@ def _state_words(state: RobotState) -> str:
     return "joints " + ", ".join(f"{value:.5g}" for value in joints)
 
 
-def _nested(places: Mapping[Loc, Any]) -> dict[Any, Any]:
+def _nest_values(places: Mapping[Loc, Any]) -> dict[Any, Any]:
     """Values by place as the mapping that a `cell.yaml` is."""
     root: dict[str | int, Any] = {}
     for place, value in places.items():

@@ -26,7 +26,7 @@ from basecal.accuracy.input_check.hypothesis_fit import (
     plausible,
     ratio,
 )
-from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, state_of, trimmed
+from basecal.accuracy.input_check.loop_fit import LoopFit, ReadyViews, fit_loops, pair_state, trimmed_rms
 from basecal.accuracy.input_check.pairing import half_turns, pairing_errors
 from basecal.accuracy.input_check.plausibility import impossible_answer, impossible_reading
 from basecal.accuracy.input_check.rare_hypotheses import rare_hypotheses
@@ -52,11 +52,11 @@ _SCREENED = 25  # samples of the quick look, of which a closed form of poses nee
 _SOLVED = 40  # samples of a fit in earnest: enough to tell hypotheses apart; bounds the time
 _REWRITTEN = 400  # samples that are rewritten and judged by hard facts, which hold of all of them or of none
 _LIGHTS_SCREENED = 14  # views of a light, each two equations: twice as many as there are unknowns
-_FEWEST = 5  # samples, of which three folds leave three to fit
-_MARGIN = 1.25  # equations over unknowns without the largest fold
+_MIN_SAMPLES = 5  # samples, of which three folds leave three to fit
+_LEAST_REDUNDANCY = 1.25  # equations over unknowns without the largest fold
 
 _OUT_OF_THE_RACE = 2.0  # times the error of the declared one, before the noise of poses is known
-_NEAR = 3.0  # how many times worse than the best a hypothesis may close its loops and still be fitted
+_NEAR_RATIO = 3.0  # how many times worse than the best a hypothesis may close its loops and still be fitted
 _FLOOR_RAD = 0.01  # [rad] of loops of poses, within which the quick look of few samples does not rank
 _LIGHT_FLOOR_RAD = 0.002  # [rad] likewise of directions to a light, which have no rotation of their own
 _HOPELESS_RAD = 0.25  # [rad] of loops that even the best hypothesis does not close: none of them is so
@@ -78,7 +78,12 @@ Fits = Mapping[tuple[str, str], LoopFit]
 
 
 def check_conventions(
-    cell: Cell, recording: Recording, problem: Problem, solution: Solution, settings: Settings, explained: bool = False
+    cell: Cell,
+    recording: Recording,
+    problem: Problem,
+    solution: Solution,
+    settings: Settings,
+    is_explained: bool = False,
 ) -> tuple[Finding, ...]:
     """Findings about conventions that the input seems to break, or that it leaves open.
 
@@ -88,7 +93,7 @@ def check_conventions(
         problem: What was packed of both.
         solution: What they gave.
         settings: How they were solved.
-        explained: Whether noise such as arms have explains what robots taken for exact leave over.
+        is_explained: Whether noise such as arms have explains what robots taken for exact leave over.
 
     Returns:
         An error for each hypothesis that explains the data better than the declared one, or as well where the declared
@@ -96,16 +101,18 @@ def check_conventions(
     """
     declared = as_recorded(cell, recording, problem)
     if not has_many_robots(problem):
-        return _in_step([_checked(declared, solution.state, settings, explained)])[0]
+        return _run_checks([_check_reading(declared, solution.state, settings, is_explained)])[0]
     pairs = solve_single_pairs(declared, solution.state)
     found: list[tuple[Finding, ...]] = []
     for at in range(0, len(pairs), _IN_STEP):
         settings.part(at, len(pairs))
-        found += _in_step([_checked(p.reading, p.state, settings, explained) for p in pairs[at : at + _IN_STEP]])
+        found += _run_checks(
+            [_check_reading(p.reading, p.state, settings, is_explained) for p in pairs[at : at + _IN_STEP]]
+        )
     return merge_findings(pairs, found)
 
 
-def _in_step(checks: Sequence[_Check[T]]) -> list[T]:
+def _run_checks(checks: Sequence[_Check[T]]) -> list[T]:
     """Where several checks end; the pairs of camera and target that they want fitted at a time go side by side."""
     answers: dict[int, list[LoopFit | None] | None] = dict.fromkeys(range(len(checks)))
     ended: dict[int, T] = {}
@@ -121,48 +128,50 @@ def _in_step(checks: Sequence[_Check[T]]) -> list[T]:
     return [ended[number] for number in range(len(checks))]
 
 
-def _checked(declared: Reading, known: State, settings: Settings, explained: bool) -> _Check[tuple[Finding, ...]]:
+def _check_reading(
+    baseline: Reading, state: State, settings: Settings, is_explained: bool
+) -> _Check[tuple[Finding, ...]]:
     """As `check_conventions`, of all robots at once."""
-    if any(LINKS in model.columns for model in declared.problem.models.values()):
-        declared, known = _without_links(declared, known)
-    cell, problem = declared.cell, declared.problem
-    if len(declared.order) < _FEWEST or not _can_hold_out(problem):
+    if any(LINKS in model.columns for model in baseline.problem.models.values()):
+        baseline, state = _without_links(baseline, state)
+    cell, problem = baseline.cell, baseline.problem
+    if len(baseline.order) < _MIN_SAMPLES or not _can_hold_out(problem):
         return ()
-    whole = _as_declared(declared, settings, known)
+    whole = _as_declared(baseline, settings, state)
     if whole is None:
         return ()
-    as_is = TriedHypothesis(AS_DECLARED, whole, (*impossible_reading(declared), *impossible_answer(cell, whole)))
+    as_is = TriedHypothesis(AS_DECLARED, whole, (*impossible_reading(baseline), *impossible_answer(cell, whole)))
     if plausible(whole) and not as_is.impossible and not is_observable(cell, whole):
         return ()
     # A guess or the axis-shift start belongs to the declared hypothesis alone.
-    tried = yield from _tried(declared, as_is, replace(settings, start="closed"))
+    tried = yield from _try_hypotheses(baseline, as_is, replace(settings, start="closed"))
     still = frozenset(r for r in cell.robots if count_stops(problem, r) == 1)
-    return decide_hypotheses(cell, as_is, tried, explained, still)
+    return decide_hypotheses(cell, as_is, tried, is_explained, still)
 
 
-def _without_links(declared: Reading, state: State) -> tuple[Reading, State]:
+def _without_links(baseline: Reading, state: State) -> tuple[Reading, State]:
     """Both with links as stated: no mix-up is as small as their errors, which would chase what they cannot explain."""
     robots = {
         name: replace(robot, parameters={k: of for k, of in robot.parameters.items() if k != LINKS})
-        for name, robot in declared.cell.robots.items()
+        for name, robot in baseline.cell.robots.items()
     }
     kinematics = {
         name: replace(of, values={k: values for k, values in of.values.items() if k != LINKS})
         for name, of in state.robots.items()
     }
-    return declared.restated(replace(declared.cell, robots=robots)), replace(state, robots=kinematics)
+    return baseline.restated(replace(baseline.cell, robots=robots)), replace(state, robots=kinematics)
 
 
 def _can_hold_out(problem: Problem) -> bool:
     """Whether two of three folds still have more equations than there are unknowns, by a quarter."""
     equations = sum(int(group.measurement.equations().sum()) for group in problem.groups)
-    return equations * (FOLDS - 1) / FOLDS > _MARGIN * problem.width
+    return equations * (FOLDS - 1) / FOLDS > _LEAST_REDUNDANCY * problem.width
 
 
-def _as_declared(declared: Reading, settings: Settings, known: State) -> HypothesisFit | None:
+def _as_declared(baseline: Reading, settings: Settings, state: State) -> HypothesisFit | None:
     """The fit of the declared hypothesis; a start that misled it, such as a wrong guess, is no mix-up."""
-    cell, few = declared.cell, declared.thin(_SOLVED).problem
-    fit = fit_hypothesis(cell, few, settings, known)
+    cell, few = baseline.cell, baseline.thin(_SOLVED).problem
+    fit = fit_hypothesis(cell, few, settings, state)
     if settings.start == "closed" or (fit is not None and plausible(fit)):
         return fit
     anew = fit_hypothesis(cell, few, replace(settings, start="closed"))
@@ -170,103 +179,103 @@ def _as_declared(declared: Reading, settings: Settings, known: State) -> Hypothe
     return min(found, key=lambda each: each.core, default=None)
 
 
-def _tried(declared: Reading, as_is: TriedHypothesis, settings: Settings) -> _Check[list[TriedHypothesis]]:
+def _try_hypotheses(baseline: Reading, as_is: TriedHypothesis, settings: Settings) -> _Check[list[TriedHypothesis]]:
     """Hypotheses that survive a quick look, fitted in earnest."""
-    lenses = _lenses(declared, as_is.fit)
+    lenses = _lenses(baseline, as_is.fit)
     known = as_is.fit.solution.state
     found: list[TriedHypothesis] = []
-    common = convention_hypotheses(declared)
-    surviving = yield from _surviving(declared, lenses, common)
-    has_priors = any(unknown.status == "prior" for unknown in declared.problem.unknowns.values())
+    common = convention_hypotheses(baseline)
+    surviving = yield from _surviving(baseline, lenses, common)
+    has_priors = any(unknown.status == "prior" for unknown in baseline.problem.unknowns.values())
     if not surviving and not plausible(as_is.fit) and has_priors:
         # Loops of arms that turn about one axis stay open without what is known by priors, whatever is tried.
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
     for hypothesis, fits in surviving:
-        found += _try(declared, hypothesis, settings, (fits, lenses), as_is)
+        found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
     if any(plausible(each.fit) and not each.impossible and each.beside(as_is.fit).is_taken for each in found):
         return found
-    if not _explained(as_is.fit):
+    if not _is_explained(as_is.fit):
         wider = [hypothesis for hypothesis in common if hypothesis.nested]
-        for hypothesis in [*wider, *size_hypotheses(declared.thin(_SOLVED), known)]:
-            found += _try(declared, hypothesis, settings, known, as_is)
+        for hypothesis in [*wider, *size_hypotheses(baseline.thin(_SOLVED), known)]:
+            found += _try(baseline, hypothesis, settings, known, as_is)
     if has_tail(as_is.fit) or not any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
-        moving = [name for name, track in declared.tracks.items() if track.moves]
-        for hypothesis, fits in pairing_errors(declared, lenses, streams(moving)):
-            found += _try(declared, hypothesis, settings, (fits, lenses), as_is)
-        for hypothesis in half_turns(declared):
-            found += _try(declared, hypothesis, settings, None, as_is)
+        moving = [name for name, track in baseline.tracks.items() if track.moves]
+        for hypothesis, fits in pairing_errors(baseline, lenses, streams(moving)):
+            found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
+        for hypothesis in half_turns(baseline):
+            found += _try(baseline, hypothesis, settings, None, as_is)
     if any(plausible(each.fit) and not each.impossible for each in (as_is, *found)):
         return found
     if unexplained_motion(as_is.fit.solution.problem, known) > _ODD:
-        rare = yield from _surviving(declared, lenses, rare_hypotheses(declared))
+        rare = yield from _surviving(baseline, lenses, rare_hypotheses(baseline))
         for hypothesis, fits in rare:
-            found += _try(declared, hypothesis, settings, (fits, lenses), as_is)
+            found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
     return found
 
 
-def every_hypothesis(declared: Reading, known: State, settings: Settings) -> list[ConventionHypothesis]:
+def every_hypothesis(baseline: Reading, state: State, settings: Settings) -> list[ConventionHypothesis]:
     """All hypotheses of a reading that may be named, those among them whose number or sample is to be found.
 
     Args:
-        declared: As it was declared.
-        known: Its fit.
+        baseline: As it was declared.
+        state: Its fit.
         settings: How it was solved.
     """
-    found = [*convention_hypotheses(declared), *rare_hypotheses(declared), *half_turns(declared)]
-    found += size_hypotheses(declared.thin(_SOLVED), known)
-    whole = _as_declared(declared, settings, known)
+    found = [*convention_hypotheses(baseline), *rare_hypotheses(baseline), *half_turns(baseline)]
+    found += size_hypotheses(baseline.thin(_SOLVED), state)
+    whole = _as_declared(baseline, settings, state)
     if whole is not None:
-        moving = [name for name, track in declared.tracks.items() if track.moves]
-        found += [slip for slip, _ in pairing_errors(declared, _lenses(declared, whole), streams(moving))]
+        moving = [name for name, track in baseline.tracks.items() if track.moves]
+        found += [slip for slip, _ in pairing_errors(baseline, _lenses(baseline, whole), streams(moving))]
     return found
 
 
 def _try(
-    declared: Reading,
+    baseline: Reading,
     hypothesis: ConventionHypothesis,
     settings: Settings,
     start: State | tuple[Fits, Lenses] | None,
     as_is: TriedHypothesis,
 ) -> list[TriedHypothesis]:
     """The hypothesis fitted in earnest; nothing if it contradicts a fact, or is out of the race."""
-    reading = _reread(hypothesis, declared)
+    reading = _reread(hypothesis, baseline)
     if impossible_reading(reading):
         return []
     few = reading.thin(_SOLVED).problem
-    state = state_of(few, *start) if isinstance(start, tuple) else start
+    state = pair_state(few, *start) if isinstance(start, tuple) else start
     fit = fit_hypothesis(reading.cell, few, settings, state, _OUT_OF_THE_RACE * as_is.fit.core)
     return [] if fit is None else [TriedHypothesis(hypothesis, fit, impossible_answer(reading.cell, fit))]
 
 
-def _reread(hypothesis: ConventionHypothesis, declared: Reading) -> Reading:
+def _reread(hypothesis: ConventionHypothesis, baseline: Reading) -> Reading:
     """What a hypothesis makes of as many samples as determine it."""
-    return hypothesis.reread(declared if hypothesis.by_order else declared.thin(_REWRITTEN))
+    return hypothesis.reread(baseline if hypothesis.by_order else baseline.thin(_REWRITTEN))
 
 
 def _surviving(
-    declared: Reading, lenses: Lenses, among: Sequence[ConventionHypothesis]
+    baseline: Reading, lenses: Lenses, candidates: Sequence[ConventionHypothesis]
 ) -> _Check[list[tuple[ConventionHypothesis, Fits]]]:
     """Hypotheses that close the loops about as well as the one that closes them best."""
-    hypotheses, inputs = [AS_DECLARED], [declared]
-    for hypothesis in among:
-        still = [name for name in hypothesis.about if name in declared.tracks and not declared.tracks[name].moves]
+    hypotheses, inputs = [AS_DECLARED], [baseline]
+    for hypothesis in candidates:
+        still = [name for name in hypothesis.about if name in baseline.tracks and not baseline.tracks[name].moves]
         if hypothesis.nested or (hypothesis.code == "pairing-shifted" and still):
             continue
-        reading = _reread(hypothesis, declared)
+        reading = _reread(hypothesis, baseline)
         if not impossible_reading(reading):
             hypotheses.append(hypothesis)
             inputs.append(reading)
-    fits = yield from _screened(inputs, lenses)
-    scores = [max((trimmed(fit.off) for fit in of.values()), default=np.inf) for of in fits]
+    fits = yield from _screen(inputs, lenses)
+    scores = [max((trimmed_rms(fit.off) for fit in of.values()), default=np.inf) for of in fits]
     of_light = any(fit.of_light for fit in fits[0].values())
     if min(scores) > (_LIGHT_HOPELESS_RAD if of_light else _HOPELESS_RAD):
         return []
-    limit = _NEAR * min(scores) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
+    limit = _NEAR_RATIO * min(scores) + (_LIGHT_FLOOR_RAD if of_light else _FLOOR_RAD)
     best = sorted(range(1, len(scores)), key=lambda k: scores[k])[:_MOST_SOLVED]
     return [(hypotheses[k], fits[k]) for k in best if scores[k] < limit]
 
 
-def _screened(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
+def _screen(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
     """Of each hypothesis how nearly the loops of its pairs of camera and target close, all fitted side by side.
 
     A hypothesis has no fits where one of its pairs cannot be fitted.
@@ -298,17 +307,17 @@ def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
         return []
 
 
-def _lenses(declared: Reading, fit: HypothesisFit) -> dict[str, Camera]:
+def _lenses(baseline: Reading, fit: HypothesisFit) -> dict[str, Camera]:
     """A lens for each camera with pixels: stated, of a good fit, or from its views, which no robot misleads."""
     found = {}
-    for name, lens in declared.problem.lenses.items():
-        views = [g.measurement for g in declared.problem.groups if g.camera == name]
+    for name, lens in baseline.problem.lenses.items():
+        views = [g.measurement for g in baseline.problem.groups if g.camera == name]
         pixels = [m for m in views if isinstance(m, PixelMeasurement)]
         solved = fit.solution.state.cameras[name] if plausible(fit) else None
-        found[name] = lens.camera or solved or lens_from_views(declared.cell.cameras[name], pixels)
+        found[name] = lens.camera or solved or lens_from_views(baseline.cell.cameras[name], pixels)
     return found
 
 
-def _explained(fit: HypothesisFit) -> bool:
+def _is_explained(fit: HypothesisFit) -> bool:
     """Whether stated sigmas explain every residual, so that no wider model can gain a tenth."""
     return not fit.solution.noise.estimated and ratio(fit.solution) < _EXPLAINED and not has_tail(fit)

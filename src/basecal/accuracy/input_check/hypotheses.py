@@ -58,24 +58,24 @@ class ConventionHypothesis:
 AS_DECLARED = ConventionHypothesis("", (), "it is as declared", "", "", lambda reading: reading)
 
 
-def convention_hypotheses(declared: Reading) -> list[ConventionHypothesis]:
+def convention_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     """All hypotheses that change this reading, but for those with a number to be found."""
-    by_pose, by_joints = declared.by_pose, declared.by_joints
-    poses, points = declared.shows(PoseMeasurement), declared.shows(PointMeasurement)
-    shifts = [by for by in _SHIFTS if abs(by) < len(declared.order) // 3]
+    by_pose, by_joints = baseline.pose_robots, baseline.joint_robots
+    poses, points = baseline.shows(PoseMeasurement), baseline.shows(PointMeasurement)
+    shifts = [by for by in _SHIFTS if abs(by) < len(baseline.order) // 3]
     return [
-        *_of_directions(by_pose, poses),
-        *_of_units(by_pose, by_joints, poses, points),
-        *_of_joints(by_joints),
-        *_of_quaternions(by_pose, poses),
-        *_of_exchanges(declared.cell, by_pose, "poses"),
-        *_of_exchanges(declared.cell, by_joints, "joints"),
+        *_direction_hypotheses(by_pose, poses),
+        *_unit_hypotheses(by_pose, by_joints, poses, points),
+        *_joint_hypotheses(by_joints),
+        *_quaternion_hypotheses(by_pose, poses),
+        *_exchange_hypotheses(baseline.cell, by_pose, "poses"),
+        *_exchange_hypotheses(baseline.cell, by_joints, "joints"),
         *(shift(stream, by) for stream in streams([*by_pose, *by_joints]) for by in shifts),
-        *(_of_size_units(declared.cell) if declared.shows(PixelMeasurement, PointMeasurement) else ()),
-        *(_of_symmetry(declared.cell) if poses else ()),
-        *_of_mirrors(poses, points),
-        *_of_lenses(declared),
-        *_of_fixed(declared.cell),
+        *(_size_unit_hypotheses(baseline.cell) if baseline.shows(PixelMeasurement, PointMeasurement) else ()),
+        *(_symmetry_hypotheses(baseline.cell) if poses else ()),
+        *_mirror_hypotheses(poses, points),
+        *_lens_hypotheses(baseline),
+        *_fixed_transform_hypotheses(baseline.cell),
     ]
 
 
@@ -84,46 +84,46 @@ def subsets(robots: list[str]) -> list[tuple[str, ...]]:
     return [*((name,) for name in robots), *([tuple(robots)] if len(robots) > 1 else [])]
 
 
-def listed(names: tuple[str, ...]) -> str:
+def join_names(names: tuple[str, ...]) -> str:
     """Names in a sentence."""
     return " and ".join(names)
 
 
-def of_robots(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
+def map_robot_poses(names: tuple[str, ...], pose_map: PoseMap) -> Reread:
     """Recorded poses of robots, mapped."""
     return lambda reading: reading.with_poses(names, pose_map)
 
 
-def of_targets(pose_map: PoseMap) -> Reread:
+def map_target_poses(pose_map: PoseMap) -> Reread:
     """All observed poses, mapped."""
     return lambda reading: reading.with_target_poses(pose_map)
 
 
-def scaled(factor: float) -> PoseMap:
+def scale_translations(factor: float) -> PoseMap:
     """Translations times a factor."""
     return lambda poses: SE3(poses.rotation, factor * poses.translation)
 
 
-def _reordered(order: tuple[int, ...]) -> PoseMap:
+def _reorder_quaternion(order: tuple[int, ...]) -> PoseMap:
     """Rotations whose quaternion's components are taken in another order; a sign does not matter."""
     return lambda poses: SE3.from_quaternion(poses.quaternion[..., list(order)], poses.translation)
 
 
-def _through_camera(poses: SE3) -> SE3:
+def _mirror_behind_camera(poses: SE3) -> SE3:
     """The other pose from which a plane's points lie on the same lines: behind the camera if this is before it."""
     return SE3(poses.rotation * np.array([-1.0, -1.0, 1.0]), -poses.translation)
 
 
-def _of_directions(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
+def _direction_hypotheses(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
     for names in subsets(robots):
-        who = listed(names)
+        who = join_names(names)
         yield ConventionHypothesis(
             "robot-pose-inverted",
             names,
             f"the poses of {who} are inverted (flange_from_base)",
             f"write base_from_flange of {who}, or invert the poses",
             f"turn {who} further about two axes between samples",
-            of_robots(names, SE3.inverse),
+            map_robot_poses(names, SE3.inverse),
         )
     if poses:
         yield ConventionHypothesis(
@@ -132,39 +132,43 @@ def _of_directions(robots: list[str], poses: bool) -> Iterator[ConventionHypothe
             "the poses of the target are inverted (target_from_camera)",
             "write camera_from_target, or invert the observed poses",
             "turn every arm further about two axes between samples",
-            of_targets(SE3.inverse),
+            map_target_poses(SE3.inverse),
         )
 
 
-def _of_units(by_pose: list[str], by_joints: list[str], poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
+def _unit_hypotheses(
+    by_pose: list[str], by_joints: list[str], poses: bool, points: bool
+) -> Iterator[ConventionHypothesis]:
     for factor, words, advice in (
         (_MILLI, "in millimetres", "divide them by 1000"),
         (1 / _MILLI, "1000 times too small", "multiply them by 1000"),
     ):
-        of = scaled(factor)
+        of = scale_translations(factor)
         for names in subsets(by_pose):
-            who = f"the poses of {listed(names)}"
-            yield _unit(names, who, words, advice, of_robots(names, of))
+            who = f"the poses of {join_names(names)}"
+            yield _unit(names, who, words, advice, map_robot_poses(names, of))
         if poses:
-            yield _unit((), "the observed poses", words, advice, of_targets(of))
+            yield _unit((), "the observed poses", words, advice, map_target_poses(of))
         if points:
             yield _unit((), "the observed 3-D points", words, advice, partial(Reading.with_points, factor=factor))
         if by_pose and not by_joints:
-            yield _unit(tuple(by_pose), "all lengths, of robots and targets,", words, advice, _of_all(by_pose, factor))
+            yield _unit(
+                tuple(by_pose), "all lengths, of robots and targets,", words, advice, _scale_lengths(by_pose, factor)
+            )
 
 
-def _unit(about: tuple[str, ...], who: str, words: str, advice: str, reread: Reread) -> ConventionHypothesis:
+def _unit(subjects: tuple[str, ...], subject: str, words: str, advice: str, reread: Reread) -> ConventionHypothesis:
     return ConventionHypothesis(
         "length-unit",
-        about,
-        f"{who} are {words}",
+        subjects,
+        f"{subject} are {words}",
         f"lengths are in metres: {advice}",
         "give the size of something known, such as the target's points or a prior of a mount",
         reread,
     )
 
 
-def _of_size_units(cell: Cell) -> Iterator[ConventionHypothesis]:
+def _size_unit_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
     for name, target in cell.targets.items():
         if target.target is not None and not target.target.is_point:
             yield ConventionHypothesis(
@@ -173,23 +177,23 @@ def _of_size_units(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"the size of {name} is in millimetres",
                 "lengths are in metres: divide it by 1000",
                 "move every arm further between samples",
-                partial(Reading.resized, factors={name: _MILLI}),
+                partial(Reading.resize, factors={name: _MILLI}),
             )
 
 
-def _of_all(robots: list[str], factor: float) -> Reread:
+def _scale_lengths(robots: list[str], factor: float) -> Reread:
     def reread(reading: Reading) -> Reading:
         """The reading with all its lengths times the factor."""
-        of = scaled(factor)
+        of = scale_translations(factor)
         mapped = reading.with_poses(tuple(robots), of).with_target_poses(of).with_points(factor)
-        return mapped.resized(dict.fromkeys(reading.cell.targets, factor))
+        return mapped.resize(dict.fromkeys(reading.cell.targets, factor))
 
     return reread
 
 
-def _of_joints(robots: list[str]) -> Iterator[ConventionHypothesis]:
+def _joint_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
     for names in subsets(robots):
-        who = listed(names)
+        who = join_names(names)
         for factor, words, advice in (
             (np.pi / 180, "in degrees", "turn them into radians"),
             (180 / np.pi, "turned from degrees into radians though they were radians", "leave them as they were"),
@@ -204,27 +208,27 @@ def _of_joints(robots: list[str]) -> Iterator[ConventionHypothesis]:
             )
 
 
-def _of_quaternions(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
+def _quaternion_hypotheses(robots: list[str], poses: bool) -> Iterator[ConventionHypothesis]:
     for words, order in _ORDERS.items():
-        of = _reordered(order)
+        of = _reorder_quaternion(order)
         for names in subsets(robots):
-            yield _quaternion(names, f"the quaternions of {listed(names)}", words, of_robots(names, of))
+            yield _quaternion(names, f"the quaternions of {join_names(names)}", words, map_robot_poses(names, of))
         if poses:
-            yield _quaternion((), "the quaternions of the observed poses", words, of_targets(of))
+            yield _quaternion((), "the quaternions of the observed poses", words, map_target_poses(of))
 
 
-def _quaternion(about: tuple[str, ...], who: str, words: str, reread: Reread) -> ConventionHypothesis:
+def _quaternion(subjects: tuple[str, ...], subject: str, words: str, reread: Reread) -> ConventionHypothesis:
     return ConventionHypothesis(
         "quaternion-order",
-        about,
-        f"{who} are {words}",
-        f"write {who} as x, y, z, w",
-        f"turn {listed(about) or 'every arm'} further between samples",
+        subjects,
+        f"{subject} are {words}",
+        f"write {subject} as x, y, z, w",
+        f"turn {join_names(subjects) or 'every arm'} further between samples",
         reread,
     )
 
 
-def _of_exchanges(cell: Cell, robots: list[str], quantity: str) -> Iterator[ConventionHypothesis]:
+def _exchange_hypotheses(cell: Cell, robots: list[str], quantity: str) -> Iterator[ConventionHypothesis]:
     carriers = {c.on for c in cell.cameras.values()} | {t.on for t in cell.targets.values()}
     for first, second in combinations([name for name in robots if name in carriers], 2):
         if quantity == "joints" and _joint_count(cell, first) != _joint_count(cell, second):
@@ -235,7 +239,7 @@ def _of_exchanges(cell: Cell, robots: list[str], quantity: str) -> Iterator[Conv
             f"the {quantity} of {first} and {second} are exchanged",
             f"exchange them, or what cell.yaml says is `on` {first} and on {second}",
             "turn every arm further about two axes between samples",
-            partial(Reading.exchanged, first=first, second=second),
+            partial(Reading.exchange, first=first, second=second),
         )
 
 
@@ -249,22 +253,22 @@ def streams(robots: list[str]) -> list[str | None]:
     return [None, *(robots if len(robots) > 1 else [])]
 
 
-def shift(stream: str | None, by: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
+def shift(stream: str | None, count: int, start: int = 0, first: int | None = None) -> ConventionHypothesis:
     """One stream paired with other samples; `first` is the number of the sample at position `start`."""
     who = "what the cameras saw" if stream is None else f"what {stream} recorded"
-    late = f"{abs(by)} sample{'s' if abs(by) > 1 else ''} {'later' if by > 0 else 'earlier'}"
+    late = f"{abs(count)} sample{'s' if abs(count) > 1 else ''} {'later' if count > 0 else 'earlier'}"
     return ConventionHypothesis(
         "pairing-shifted",
         () if stream is None else (stream,),
         f"{who}{'' if first is None else f' from sample {first} on'} belongs {late}",
         f"pair it so{' (was a detection missed or given twice there?)' if start else ''}",
         "let the arms stand in clearly different poses from one sample to the next",
-        lambda reading: reading.shifted(stream, by, start),
+        lambda reading: reading.shift(stream, count, start),
         by_order=True,
     )
 
 
-def _of_symmetry(cell: Cell) -> Iterator[ConventionHypothesis]:
+def _symmetry_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
     for name, target in cell.targets.items():
         turn = None if target.target is None else half_turn(target.target)
         if turn is not None:
@@ -274,17 +278,17 @@ def _of_symmetry(cell: Cell) -> Iterator[ConventionHypothesis]:
                 f"the observed poses of {name} are turned by half a turn: the grid was read from its other end",
                 f"let the origin of {name} be its other end, or use a target without symmetry",
                 "use a target without symmetry",
-                _turned(turn),
+                _turn_targets(turn),
             )
 
 
-def _turned(target_from_turned: SE3) -> Reread:
-    return of_targets(lambda poses: poses @ target_from_turned)
+def _turn_targets(target_from_turned: SE3) -> Reread:
+    return map_target_poses(lambda poses: poses @ target_from_turned)
 
 
-def _of_mirrors(poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
+def _mirror_hypotheses(poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
     mirrored: dict[str, tuple[bool, Reread]] = {
-        "the observed poses": (poses, of_targets(_through_camera)),
+        "the observed poses": (poses, map_target_poses(_mirror_behind_camera)),
         "the observed 3-D points": (points, partial(Reading.with_points, factor=-1.0)),
     }
     for who, (is_seen, reread) in mirrored.items():
@@ -299,15 +303,15 @@ def _of_mirrors(poses: bool, points: bool) -> Iterator[ConventionHypothesis]:
             )
 
 
-def _of_lenses(declared: Reading) -> Iterator[ConventionHypothesis]:
-    for name in sorted(declared.problem.lenses):
-        camera = declared.cell.cameras[name]
+def _lens_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
+    for name in sorted(baseline.problem.lenses):
+        camera = baseline.cell.cameras[name]
         lens = camera.intrinsics
         if lens is not None and lens.status == "fixed":
             yield ConventionHypothesis(
                 "intrinsics",
                 (name,),
-                f"the lens of {name} is not as stated{other_resolution(camera, declared.problem)}",
+                f"the lens of {name} is not as stated{other_resolution(camera, baseline.problem)}",
                 f"calibrate the lens of {name}, or set its intrinsics' status to free",
                 "",
                 partial(_with_free_lens, name),
@@ -315,7 +319,7 @@ def _of_lenses(declared: Reading) -> Iterator[ConventionHypothesis]:
             )
 
 
-def _of_fixed(cell: Cell) -> Iterator[ConventionHypothesis]:
+def _fixed_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
     for name, unknown in cell.transforms.items():
         if unknown.status == "fixed":
             yield ConventionHypothesis(
@@ -331,11 +335,11 @@ def _of_fixed(cell: Cell) -> Iterator[ConventionHypothesis]:
 
 def _with_free(name: str, reading: Reading) -> Reading:
     cell = reading.cell
-    return reading.restated(cell.with_transform(name, Unknown("free", cell.transforms[name].mean)))
+    return reading.restate(cell.with_transform(name, Unknown("free", cell.transforms[name].mean)))
 
 
 def _with_free_lens(name: str, reading: Reading) -> Reading:
     camera = reading.cell.cameras[name]
     lens = camera.intrinsics
     freed = replace(camera, intrinsics=None if lens is None else replace(lens, status="free"))
-    return reading.restated(replace(reading.cell, cameras={**reading.cell.cameras, name: freed}))
+    return reading.restate(replace(reading.cell, cameras={**reading.cell.cameras, name: freed}))

@@ -41,21 +41,21 @@ class TriedHypothesis:
     fit: HypothesisFit
     impossible: tuple[str, ...]
 
-    def beside(self, declared: HypothesisFit) -> Comparison:
+    def compare(self, baseline: HypothesisFit) -> Comparison:
         """How it predicts the samples that the declared hypothesis has, too."""
         clearly = _WIDER if self.hypothesis.nested else CLEARLY
-        return compare_readings(self.hypothesis.code, self.fit, declared, clearly)
+        return compare_readings(self.hypothesis.code, self.fit, baseline, clearly)
 
 
-def compare_readings(rival: str, fit: HypothesisFit, other: HypothesisFit, clearly: float = CLEARLY) -> Comparison:
+def compare_readings(rival: str, fit: HypothesisFit, reference: HypothesisFit, clearly: float = CLEARLY) -> Comparison:
     """A fit beside another one, by the samples that both predict."""
-    shared = np.intersect1d(fit.sample, other.sample)
-    return compare_predictions(rival, fit.squares(shared), other.squares(shared), clearly)
+    shared = np.intersect1d(fit.sample, reference.sample)
+    return compare_predictions(rival, fit.squares(shared), reference.squares(shared), clearly)
 
 
 def has_tail(fit: HypothesisFit) -> bool:
     """Whether some samples are predicted far worse than most."""
-    return bool(np.isfinite(fit.core) and fit.whole > _TAIL * fit.core)
+    return bool(np.isfinite(fit.core) and fit.rms > _TAIL * fit.core)
 
 
 def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
@@ -65,119 +65,121 @@ def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
 
 def decide_hypotheses(
     cell: Cell,
-    declared: TriedHypothesis,
-    tried: Sequence[TriedHypothesis],
-    explained: bool = False,
+    baseline: TriedHypothesis,
+    trials: Sequence[TriedHypothesis],
+    is_explained: bool = False,
     still: frozenset[str] = frozenset(),
 ) -> tuple[Finding, ...]:
     """Findings about the hypotheses that are to be believed rather than the declared one, or as much.
 
     Args:
         cell: As declared.
-        declared: The declared hypothesis.
-        tried: Others.
-        explained: Whether noise such as arms have explains what robots taken for exact leave over.
+        baseline: The declared hypothesis.
+        trials: Others.
+        is_explained: Whether noise such as arms have explains what robots taken for exact leave over.
         still: Robots that stand still throughout.
     """
-    possible = [t for t in tried if not t.impossible and is_observable(cell, t.fit) and plausible(t.fit)]
-    winning = _beyond_noise([t for t in possible if _wins(cell, t, declared)], declared, explained)
+    possible = [t for t in trials if not t.impossible and is_observable(cell, t.fit) and plausible(t.fit)]
+    winning = _confirm_against_noise([t for t in possible if _wins(cell, t, baseline)], baseline, is_explained)
     if winning:
-        best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.whole)[0]
+        best = min(winning, key=lambda w: w[0].fit.core * w[0].fit.rms)[0]
         as_good = [(t, certain) for t, certain in winning if _is_as_good(t, best.fit)]
         # What was stated by hand is doubted before devices are.
         stated = [each for each in as_good if each[0].hypothesis.code == fixed_transform.CODE]
-        return tuple(dict.fromkeys(_named(cell, t, declared, certain) for t, certain in stated or as_good))
-    if not plausible(declared.fit):
-        what = f"The pose consistency error is {declared.fit.error_in_words()}."
+        return tuple(dict.fromkeys(_make_finding(cell, t, baseline, certain) for t, certain in stated or as_good))
+    if not plausible(baseline.fit):
+        what = f"The pose consistency error is {baseline.fit.error_in_words()}."
         why = "No other convention of the input that was tried is consistent."
         do = ("Look at the samples with the largest residuals, and at what the frames mean.",)
-        return () if declared.fit.in_pixels else (Finding("poor-fit", "warning", (), what, do, why),)
-    if not is_observable(cell, declared.fit):
+        return () if baseline.fit.in_pixels else (Finding("poor-fit", "warning", (), what, do, why),)
+    if not is_observable(cell, baseline.fit):
         return ()
     rivals = [
         t
         for t in possible
-        if not t.hypothesis.nested and _is_as_good(t, declared.fit) and _moved(cell, t, declared.fit, declared.fit)
+        if not t.hypothesis.nested and _is_as_good(t, baseline.fit) and _has_moved(cell, t, baseline.fit, baseline.fit)
     ]
     # Whatever is done to the one pose of an arm that stands still, its base makes up for it: no data tell otherwise.
     of_still = [t for t in rivals if set(t.hypothesis.about) <= still]
     others = [t for t in rivals if t not in of_still]
     kinds: tuple[tuple[Severity, list[TriedHypothesis]], ...] = (("warning", others), ("info", of_still))
-    return tuple(_ambiguous(cell, declared, of, severity) for severity, of in kinds if of)
+    return tuple(_ambiguous(cell, baseline, of, severity) for severity, of in kinds if of)
 
 
-def _is_as_good(tried: TriedHypothesis, other: HypothesisFit) -> bool:
-    return tried.beside(other).decision is not Decision.KEEP
+def _is_as_good(trial: TriedHypothesis, reference: HypothesisFit) -> bool:
+    return trial.compare(reference).decision is not Decision.KEEP
 
 
-def _wins(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis) -> bool:
+def _wins(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis) -> bool:
     """Whether a hypothesis is to be believed rather than the declared one."""
-    compared = tried.beside(declared.fit)
-    if declared.impossible and compared.decision is not Decision.KEEP and not tried.hypothesis.nested:
+    compared = trial.compare(baseline.fit)
+    if baseline.impossible and compared.decision is not Decision.KEEP and not trial.hypothesis.nested:
         return True
-    is_other = tried.hypothesis.nested or not plausible(declared.fit) or _moved(cell, tried, declared.fit, tried.fit)
+    is_other = (
+        trial.hypothesis.nested or not plausible(baseline.fit) or _has_moved(cell, trial, baseline.fit, trial.fit)
+    )
     return compared.is_taken and is_other
 
 
-def _moved(cell: Cell, tried: TriedHypothesis, declared: HypothesisFit, scale: HypothesisFit) -> bool:
+def _has_moved(cell: Cell, trial: TriedHypothesis, baseline: HypothesisFit, scale: HypothesisFit) -> bool:
     """Whether a hypothesis moves the transforms asked for by more than three sigmas of `scale`."""
-    ignored = cell.mount_name(tried.hypothesis.about[0]) if tried.hypothesis.code == "board-symmetry" else None
+    ignored = cell.mount_name(trial.hypothesis.about[0]) if trial.hypothesis.code == "board-symmetry" else None
     for name in cell.requested_transforms:
         if name == ignored and cell.transforms[name].status == "free":
             continue
-        off = np.abs(_step(declared, tried.fit, name).log())
+        off = np.abs(_step(baseline, trial.fit, name).log())
         sigma = np.sqrt(np.maximum(np.diag(scale.solution.joint_transform_covariance([name])), 0.0))
         if np.any(off > _SIGMAS * np.maximum(sigma, _SMALLEST_SIGMA)):
             return True
     return False
 
 
-def _step(fit: HypothesisFit, other: HypothesisFit, name: str) -> SE3:
-    return fit.solution.state.transforms[name].inverse() @ other.solution.state.transforms[name]
+def _step(fit: HypothesisFit, rival: HypothesisFit, name: str) -> SE3:
+    return fit.solution.state.transforms[name].inverse() @ rival.solution.state.transforms[name]
 
 
-def _beyond_noise(
-    winning: Sequence[TriedHypothesis], declared: TriedHypothesis, explained: bool
+def _confirm_against_noise(
+    winning: Sequence[TriedHypothesis], baseline: TriedHypothesis, is_explained: bool
 ) -> list[tuple[TriedHypothesis, bool]]:
     """Those that the data still ask for where arms have noise, and whether they leave no doubt."""
     found = []
     for tried in winning:
-        if not tried.hypothesis.nested or not (explained or plausible(declared.fit)):
+        if not tried.hypothesis.nested or not (is_explained or plausible(baseline.fit)):
             found.append((tried, True))
             continue
-        evidence = noise_evidence(tried.fit, declared.fit)
+        evidence = noise_evidence(tried.fit, baseline.fit)
         if evidence is None or evidence.is_taken:
             found.append((tried, evidence is not None and evidence.gain > _CERTAIN))
     return found
 
 
-def _named(cell: Cell, tried: TriedHypothesis, declared: TriedHypothesis, certain: bool) -> Finding:
-    hypothesis = tried.hypothesis
+def _make_finding(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis, certain: bool) -> Finding:
+    hypothesis = trial.hypothesis
     severity: Severity = "error" if certain else "warning"
-    if tried.beside(declared.fit).is_taken:
-        errors = f"{tried.fit.error_in_words()} instead of {declared.fit.error_in_words()}"
+    if trial.compare(baseline.fit).is_taken:
+        errors = f"{trial.fit.error_in_words()} instead of {baseline.fit.error_in_words()}"
         why = f"Under this hypothesis the cross-validation error is {errors}."
     else:
-        why = f"As declared it fits as well, but {' and '.join(declared.impossible)} is implausible."
+        why = f"As declared it fits as well, but {' and '.join(baseline.impossible)} is implausible."
     what = sentence(hypothesis.words, hypothesis.about)
     do: tuple[str, ...] = (sentence(hypothesis.fix), FIX)
     if hypothesis.code == fixed_transform.CODE:
         (name,) = hypothesis.about
-        stated, found = cell.transforms[name].mean, tried.fit.solution.transforms[name]
+        stated, found = cell.transforms[name].mean, trial.fit.solution.transforms[name]
         assert stated is not None
         what, do = fixed_transform.disagreement(name, (stated.inverse() @ found.mean).log(), found.covariance)
     return Finding(hypothesis.code, severity, hypothesis.about, what, do, why)
 
 
-def _ambiguous(cell: Cell, declared: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
+def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypothesis], severity: Severity) -> Finding:
     """One finding for all hypotheses that fit as well as the declared one."""
     name = cell.requested_transforms[0]
-    moves = [1e3 * float(np.linalg.norm(_step(declared.fit, t.fit, name).translation)) for t in rivals]
+    moves = [1e3 * float(np.linalg.norm(_step(baseline.fit, t.fit, name).translation)) for t in rivals]
     listed = " or ".join(
         f"{t.hypothesis.words} ({t.hypothesis.code}: {t.fit.error_in_words()}, {name} {mm:.3g} mm away)"
         for t, mm in zip(rivals, moves, strict=True)
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
     tell = tuple(sentence(tell) for tell in dict.fromkeys(t.hypothesis.tell for t in rivals) if tell)
-    what = f"Held-out samples are predicted as well ({declared.fit.error_in_words()} as declared) if {listed}."
+    what = f"Held-out samples are predicted as well ({baseline.fit.error_in_words()} as declared) if {listed}."
     return Finding("ambiguous-convention", severity, about, what, ("Check which is true.", *tell))

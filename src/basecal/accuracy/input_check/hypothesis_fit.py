@@ -9,8 +9,8 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.folds import instant_split
 from basecal.accuracy.cross_validation.refit import refit_folds
-from basecal.accuracy.input_check.loop_fit import trimmed
-from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, off_views
+from basecal.accuracy.input_check.loop_fit import trimmed_rms
+from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, view_errors
 from basecal.cell import Cell
 from basecal.errors import BasecalError
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
@@ -25,7 +25,7 @@ FOLDS = 3  # few, since each costs a fit of every hypothesis
 _HEAVY_TAIL = 2.0  # rms of all over rms of the best 70 %: 1.8 of one normal residual a view, less of more
 _CONCENTRATIONS = 2
 _MOST_STEPS = 25  # of a hypothesis: what is so comes to rest within ten, free links of robots chase what is not
-_STEPS = 30  # of a fold's fit, which starts at the fit to all
+_FOLD_STEPS = 30  # of a fold's fit, which starts at the fit to all
 _PLAUSIBLE_PX = 3.0  # [px] rms, beyond any detector
 _PLAUSIBLE_RAD = 0.03  # [rad] of angles, and lengths over the distance, beyond any detector of poses
 _LOST = 1e3  # [rad] of a view whose error is no number
@@ -52,12 +52,12 @@ class HypothesisFit:
     @property
     def core(self) -> float:
         """Rms of the 70 % of views that are predicted best."""
-        return trimmed(self.off)
+        return trimmed_rms(self.off)
 
     @property
-    def whole(self) -> float:
+    def rms(self) -> float:
         """Rms of all views."""
-        return trimmed(self.off, 1.0)
+        return trimmed_rms(self.off, 1.0)
 
     def squares(self, samples: IntArray) -> Array:
         """Mean squared error of each of these samples, (k,)."""
@@ -95,7 +95,7 @@ def ratio(solution: Solution) -> float:
 
 
 def fit_hypothesis(
-    cell: Cell, problem: Problem, settings: Settings, start: State | None = None, beyond: float = np.inf
+    cell: Cell, problem: Problem, settings: Settings, start: State | None = None, limit: float = np.inf
 ) -> HypothesisFit | None:
     """The fit of a cell and its held-out errors over three folds; None where there is nothing to fit.
 
@@ -107,16 +107,16 @@ def fit_hypothesis(
         problem: Likewise.
         settings: How to solve.
         start: Where to start; without a guess where None.
-        beyond: `core` from which on a fit is of no interest: None is returned.
+        limit: `core` from which on a fit is of no interest: None is returned.
     """
-    if np.isfinite(beyond):
+    if np.isfinite(limit):
         settings = replace(settings, iterations=min(settings.iterations, _MOST_STEPS))
     # A wrong hypothesis may send the descent anywhere: infinities there are no error of the user's.
     with np.errstate(all="ignore"):
-        return _fit(cell, problem, settings, start, beyond)
+        return _fit(cell, problem, settings, start, limit)
 
 
-def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, beyond: float) -> HypothesisFit | None:
+def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, limit: float) -> HypothesisFit | None:
     if not problem.groups:
         return None
     try:
@@ -125,25 +125,25 @@ def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, 
         else:
             start = replace(start, stop_errors=np.zeros((len(problem.stops), 6)))
             start = bundle_adjust(problem, start, degrees_of_freedom(problem), settings.iterations).state
-            if trimmed(np.concatenate([off_views(problem, g, start) for g in problem.groups])) > beyond:
+            if trimmed_rms(np.concatenate([view_errors(problem, g, start) for g in problem.groups])) > limit:
                 return None
             solution = solve_from(problem, start, settings)
-        solution = _concentrated(solution, settings)
+        solution = _concentrate(solution, settings)
         in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
-        fitted = HypothesisFit(solution, *_off([(problem, solution.state)]), in_pixels)
-        predicted = _predicted_off(problem, solution) if _is_near(fitted) else None
+        fitted = HypothesisFit(solution, *_view_errors([(problem, solution.state)]), in_pixels)
+        predicted = _held_out_errors(problem, solution) if _is_near(fitted) else None
         return fitted if predicted is None else HypothesisFit(solution, *predicted, in_pixels)
     except (BasecalError, np.linalg.LinAlgError):
         return None
 
 
-def _concentrated(solution: Solution, settings: Settings) -> Solution:
+def _concentrate(solution: Solution, settings: Settings) -> Solution:
     """The solution of the views that agree best, where the others are far off."""
     whole = solution.problem
     for _ in range(_CONCENTRATIONS):
-        off = [off_views(whole, group, solution.state) for group in whole.groups]
+        off = [view_errors(whole, group, solution.state) for group in whole.groups]
         every = np.concatenate(off)
-        if trimmed(every, 1.0) < _HEAVY_TAIL * trimmed(every):
+        if trimmed_rms(every, 1.0) < _HEAVY_TAIL * trimmed_rms(every):
             return solution
         limit = np.quantile(every, 0.7)
         groups = (g.take(np.flatnonzero(o <= limit)) for g, o in zip(whole.groups, off, strict=True))
@@ -154,7 +154,7 @@ def _concentrated(solution: Solution, settings: Settings) -> Solution:
     return solution
 
 
-def _predicted_off(problem: Problem, solution: Solution) -> tuple[Array, IntArray] | None:
+def _held_out_errors(problem: Problem, solution: Solution) -> tuple[Array, IntArray] | None:
     """Held-out errors of all views, each by the fit to the folds that it is not in, and the numbers of their samples.
 
     None if no samples can be held out.
@@ -162,11 +162,13 @@ def _predicted_off(problem: Problem, solution: Solution) -> tuple[Array, IntArra
     split = instant_split(problem, FOLDS)
     if split is None:
         return None
-    refits = refit_folds(solution.problem, solution.state, split.folds, _STEPS, predicted=problem)
-    return _off([(fit.views, fit.optimum.state) for fit in refits])
+    refits = refit_folds(solution.problem, solution.state, split.folds, _FOLD_STEPS, prediction_problem=problem)
+    return _view_errors([(fit.views, fit.optimum.state) for fit in refits])
 
 
-def _off(predicted: Sequence[tuple[Problem, State]]) -> tuple[Array, IntArray]:
+def _view_errors(predictions: Sequence[tuple[Problem, State]]) -> tuple[Array, IntArray]:
     """How far views of problems are off the states beside them, (n,), and the numbers of their samples, (n,)."""
-    views = [(problem, group, state) for problem, state in predicted for group in problem.groups]
-    return np.concatenate([off_views(*each) for each in views]), np.concatenate([group.sample for _, group, _ in views])
+    views = [(problem, group, state) for problem, state in predictions for group in problem.groups]
+    return np.concatenate([view_errors(*each) for each in views]), np.concatenate(
+        [group.sample for _, group, _ in views]
+    )

@@ -9,7 +9,7 @@ from basecal.estimation.problem.problem import Problem
 from basecal.estimation.view.pixels import PixelMeasurement
 
 _AGREE = 0.15  # of one another, the factors along both sides: centres lie within a tenth of the middle
-_OTHER = 1.25  # factor of a resolution that is another one
+_OTHER_FACTOR = 1.25  # factor of a resolution that is another one
 
 
 def other_resolution(camera: CellCamera, problem: Problem) -> str:
@@ -25,13 +25,13 @@ def other_resolution(camera: CellCamera, problem: Problem) -> str:
         views = [g.measurement for g in problem.groups if g.camera == camera.name]
         seen = [of.pixels[of.seen] for of in views if isinstance(of, PixelMeasurement)]
         reach = np.concatenate([np.zeros((1, 2)), *seen]).max(axis=0)
-        if not np.all(reach > _OTHER * whole):
+        if not np.all(reach > _OTHER_FACTOR * whole):
             return ""
         return f": points reach to ({reach[0]:.0f}, {reach[1]:.0f}) px, its camera matrix is of smaller images"
     width, height = camera.size_px
     factors = whole / np.array([width, height])
     factor = float(np.sqrt(np.prod(np.maximum(factors, 0.0))))
-    if np.ptp(factors) > _AGREE * factor or 1 / _OTHER < factor < _OTHER:
+    if np.ptp(factors) > _AGREE * factor or 1 / _OTHER_FACTOR < factor < _OTHER_FACTOR:
         return ""
     size = f"{width * factor:.0f} x {height * factor:.0f} px"
     return f": its camera matrix looks like that of images of about {size}, not of {width} x {height} px"

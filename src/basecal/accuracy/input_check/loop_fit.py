@@ -24,7 +24,7 @@ from basecal.estimation.view.view_pose import view_poses
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import lengths
 
-KEPT = 0.7  # share of the views that counts: three in ten may be outliers
+KEPT_SHARE = 0.7  # share of the views that counts: three in ten may be outliers
 _MOST_POINTS = 16  # of a view, spread: more make its pose no clearer
 _LIGHT_STARTS = {0: 1, 1: 3, 2: 6}  # by how many rotations are unknown: cells of the grid to refine
 _LIGHT_STEPS = 12  # of each, enough to rank them
@@ -48,15 +48,15 @@ class LoopFit:
     of_light: bool = False
 
 
-def trimmed(off: Array, kept: float = KEPT) -> float:
+def trimmed_rms(errors: Array, share: float = KEPT_SHARE) -> float:
     """Rms of the share of values that are least; infinite without any."""
-    if not len(off):
+    if not len(errors):
         return float("inf")
-    ordered = np.sort(np.where(np.isfinite(off), off, np.inf))[: max(1, int(np.ceil(kept * len(off))))]
+    ordered = np.sort(np.where(np.isfinite(errors), errors, np.inf))[: max(1, int(np.ceil(share * len(errors))))]
     return float(np.sqrt(np.mean(ordered**2)))
 
 
-def sight_for(group: ViewGroup, camera: Camera | None, views: int, poses_of: ViewPosesOf = view_poses) -> PairViews:
+def ready_views(group: ViewGroup, camera: Camera | None, views: int, poses_of: ViewPosesOf = view_poses) -> PairViews:
     """At most so many views, made ready."""
     return pair_views(group, camera, views, _MOST_POINTS, poses_of)
 
@@ -75,15 +75,15 @@ class ReadyViews:
     known: dict[tuple[str, str, int, bytes], PairViews] = field(default_factory=dict)
     poses: KnownPoses = field(default_factory=KnownPoses)
 
-    def of(self, group: ViewGroup, views: int) -> PairViews:
+    def take(self, group: ViewGroup, views: int) -> PairViews:
         """At most so many views of a group, made ready."""
         measurement, camera = group.measurement, self.lenses.get(group.camera)
         if not isinstance(measurement, PixelMeasurement):
-            return sight_for(group, camera, views)
+            return ready_views(group, camera, views)
         seen = (group.sample, measurement.points_in_target, measurement.pixels, measurement.weight)
         key = (group.camera, group.target, views, b"".join(array.tobytes() for array in seen))
         if key not in self.known:
-            self.known[key] = sight_for(group, camera, views, self.poses)
+            self.known[key] = ready_views(group, camera, views, self.poses)
         ready = self.known[key]
         kept = np.flatnonzero(np.isin(group.sample, ready.group.sample))
         return replace(ready, group=replace(group.take(kept), measurement=ready.group.measurement))
@@ -94,24 +94,24 @@ def fit_loops(pairs: Sequence[tuple[PairViews, Problem]]) -> list[LoopFit | None
 
     All pairs are searched side by side, whatever hypotheses of the input they come from.
     """
-    first = _fits_of(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
+    first = _fit_pairs(pairs, [np.zeros(len(sight.group), dtype=np.int64) for sight, _ in pairs])
     again = {}
     for k, ((sight, _), fit) in enumerate(zip(pairs, first, strict=True)):
-        if fit is not None and sight.candidates is not None and trimmed(fit.off) < _HOPELESS_RAD:
+        if fit is not None and sight.candidates is not None and trimmed_rms(fit.off) < _HOPELESS_RAD:
             predicted = sight.predict_poses(fit.triple).rotation
             chosen = np.argmax(np.einsum("nij,nkij->nk", predicted, sight.candidates.rotation), axis=1)
             if np.any(chosen):
                 again[k] = chosen
-    second = dict(zip(again, _fits_of([pairs[k] for k in again], list(again.values())), strict=True))
+    second = dict(zip(again, _fit_pairs([pairs[k] for k in again], list(again.values())), strict=True))
     return [second.get(k, fit) for k, fit in enumerate(first)]
 
 
-def _fits_of(pairs: Sequence[tuple[PairViews, Problem]], chosen: Sequence[IntArray]) -> list[LoopFit | None]:
+def _fit_pairs(pairs: Sequence[tuple[PairViews, Problem]], pose_indices: Sequence[IntArray]) -> list[LoopFit | None]:
     """Fits of pairs with the chosen (n,) candidate pose of each view; a light has none."""
     fits: dict[int, LoopFit | None] = {}
     loops: dict[int, Loop] = {}
     lights: dict[int, Refinement] = {}
-    for k, ((sight, problem), of) in enumerate(zip(pairs, chosen, strict=True)):
+    for k, ((sight, problem), of) in enumerate(zip(pairs, pose_indices, strict=True)):
         if sight.candidates is not None:
             loops[k] = _loop(sight, problem, of)
         elif (light := _light(sight, problem)) is not None:
@@ -119,13 +119,15 @@ def _fits_of(pairs: Sequence[tuple[PairViews, Problem]], chosen: Sequence[IntArr
         else:
             fits[k] = None
     for k, refined in zip(lights, refine_jointly(list(lights.values()), _LIGHT_STEPS), strict=True):
-        fits[k] = LoopFit(refined, off_loops(pairs[k][0], refined), of_light=True)
+        fits[k] = LoopFit(refined, loop_errors(pairs[k][0], refined), of_light=True)
     for k, triple in zip(loops, _triples(list(loops.values())), strict=True):
-        fits[k] = None if triple is None else LoopFit(triple, off_loops(pairs[k][0], triple))
+        fits[k] = None if triple is None else LoopFit(triple, loop_errors(pairs[k][0], triple))
     return [fits[k] for k in range(len(pairs))]
 
 
-def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]) -> State | None:
+def pair_state(
+    problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras: Mapping[str, Camera]
+) -> State | None:
     """The state that the only pair of a problem was fitted with; None if there are several, or a mere light."""
     if len(problem.groups) != 1:
         return None
@@ -142,7 +144,7 @@ def state_of(problem: Problem, fits: Mapping[tuple[str, str], LoopFit], cameras:
     return State(transforms, cameras, np.zeros((len(problem.stops), 6)))
 
 
-def off_loops(sight: PairViews, triple: Triple) -> Array:
+def loop_errors(sight: PairViews, triple: Triple) -> Array:
     """How far each view is off where X, Y and Z put it, (n,) [rad]; of its candidate poses the nearest counts."""
     predicted = sight.predict_poses(triple)
     if sight.candidates is None:
@@ -159,17 +161,17 @@ def off_loops(sight: PairViews, triple: Triple) -> Array:
     return both
 
 
-def _fixed(problem: Problem, name: str) -> SE3 | None:
+def _fixed_mean(problem: Problem, name: str) -> SE3 | None:
     unknown = problem.unknowns[name]
     return unknown.mean if unknown.status == "fixed" else None
 
 
-def _loop(sight: PairViews, problem: Problem, chosen: IntArray) -> Loop:
+def _loop(sight: PairViews, problem: Problem, pose_indices: IntArray) -> Loop:
     g = sight.group
-    x, z = (_fixed(problem, end.mount) for end in g.ends)
-    eye, hand = (SE3.identity() if end.base is None else _fixed(problem, end.base) for end in g.ends)
+    x, z = (_fixed_mean(problem, end.mount) for end in g.ends)
+    eye, hand = (SE3.identity() if end.base is None else _fixed_mean(problem, end.base) for end in g.ends)
     y = None if eye is None or hand is None else eye.inverse() @ hand
-    return sight.loop(x, y, z, chosen)
+    return sight.loop(x, y, z, pose_indices)
 
 
 def _triples(loops: Sequence[Loop]) -> list[Triple | None]:

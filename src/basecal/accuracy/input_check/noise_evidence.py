@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit
 from basecal.accuracy.model_comparison.comparison import Comparison
-from basecal.accuracy.model_comparison.nested import CONFIRMED, compare_nested
+from basecal.accuracy.model_comparison.nested_models import CONFIRMED, compare_nested_models
 from basecal.estimation.noise.view_estimates import STATED, view_estimates
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings
@@ -20,7 +20,7 @@ from basecal.estimation.view.points import PointMeasurement
 from basecal.numerics.spectral import spectrum
 
 
-def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | None:
+def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
     """What the data say for a hypothesis that has the declared one as a special case.
 
     Of a size the two likelihoods are compared, of what views say of their poses and of how points in space scatter
@@ -34,23 +34,23 @@ def noise_evidence(fit: HypothesisFit, declared: HypothesisFit) -> Comparison | 
 
     Args:
         fit: The hypothesis' fit.
-        declared: That of the declared one.
+        baseline: That of the declared one.
 
     Returns:
         None where the two rest on different views.
     """
-    if _views(fit.solution) != _views(declared.solution):
+    if _views(fit.solution) != _views(baseline.solution):
         return None
     noisy = Settings(robot_noise="estimated")
-    narrower = solve_at_mode(declared.solution.problem, declared.solution.state, noisy)
+    narrower = solve_at_mode(baseline.solution.problem, baseline.solution.state, noisy)
     wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, guess=narrower.noise)
     freed = [name for name in wider.problem.columns if name not in narrower.problem.columns]
     if not freed:
         gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
-        return compare_nested("size", gain, 1, CONFIRMED)
+        return compare_nested_models("size", gain, 1, CONFIRMED)
     off = [_distance(wider, narrower.state, name) for name in freed]
     gain = sum(square for square, _ in off)
-    return compare_nested("freed", gain, sum(count for _, count in off), CONFIRMED)
+    return compare_nested_models("freed", gain, sum(count for _, count in off), CONFIRMED)
 
 
 def _views(solution: Solution) -> int:
@@ -78,14 +78,16 @@ def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _distance(solution: Solution, before: State, name: str) -> tuple[float, int]:
+def _distance(solution: Solution, stated_state: State, name: str) -> tuple[float, int]:
     """Squared distance of an estimated lens or transform from the stated one, in sigmas, and its freedoms."""
     where = solution.problem.columns[name]
-    if name in before.cameras:
+    if name in stated_state.cameras:
         found = solution.state.cameras[name].parameters
-        stated = before.cameras[name].parameters
+        stated = stated_state.cameras[name].parameters
         step = found - np.pad(stated, (0, len(found) - len(stated)))
     else:
-        step = (before.transforms[name].inverse() @ solution.state.transforms[name]).log()[: where.stop - where.start]
+        step = (stated_state.transforms[name].inverse() @ solution.state.transforms[name]).log()[
+            : where.stop - where.start
+        ]
     known = spectrum(solution.covariance[where, where])
     return float(known.squared_mahalanobis(step)), int(known.rank)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, shift
-from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, off_loops, sight_for, trimmed
+from basecal.accuracy.input_check.loop_fit import LoopFit, fit_loops, loop_errors, ready_views, trimmed_rms
 from basecal.accuracy.readings.reading import Reading
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.view_group import ViewGroup
@@ -21,43 +21,43 @@ from basecal.geometry import SE3, Array, BoolArray, Camera
 _VIEWS = 24  # of each half, to fit it to
 _ALL_VIEWS = 400  # that say which pairing they have
 _SLIPS = (1, -1)  # samples: one detection missed, or given twice
-_FEWEST = 6  # samples of a half, which a fit of three unknown transforms needs
+_MIN_HALF_SAMPLES = 6  # samples of a half, which a fit of three unknown transforms needs
 _FEWEST_SLIPPED = 4  # samples at an end: fewer may each be wrong for themselves
 _LEAST_OFF = 0.005  # [rad] of a loop, below which it counts as closed
-_FAR = 4.0  # times the best samples' loops, above which a sample is off, however far
-_BEST = 2  # candidates to fit, the second in case the first is a neighbour's
-_ROUNDS = 4  # of alternation between the mean and which views are turned
+_FAR_RATIO = 4.0  # times the best samples' loops, above which a sample is off, however far
+_CANDIDATES = 2  # candidates to fit, the second in case the first is a neighbour's
+_ALTERNATIONS = 4  # of alternation between the mean and which views are turned
 
 Lenses = Mapping[str, Camera]
 Fits = Mapping[tuple[str, str], LoopFit]
 
 
 def pairing_errors(
-    declared: Reading, lenses: Lenses, streams: list[str | None]
+    baseline: Reading, lenses: Lenses, streams: list[str | None]
 ) -> list[tuple[ConventionHypothesis, Fits]]:
     """The likeliest samples from which on one stream is paired one sample off, best first, and the fits that say so.
 
     One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
     sample tells which of the two pairings it has.
     """
-    count, known = len(declared.order), known_transforms(declared.problem)
-    without_poses = any(has_metric_start(group, known) for group in declared.problem.groups)
-    if count < 2 * _FEWEST or without_poses:  # points without a pose, such as touches, close no loop alone
+    count, known = len(baseline.order), known_transforms(baseline.problem)
+    without_poses = any(has_metric_start(group, known) for group in baseline.problem.groups)
+    if count < 2 * _MIN_HALF_SAMPLES or without_poses:  # points without a pose, such as touches, close no loop alone
         return []
     slips = [(stream, by) for stream in streams for by in _SLIPS]
-    moved = [declared.shifted(stream, by) for stream, by in slips]
+    moved = [baseline.shifted(stream, by) for stream, by in slips]
     second_half = [each.take(np.arange(min(count // 2, len(each.order)), len(each.order))) for each in moved]
-    first, *seconds = _fits([declared.take(np.arange(count // 2)), *second_half], lenses)
-    as_recorded = _pairs(declared, lenses)
+    first, *seconds = _fits([baseline.take(np.arange(count // 2)), *second_half], lenses)
+    as_recorded = _pairs(baseline, lenses)
     scored: list[tuple[float, ConventionHypothesis, Fits]] = []
     for (stream, by), slipped, second in zip(slips, moved, seconds, strict=True):
         as_slipped = _pairs(slipped, lenses)
         for fits in (first, second):
-            before, after = (_off(pairs, declared, fits) for pairs in (as_recorded, as_slipped))
+            before, after = (_sample_errors(pairs, baseline, fits) for pairs in (as_recorded, as_slipped))
             score, k = _change(before, after, max(by, 0))
-            scored.append((score, shift(stream, by, k, int(declared.order[k])), fits))
+            scored.append((score, shift(stream, by, k, int(baseline.order[k])), fits))
     scored.sort(key=lambda each: each[0])
-    return [(guess, fits) for _, guess, fits in scored[:_BEST]]
+    return [(guess, fits) for _, guess, fits in scored[:_CANDIDATES]]
 
 
 def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
@@ -66,7 +66,7 @@ def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
     for k, reading in enumerate(readings):
         problem = reading.thin(_VIEWS).problem
         for g in problem.groups:
-            pairs.append((k, (g.camera, g.target), sight_for(g, lenses.get(g.camera), _VIEWS), problem))
+            pairs.append((k, (g.camera, g.target), ready_views(g, lenses.get(g.camera), _VIEWS), problem))
     found: list[dict[tuple[str, str], LoopFit]] = [{} for _ in readings]
     fits = fit_loops([(sight, problem) for *_, sight, problem in pairs])
     for (k, key, *_), fit in zip(pairs, fits, strict=True):
@@ -77,59 +77,59 @@ def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
 
 def _pairs(reading: Reading, lenses: Lenses) -> list[PairViews]:
     """All views of each pair of camera and target."""
-    return [sight_for(g, lenses.get(g.camera), _ALL_VIEWS) for g in reading.problem.groups]
+    return [ready_views(g, lenses.get(g.camera), _ALL_VIEWS) for g in reading.problem.groups]
 
 
-def _change(before: Array, after: Array, lost: int) -> tuple[float, int]:
+def _change(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[float, int]:
     """How far samples are off at best if the pairing changes at one position and loses samples there; that position.
 
     So few samples at either end that these may each be wrong for themselves are no change of the pairing.
     """
-    limit = _FAR * max(min(trimmed(before, 0.4), trimmed(after, 0.4)), _LEAST_OFF)
-    before, after = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (before, after))
-    until = np.cumsum(np.append(0.0, before))
-    since = np.concatenate([np.cumsum(after[::-1])[::-1], np.zeros(1 + lost)])[lost:]
+    limit = _FAR_RATIO * max(min(trimmed_rms(errors, 0.4), trimmed_rms(shifted_errors, 0.4)), _LEAST_OFF)
+    errors, shifted_errors = (np.minimum(np.nan_to_num(off, nan=limit), limit) ** 2 for off in (errors, shifted_errors))
+    until = np.cumsum(np.append(0.0, errors))
+    since = np.concatenate([np.cumsum(shifted_errors[::-1])[::-1], np.zeros(1 + lost_count)])[lost_count:]
     total = until + since
     k = _FEWEST_SLIPPED + int(np.argmin(total[_FEWEST_SLIPPED:-_FEWEST_SLIPPED]))
-    return float(np.sqrt(total[k] / len(before))), k
+    return float(np.sqrt(total[k] / len(errors))), k
 
 
-def _off(pairs: list[PairViews], declared: Reading, fits: Fits) -> Array:
+def _sample_errors(pairs: list[PairViews], baseline: Reading, fits: Fits) -> Array:
     """Of each sample of the declared reading, how far its views are off; NaN where it has none."""
     squares: dict[int, list[float]] = {}
     for sight in pairs:
         fit = fits.get((sight.group.camera, sight.group.target))
         if fit is not None:
-            for number, off in zip(sight.group.sample.tolist(), off_loops(sight, fit.triple).tolist(), strict=True):
+            for number, off in zip(sight.group.sample.tolist(), loop_errors(sight, fit.triple).tolist(), strict=True):
                 squares.setdefault(number, []).append(off**2)
-    return np.array([np.sqrt(np.mean(squares.get(number, [np.nan]))) for number in declared.order.tolist()])
+    return np.array([np.sqrt(np.mean(squares.get(number, [np.nan]))) for number in baseline.order.tolist()])
 
 
-def half_turns(declared: Reading) -> list[ConventionHypothesis]:
+def half_turns(baseline: Reading) -> list[ConventionHypothesis]:
     """Observed poses of a grid without a first end of which some are read from the other end.
 
     The views of a camera are brought to the end that turns them least against the first one, or to the other.
     """
     found = []
-    for group in declared.problem.groups:
-        shape, seen = declared.cell.targets[group.target].target, group.measurement
+    for group in baseline.problem.groups:
+        shape, seen = baseline.cell.targets[group.target].target, group.measurement
         turn = None if shape is None else half_turn(shape)
-        if turn is None or len(group) < _FEWEST or not isinstance(seen, PoseMeasurement):
+        if turn is None or len(group) < _MIN_HALF_SAMPLES or not isinstance(seen, PoseMeasurement):
             continue
         poses = seen.measured_camera_from_target
-        flipped = _less_alike(poses, poses @ turn)
+        flipped = _is_nearer_turned(poses, poses @ turn)
         if np.any(flipped) and not np.all(flipped):
             found += [_half_turn(group, turn, mask) for mask in (flipped, ~flipped)]
     return found
 
 
-def _less_alike(seen: SE3, turned: SE3) -> BoolArray:
+def _is_nearer_turned(poses: SE3, turned_poses: SE3) -> BoolArray:
     """Which views are nearer to the others when turned, (n,)."""
-    flip = np.zeros(len(seen), dtype=bool)
-    mean = seen.rotation[0]
-    for _ in range(_ROUNDS):
-        flip = np.einsum("nij,ij->n", turned.rotation - seen.rotation, mean) > 0
-        mean = np.where(flip[:, None, None], turned.rotation, seen.rotation).sum(0)
+    flip = np.zeros(len(poses), dtype=bool)
+    mean = poses.rotation[0]
+    for _ in range(_ALTERNATIONS):
+        flip = np.einsum("nij,ij->n", turned_poses.rotation - poses.rotation, mean) > 0
+        mean = np.where(flip[:, None, None], turned_poses.rotation, poses.rotation).sum(0)
     return flip
 
 
@@ -137,16 +137,16 @@ def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypoth
     name, numbers = group.target, group.sample[mask].tolist()
     shown = ", ".join(map(str, numbers[:10])) + (", ..." if len(numbers) > 10 else "")
 
-    def turned(other: ViewGroup) -> ViewGroup:
+    def turn_group(view_group: ViewGroup) -> ViewGroup:
         """The chosen samples read from the target's other end."""
-        seen = other.measurement
-        if not isinstance(seen, PoseMeasurement) or (other.camera, other.target) != (group.camera, name):
-            return other
-        poses, is_chosen = seen.measured_camera_from_target, np.isin(other.sample, numbers)[:, None]
+        seen = view_group.measurement
+        if not isinstance(seen, PoseMeasurement) or (view_group.camera, view_group.target) != (group.camera, name):
+            return view_group
+        poses, is_chosen = seen.measured_camera_from_target, np.isin(view_group.sample, numbers)[:, None]
         there = poses @ turn
         rotation = np.where(is_chosen[..., None], there.rotation, poses.rotation)
         mapped = SE3(rotation, np.where(is_chosen, there.translation, poses.translation))
-        return replace(other, measurement=replace(seen, measured_camera_from_target=mapped))
+        return replace(view_group, measurement=replace(seen, measured_camera_from_target=mapped))
 
     return ConventionHypothesis(
         "board-symmetry",
@@ -154,5 +154,5 @@ def _half_turn(group: ViewGroup, turn: SE3, mask: BoolArray) -> ConventionHypoth
         f"the observed poses of {name} are turned by half a turn at sample {shown}: read from the grid's other end",
         "turn these poses, or use a target without symmetry",
         "use a target without symmetry",
-        lambda reading: reading.with_seen(turned),
+        lambda reading: reading.with_seen(turn_group),
     )

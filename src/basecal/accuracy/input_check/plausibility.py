@@ -29,14 +29,14 @@ _DISTANCE_M = 0.02, 20.0  # [m] from camera to target, the median
 _TARGET_M = 2e-3, 5.0  # [m] of a target's longest side
 _TURNS_RAD = 2.2 * np.pi  # [rad] of a joint: a turn and a bit; degrees are 57 times as many
 _BEYOND_LIMIT_RAD = 0.1  # [rad] past the URDF's limits, which some leave out or round
-_MOST = 0.8  # share of the views behind the camera: a few may be outliers
+_MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outliers
 
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
     """What cannot be in what was given: how far flanges are, joints, sizes and places of targets."""
     seen = [o for sample in recording.samples for o in sample.observations]
     as_points = {o.target for o in seen if isinstance(o, PixelObservation | PointObservation)}
-    return (*_of_robots(cell, recording), *_of_sizes(cell, as_points), *_of_views(recording))
+    return (*_robot_faults(cell, recording), *_size_faults(cell, as_points), *_view_faults(recording))
 
 
 def impossible_reading(reading: Reading) -> tuple[str, ...]:
@@ -44,11 +44,13 @@ def impossible_reading(reading: Reading) -> tuple[str, ...]:
     found = []
     for name, track in reading.tracks.items():
         if track.joints is None and track.seen.any():
-            found += _outside(f"flange of {name}", float(lengths(track.pose.translation[track.seen]).max()), _REACH_M)
+            found += _limit_faults(
+                f"flange of {name}", float(lengths(track.pose.translation[track.seen]).max()), _REACH_M
+            )
         elif track.joints is not None:
             chain = reading.cell.robots[name].chain
             assert chain is not None
-            found += _of_joints(name, track.joints[track.seen], chain.lower, chain.upper)
+            found += _joint_faults(name, track.joints[track.seen], chain.lower, chain.upper)
     places = []
     for group in reading.problem.groups:
         seen = group.measurement
@@ -58,8 +60,8 @@ def impossible_reading(reading: Reading) -> tuple[str, ...]:
             places.append((seen.points_in_camera * seen.seen[..., None]).sum(1) / seen.seen.sum(1)[:, None])
     return (
         *found,
-        *_of_sizes(reading.cell, _seen_as_points(reading)),
-        *(_of_places(np.concatenate(places)) if places else ()),
+        *_size_faults(reading.cell, _seen_as_points(reading)),
+        *(_place_faults(np.concatenate(places)) if places else ()),
     )
 
 
@@ -67,7 +69,7 @@ def _seen_as_points(reading: Reading) -> set[str]:
     return {g.target for g in reading.problem.groups if not isinstance(g.measurement, PoseMeasurement)}
 
 
-def _of_robots(cell: Cell, recording: Recording) -> list[str]:
+def _robot_faults(cell: Cell, recording: Recording) -> list[str]:
     found = []
     for name, robot in cell.robots.items():
         states = [s.robots[name] for s in recording.samples if name in s.robots]
@@ -76,9 +78,9 @@ def _of_robots(cell: Cell, recording: Recording) -> list[str]:
         if poses:
             numbers = [s.sample for s in recording.samples if name in s.robots and s.robots[name].base_from_flange]
             found += _few_far(name, numbers, lengths(np.array(poses)))
-            found += _outside(f"flange of {name}", float(lengths(np.array(poses)).max()), _REACH_M)
+            found += _limit_faults(f"flange of {name}", float(lengths(np.array(poses)).max()), _REACH_M)
         if joints and robot.chain is not None:
-            found += _of_joints(name, np.array(joints), robot.chain.lower, robot.chain.upper)
+            found += _joint_faults(name, np.array(joints), robot.chain.lower, robot.chain.upper)
     return found
 
 
@@ -91,23 +93,23 @@ def _few_far(robot: str, numbers: list[int], distances: Array) -> list[str]:
     return [f"samples {few} of {robot} look like millimetres among metres"]
 
 
-def _of_joints(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:
+def _joint_faults(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:
     if float(np.abs(joints).max()) > _TURNS_RAD:
         return [f"a joint of {name} at {np.abs(joints).max():.3g} rad"]
     beyond = float(np.maximum(lower - joints, joints - upper).max())
     return [f"a joint of {name} {beyond:.2g} rad beyond its limit"] if beyond > _BEYOND_LIMIT_RAD else []
 
 
-def _of_sizes(cell: Cell, seen: set[str]) -> list[str]:
+def _size_faults(cell: Cell, targets: set[str]) -> list[str]:
     found = []
-    for name in sorted(seen):
+    for name in sorted(targets):
         shape = cell.targets[name].target
         if shape is not None and len(shape.points) > 1:
-            found += _outside(f"size of {name}", float(np.ptp(shape.points, axis=0).max()), _TARGET_M)
+            found += _limit_faults(f"size of {name}", float(np.ptp(shape.points, axis=0).max()), _TARGET_M)
     return found
 
 
-def _of_views(recording: Recording) -> list[str]:
+def _view_faults(recording: Recording) -> list[str]:
     """Targets seen as poses or 3-D points: before the camera, and not too near or far."""
     places = [
         o.camera_from_target.translation if isinstance(o, PoseObservation) else o.points_in_camera.mean(0)
@@ -115,21 +117,21 @@ def _of_views(recording: Recording) -> list[str]:
         for o in s.observations
         if isinstance(o, PoseObservation | PointObservation)
     ]
-    return _of_places(np.array(places)) if places else []
+    return _place_faults(np.array(places)) if places else []
 
 
-def _of_places(p_in_camera: Array) -> list[str]:
+def _place_faults(p_in_camera: Array) -> list[str]:
     """Of touches, which are at the origin of what sees them, nothing is impossible."""
     p_in_camera = p_in_camera[np.any(p_in_camera, axis=-1)]
     if not len(p_in_camera):
         return []
-    found = _outside("distance to the target", float(np.median(lengths(p_in_camera))), _DISTANCE_M)
-    if np.mean(p_in_camera[:, 2] < 0) > _MOST:
+    found = _limit_faults("distance to the target", float(np.median(lengths(p_in_camera))), _DISTANCE_M)
+    if np.mean(p_in_camera[:, 2] < 0) > _MOST_BEHIND:
         found.append("targets behind the camera")
     return found
 
 
-def _outside(quantity: str, value: float, limits: tuple[float, float]) -> list[str]:
+def _limit_faults(quantity: str, value: float, limits: tuple[float, float]) -> list[str]:
     low, high = limits
     return [] if low <= value <= high else [f"{quantity} {value:.3g} m"]
 
@@ -152,11 +154,11 @@ def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
         most = _BASES_M[1] if thing.on == WORLD else _MOUNT_M
         name = cell.mount_name(thing.name)
         if name in transforms and name in fit.solution.problem.columns:
-            found += _outside(name, _length(transforms[name]), (0.0, most))
+            found += _limit_faults(name, _length(transforms[name]), (0.0, most))
     state, problem = fit.solution.state, fit.solution.problem
     seen = [g for g in problem.groups if len(g) and not is_touch(g.measurement)]
     views = [np.zeros((0, 3)), *(state.camera_from_target(g, problem.stops).translation for g in seen)]
-    return (*found, *_of_places(np.concatenate(views)))
+    return (*found, *_place_faults(np.concatenate(views)))
 
 
 def _length(transform: SE3) -> float:

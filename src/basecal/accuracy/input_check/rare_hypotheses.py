@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
     Reread,
-    listed,
-    of_robots,
-    of_targets,
+    join_names,
+    map_robot_poses,
+    map_target_poses,
     shift,
     streams,
     subsets,
@@ -55,25 +55,31 @@ _AXES = {
 }
 
 
-def rare_hypotheses(declared: Reading) -> list[ConventionHypothesis]:
+def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
     """All of them that this reading can have."""
-    robots, cell = declared.by_pose, declared.cell
-    moved = streams([name for name in cell.robots if declared.tracks[name].seen.any()])
-    poses = declared.shows(PoseMeasurement)
+    robots, cell = baseline.pose_robots, baseline.cell
+    moved = streams([name for name in cell.robots if baseline.tracks[name].seen.any()])
+    poses = baseline.shows(PoseMeasurement)
     return [
-        *_of_order(moved, len(declared.order)),
-        *(hypothesis for names in subsets(robots) for hypothesis in _of_rotations(names, of_robots, listed(names))),
-        *(_of_rotations((), lambda _, of: of_targets(of), "the observed target") if poses else ()),
-        *_of_small_angles([name for name in robots if _turns_rad(declared.tracks[name]) < _RADIANS_AS_DEGREES_RAD]),
-        *_of_stated(cell),
-        *(_of_pixels() if declared.shows(PixelMeasurement) else ()),
+        *_order_hypotheses(moved, len(baseline.order)),
+        *(
+            hypothesis
+            for names in subsets(robots)
+            for hypothesis in _rotation_hypotheses(names, map_robot_poses, join_names(names))
+        ),
+        *(_rotation_hypotheses((), lambda _, of: map_target_poses(of), "the observed target") if poses else ()),
+        *_small_angle_hypotheses(
+            [name for name in robots if _turns_rad(baseline.tracks[name]) < _RADIANS_AS_DEGREES_RAD]
+        ),
+        *_stated_transform_hypotheses(cell),
+        *(_pixel_hypotheses() if baseline.shows(PixelMeasurement) else ()),
     ]
 
 
-def _of_small_angles(small: list[str]) -> Iterator[ConventionHypothesis]:
+def _small_angle_hypotheses(small: list[str]) -> Iterator[ConventionHypothesis]:
     """Roll, pitch and yaw, or rotation vectors, in radians that were read as degrees: then no flange turns far."""
     for names in subsets(small):
-        who = listed(names)
+        who = join_names(names)
         for what, of in (("roll, pitch and yaw", _degrees_of_rpy), ("rotation vectors", _degrees)):
             yield ConventionHypothesis(
                 "angle-unit",
@@ -81,7 +87,7 @@ def _of_small_angles(small: list[str]) -> Iterator[ConventionHypothesis]:
                 f"the {what} of {who} are in radians that were read as degrees",
                 f"rpy_deg is in degrees: turn those of {who} into degrees, or write rotvec_rad",
                 f"turn {who} further between samples",
-                of_robots(names, of),
+                map_robot_poses(names, of),
             )
 
 
@@ -100,7 +106,7 @@ def _turns_rad(track: Track) -> float:
     return float(lengths(track.pose.rotvec[track.seen]).max())
 
 
-def _of_stated(cell: Cell) -> Iterator[ConventionHypothesis]:
+def _stated_transform_hypotheses(cell: Cell) -> Iterator[ConventionHypothesis]:
     """A base or a mount that is stated the wrong way round."""
     for name, unknown in cell.transforms.items():
         if unknown.status == "free" or unknown.mean is None:
@@ -117,7 +123,7 @@ def _of_stated(cell: Cell) -> Iterator[ConventionHypothesis]:
 
 
 def _inverted_in_cell(name: str) -> Reread:
-    return lambda reading: reading.restated(with_stated_inverted(reading.cell, name))
+    return lambda reading: reading.restate(with_stated_inverted(reading.cell, name))
 
 
 def with_stated_inverted(cell: Cell, name: str) -> Cell:
@@ -138,7 +144,7 @@ def _other_way(unknown: Unknown) -> Unknown:
     return unknown if unknown.mean is None else replace(unknown, mean=unknown.mean.inverse())
 
 
-def _of_pixels() -> Iterator[ConventionHypothesis]:
+def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:
     yield ConventionHypothesis(
         "pixels-swapped",
         (),
@@ -149,8 +155,8 @@ def _of_pixels() -> Iterator[ConventionHypothesis]:
     )
 
 
-def _of_order(moved: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
-    for stream in moved:
+def _order_hypotheses(streams: list[str | None], count: int) -> Iterator[ConventionHypothesis]:
+    for stream in streams:
         yield _turned_round(stream)
         yield from (_sort_by_number(stream, first) for first in (0, 1) if count > 10)
         for by in _FAR_SHIFTS:
@@ -185,36 +191,42 @@ def _turned_round(stream: str | None) -> ConventionHypothesis:
         f"{who} stands in reverse order",
         "turn its order round",
         "let the arms stand in clearly different poses from one sample to the next",
-        lambda reading: reading.reversed(stream),
+        lambda reading: reading.reverse(stream),
         by_order=True,
     )
 
 
-def _of_rotations(
+def _rotation_hypotheses(
     names: tuple[str, ...],
     rewritten: Callable[[tuple[str, ...], PoseMap], Reread],
-    who: str,
+    subject: str,
 ) -> Iterator[ConventionHypothesis]:
-    tell = f"turn {listed(names) or 'every arm'} further between samples"
+    tell = f"turn {join_names(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
         names,
-        f"the rotation matrices of {who} are transposed",
+        f"the rotation matrices of {subject} are transposed",
         "write them by rows, or transpose them",
         tell,
         rewritten(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
-    yield from _position_axes(names, rewritten, who)
+    yield from _position_axes(names, rewritten, subject)
     for meant, read in permutations(_LISTINGS, 2):
         if (_LISTINGS[meant], _LISTINGS[read]) == ("ZYX", "xyz"):
             continue  # the same three numbers the other way round, as the reverse is
-        words = f"the rotations of {who} are {meant} that were read as {read}"
+        words = f"the rotations of {subject} are {meant} that were read as {read}"
         if (_LISTINGS[meant], _LISTINGS[read]) == ("xyz", "ZYX"):
-            words = f"the angles of {who} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C are mixed up"
+            words = (
+                f"the angles of {subject} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C are mixed up"
+            )
         # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.
         of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
         choices = (
-            (_first, _together) if not _LISTINGS[read] else (_first,) if of_three_axes else (_first, _second, _shorter)
+            (_first, _nearest_lists)
+            if not _LISTINGS[read]
+            else (_first,)
+            if of_three_axes
+            else (_first, _second, _shorter)
         )
         for choose in choices:
             yield ConventionHypothesis(
@@ -223,18 +235,18 @@ def _of_rotations(
                 words,
                 f"turn them into rotations as {meant}",
                 tell,
-                rewritten(names, _relisted(_LISTINGS[meant], _LISTINGS[read], choose)),
+                rewritten(names, _relist_rotations(_LISTINGS[meant], _LISTINGS[read], choose)),
             )
 
 
 def _position_axes(
-    names: tuple[str, ...], rewritten: Callable[[tuple[str, ...], PoseMap], Reread], who: str
+    names: tuple[str, ...], rewritten: Callable[[tuple[str, ...], PoseMap], Reread], subject: str
 ) -> Iterator[ConventionHypothesis]:
     for words, axes in _AXES.items():
         yield ConventionHypothesis(
             "position-axes",
             names,
-            f"the positions of {who} have {words}",
+            f"the positions of {subject} have {words}",
             "correct the order and the signs of x, y and z: axes are right-handed",
             "turn every arm further between samples",
             rewritten(names, _with_axes(axes)),
@@ -245,14 +257,14 @@ def _with_axes(axes: Array) -> PoseMap:
     return lambda poses: SE3(poses.rotation, poses.translation @ axes)
 
 
-def _relisted(meant: str, read: str, choose: Callable[[Array], Array]) -> PoseMap:
-    def of(poses: SE3) -> SE3:
+def _relist_rotations(convention: str, read: str, choose: Callable[[Array], Array]) -> PoseMap:
+    def relist(poses: SE3) -> SE3:
         """The poses whose three numbers, listed as `meant`, were read as `read`."""
         numbers = choose(_numbers(poses.rotation, read))
-        turned = Rotation.from_euler(meant, numbers) if meant else Rotation.from_rotvec(numbers)
+        turned = Rotation.from_euler(convention, numbers) if convention else Rotation.from_rotvec(numbers)
         return replace(poses, rotation=turned.as_matrix())
 
-    return of
+    return relist
 
 
 def _first(numbers: Array) -> Array:
@@ -263,10 +275,10 @@ def _second(numbers: Array) -> Array:
     return numbers[:, 1]
 
 
-def _together(numbers: Array) -> Array:
+def _nearest_lists(numbers: Array) -> Array:
     """Of each rotation the list that is nearest to those of the others: arms turn about a home, and lists with them."""
     centres = numbers[:_CENTRES].reshape(-1, 3)
-    off = np.abs(_within_half_a_turn(numbers[None] - centres[:, None, None])).sum(-1)
+    off = np.abs(_wrap_angles(numbers[None] - centres[:, None, None])).sum(-1)
     best = off[np.argmin(off.min(axis=2).sum(axis=1))]
     chosen: Array = numbers[np.arange(len(numbers)), np.argmin(best, axis=1)]
     return chosen
@@ -289,9 +301,9 @@ def _numbers(rotation: Array, listing: str) -> Array:
         angles = turned.as_euler(listing)
     first, middle, last = angles.T
     other = -middle if listing[0] == listing[2] else np.pi - middle
-    return _within_half_a_turn(np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1))
+    return _wrap_angles(np.stack([angles, np.column_stack([first + np.pi, other, last + np.pi])], axis=1))
 
 
-def _within_half_a_turn(angles: Array) -> Array:
+def _wrap_angles(angles: Array) -> Array:
     within: Array = (angles + np.pi) % (2 * np.pi) - np.pi
     return within

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, scaled
+from basecal.accuracy.input_check.hypotheses import ConventionHypothesis, scale_translations
 from basecal.accuracy.phrases.target_length import as_written
 from basecal.accuracy.readings.reading import Reading
 from basecal.accuracy.systematic_errors.score_tests import score
@@ -20,23 +20,23 @@ from basecal.estimation.problem.problem import State
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 
-_STEPS = 25  # of a descent
-_ROUNDS = 10  # of Gauss and Newton: from a size a third off six suffice
+_DESCENT_STEPS = 25  # of a descent
+_GAUSS_NEWTON_ROUNDS = 10  # of Gauss and Newton: from a size a third off six suffice
 _LARGEST_STEP, _SETTLED_LOG = 0.3, 1e-5  # of the factor's logarithm
 # By a smaller share of the squares no other size could predict so much better that it were named.
 _WORTHWHILE = 0.25
 
 
-def size_hypotheses(declared: Reading, state: State) -> list[ConventionHypothesis]:
+def size_hypotheses(baseline: Reading, state: State) -> list[ConventionHypothesis]:
     """For each target the size that fits best, if the reading shows one and it fits better by some.
 
     Args:
-        declared: As it was declared.
+        baseline: As it was declared.
         state: Its fit.
     """
-    names = dict.fromkeys(group.target for group in declared.problem.groups)
-    factors = {name: _factor(declared, name, state) for name in names}
-    return [target_size(name, factor, declared.cell) for name, factor in factors.items() if factor is not None]
+    names = dict.fromkeys(group.target for group in baseline.problem.groups)
+    factors = {name: _factor(baseline, name, state) for name in names}
+    return [target_size(name, factor, baseline.cell) for name, factor in factors.items() if factor is not None]
 
 
 def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
@@ -50,29 +50,29 @@ def target_size(name: str, factor: float, cell: Cell) -> ConventionHypothesis:
         words,
         f"measure {name} and state its true size{as_written(cell, name, factor)}",
         "",
-        lambda reading: _sized(reading, name, factor),
+        lambda reading: _resize(reading, name, factor),
         nested=True,
     )
 
 
-def _sized(reading: Reading, name: str, factor: float) -> Reading:
-    return reading.resized({name: factor}).with_target_poses(scaled(factor), name)
+def _resize(reading: Reading, name: str, factor: float) -> Reading:
+    return reading.resize({name: factor}).with_target_poses(scale_translations(factor), name)
 
 
-def _factor(declared: Reading, name: str, state: State) -> float | None:
+def _factor(baseline: Reading, name: str, state: State) -> float | None:
     """The factor of least cost; None if another size gains too little, the target has none, or the solve fails."""
     try:
-        first = _step(declared, name, 0.0, state)
-        by_spread = _by_spread(declared, name)
+        first = _step(baseline, name, 0.0, state)
+        by_spread = _spread_factor(baseline, name)
         if by_spread is not None:
-            cost = _step(declared, name, float(np.log(by_spread)), first.state).cost
+            cost = _step(baseline, name, float(np.log(by_spread)), first.state).cost
             return by_spread if cost < (1 - _WORTHWHILE) * first.cost else None
         if first.gain < _WORTHWHILE * first.cost:
             return None
         log, step = 0.0, first
-        for _ in range(_ROUNDS):
+        for _ in range(_GAUSS_NEWTON_ROUNDS):
             log += step.size
-            step = _step(declared, name, log, step.state)
+            step = _step(baseline, name, log, step.state)
             if abs(step.size) < _SETTLED_LOG:
                 break
     except (BasecalError, np.linalg.LinAlgError):
@@ -96,25 +96,25 @@ class _Step(NamedTuple):
     state: State
 
 
-def _step(declared: Reading, name: str, log: float, state: State) -> _Step:
+def _step(baseline: Reading, name: str, log: float, state: State) -> _Step:
     """By the score of a size, given by its logarithm, at its optimum."""
-    problem = _sized(declared, name, float(np.exp(log))).problem
+    problem = _resize(baseline, name, float(np.exp(log))).problem
     start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
-    optimum = bundle_adjust(problem, start, 1, _STEPS)
+    optimum = bundle_adjust(problem, start, 1, _DESCENT_STEPS)
     situation = Situation(problem, optimum.state, problem, {})
     candidate = next((each for each in effect.candidates(situation) if each.about == (name,)), None)
     if candidate is None:
         return _Step(optimum.cost, 0.0, 0.0, optimum.state)
-    found = score(situation.about, candidate)
+    found = score(situation.linearisation, candidate)
     size = -float(np.log1p(-min(float(found.size[0, 0]), 0.5)))
     return _Step(
         optimum.cost, float(found.statistic[0]), float(np.clip(size, -_LARGEST_STEP, _LARGEST_STEP)), optimum.state
     )
 
 
-def _by_spread(declared: Reading, name: str) -> float | None:
+def _spread_factor(baseline: Reading, name: str) -> float | None:
     """The factor by how far points in space are apart, over how far they should be; None if there are none."""
-    seen = [g.measurement for g in declared.problem.groups if g.target == name]
+    seen = [g.measurement for g in baseline.problem.groups if g.target == name]
     ratios = [
         _spread(points[is_seen]) / _spread(of.points_in_target[is_seen])
         for of in seen

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.accuracy.input_check.loop_fit import trimmed
-from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, off_views
+from basecal.accuracy.input_check.loop_fit import trimmed_rms
+from basecal.accuracy.input_check.view_errors import PIXEL_SCALE, moved_views, view_errors
 from basecal.cell import Finding
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
@@ -48,8 +48,8 @@ def unexplained_motion(problem: Problem, state: State) -> float:
     groups = [group.take(_one_a_stop(group)) for group in problem.groups if len(group)]
     if not groups:
         return 0.0
-    left = trimmed(np.concatenate([off_views(problem, group, state) for group in groups]), _AGREEING)
-    whole = trimmed(np.concatenate([moved_views(group) for group in groups]), _AGREEING)
+    left = trimmed_rms(np.concatenate([view_errors(problem, group, state) for group in groups]), _AGREEING)
+    whole = trimmed_rms(np.concatenate([moved_views(group) for group in groups]), _AGREEING)
     return float(min(left / whole, 1.0)) if whole > _LEAST_MOTION else 0.0
 
 
@@ -59,7 +59,7 @@ def _left_px(problem: Problem, state: State) -> float:
     seen = [group.take(_one_a_stop(group)) for group in in_pixels]
     if sum(map(len, seen)) < _FEWEST_STOPS:
         return 0.0
-    return trimmed(np.concatenate([off_views(problem, group, state) for group in seen]), _AGREEING) / PIXEL_SCALE
+    return trimmed_rms(np.concatenate([view_errors(problem, group, state) for group in seen]), _AGREEING) / PIXEL_SCALE
 
 
 def _one_a_stop(group: ViewGroup) -> IntArray:

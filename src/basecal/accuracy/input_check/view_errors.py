@@ -19,13 +19,13 @@ PIXEL_SCALE = 1e-3  # [rad/px] of a usual lens, so that errors in pixels and ang
 _SHORTEST_M = 1e-12  # [m] of a distance to a target, which is divided by
 
 
-def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
+def view_errors(problem: Problem, group: ViewGroup, state: State) -> Array:
     """How far each view of a group is from where a state puts it, robots as recorded, (n,); see `HypothesisFit.off`."""
     as_recorded = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
     predicted = as_recorded.camera_from_target(group, problem.stops)
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
-        return _off_poses(measurement.measured_camera_from_target, predicted)
+        return _pose_errors(measurement.measured_camera_from_target, predicted)
     if isinstance(measurement, PointMeasurement):
         return _rms(measurement.residuals(predicted, None), measurement.seen) / group.reach_m
     if not isinstance(measurement, PixelMeasurement):
@@ -35,39 +35,39 @@ def off_views(problem: Problem, group: ViewGroup, state: State) -> Array:
 
 
 def moved_views(group: ViewGroup) -> Array:
-    """How far each view is from one that stands where most do, whatever the robots' poses, (n,); see `off_views`."""
+    """How far each view is from one that stands where most do, whatever the robots' poses, (n,); see `view_errors`."""
     measurement = group.measurement
     if isinstance(measurement, PoseMeasurement):
         seen = measurement.measured_camera_from_target
-        return _off_poses(seen, SE3(nearest_rotation(seen.rotation.sum(0)), np.median(seen.translation, axis=0)))
+        return _pose_errors(seen, SE3(nearest_rotation(seen.rotation.sum(0)), np.median(seen.translation, axis=0)))
     if isinstance(measurement, PointMeasurement):
-        about = _about_median(measurement.points_in_camera, measurement.seen)
+        about = _subtract_median(measurement.points_in_camera, measurement.seen)
         return _rms(about, measurement.seen) / group.reach_m
     if isinstance(measurement, PixelMeasurement):
-        return PIXEL_SCALE * _rms(_about_median(measurement.pixels, measurement.seen), measurement.seen)
+        return PIXEL_SCALE * _rms(_subtract_median(measurement.pixels, measurement.seen), measurement.seen)
     raise InputError(f"views are {type(measurement).__name__}s, expected pixels, poses or points")
 
 
-def _about_median(values: Array, seen: BoolArray) -> Array:
+def _subtract_median(values: Array, is_visible: BoolArray) -> Array:
     """Points of each view about the median of the same point over the views that see it, (n, m, k)."""
-    known = np.where(seen[..., None], values, np.nan)
-    somewhere = seen.any(0)
+    known = np.where(is_visible[..., None], values, np.nan)
+    somewhere = is_visible.any(0)
     median = np.zeros(values.shape[1:])
     median[somewhere] = np.nanmedian(known[:, somewhere], axis=0)
     about: Array = values - median
     return about
 
 
-def _off_poses(measured: SE3, predicted: SE3) -> Array:
-    off = measured.inverse() @ predicted
-    distance = max(float(np.median(lengths(measured.translation))), _SHORTEST_M)
+def _pose_errors(measured_pose: SE3, predicted_pose: SE3) -> Array:
+    off = measured_pose.inverse() @ predicted_pose
+    distance = max(float(np.median(lengths(measured_pose.translation))), _SHORTEST_M)
     both: Array = np.hypot(lengths(off.rotvec), lengths(off.translation) / distance) / np.sqrt(6)
     return both
 
 
-def _rms(off: Array, seen: BoolArray) -> Array:
+def _rms(errors: Array, is_visible: BoolArray) -> Array:
     """Rms over the coordinates of the points that each view sees."""
-    squares = np.where(seen[..., None], off, 0.0) ** 2
-    count = off.shape[2] * np.maximum(seen.sum(1), 1)
+    squares = np.where(is_visible[..., None], errors, 0.0) ** 2
+    count = errors.shape[2] * np.maximum(is_visible.sum(1), 1)
     rms: Array = np.sqrt(squares.sum((1, 2)) / count)
     return rms

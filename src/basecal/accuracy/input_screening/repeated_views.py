@@ -48,10 +48,10 @@ def _numbers(observation: object) -> bytes | None:
     return None
 
 
-def _has_moved(sample: Sample, other: Sample, robots: set[str]) -> bool:
+def _has_moved(sample: Sample, second: Sample, robots: set[str]) -> bool:
     """Whether one of these robots stands elsewhere, by more than robots are read back anew."""
-    shared = [name for name in robots if name in sample.robots and name in other.robots]
-    states = [(_state(sample, name), _state(other, name)) for name in shared]
+    shared = [name for name in robots if name in sample.robots and name in second.robots]
+    states = [(_state(sample, name), _state(second, name)) for name in shared]
     return any(one.shape != two.shape or bool(np.abs(one - two).max() > _READ_BACK_TOLERANCE) for one, two in states)
 
 

@@ -44,7 +44,7 @@ class Comparison:
         return self.decision is Decision.TAKE
 
 
-def decide(rival: str, gain: float, log_chance: float, level: float, doubted: float = 0.0) -> Comparison:
+def decide(rival: str, gain: float, log_chance: float, level: float, doubtful_level: float = 0.0) -> Comparison:
     """The rival is taken below one chance, and undecided below a larger one.
 
     Args:
@@ -52,8 +52,8 @@ def decide(rival: str, gain: float, log_chance: float, level: float, doubted: fl
         gain: See `Comparison`.
         log_chance: Likewise.
         level: Chance below which it is taken.
-        doubted: Chance below which neither is kept nor taken.
+        doubtful_level: Chance below which neither is kept nor taken.
     """
     chance = np.exp(min(log_chance, 0.0))
-    below = Decision.UNDECIDED if chance < doubted else Decision.KEEP
+    below = Decision.UNDECIDED if chance < doubtful_level else Decision.KEEP
     return Comparison(rival, gain, log_chance, Decision.TAKE if log_chance < np.log(level) else below)

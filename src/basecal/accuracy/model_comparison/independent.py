@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.model_comparison.comparison import Comparison
-from basecal.accuracy.model_comparison.nested import compare_evidence, compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_evidence, compare_nested
 from basecal.geometry import Array
 from basecal.numerics.spectral import scaled_spectrum
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.model_comparison.comparison import Comparison, decide
-from basecal.accuracy.model_comparison.nested import SUSPECTED
+from basecal.accuracy.model_comparison.nested_models import SUSPECTED
 from basecal.geometry import Array
 
 

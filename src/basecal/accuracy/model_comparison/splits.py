@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from basecal.accuracy.model_comparison.comparison import Comparison, decide
-from basecal.accuracy.model_comparison.nested import ALONE
+from basecal.accuracy.model_comparison.nested_models import ALONE
 
 _LEAST_NUMBER = 1e-300  # a chance that is no number any more
 

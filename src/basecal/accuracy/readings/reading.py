@@ -45,7 +45,7 @@ class Track:
     stand: IntArray
     by_pose: bool
 
-    def at(self, rows: IntArray) -> Track:
+    def take(self, rows: IntArray) -> Track:
         """The states of these samples, (n,); none of row -1."""
         joints = None if self.joints is None else self.joints[rows]
         return replace(
@@ -79,12 +79,12 @@ class Reading:
     tracks: Mapping[str, Track]
 
     @cached_property
-    def by_pose(self) -> list[str]:
+    def pose_robots(self) -> list[str]:
         """Robots whose every state is a pose."""
         return [name for name, track in self.tracks.items() if track.by_pose]
 
     @cached_property
-    def by_joints(self) -> list[str]:
+    def joint_robots(self) -> list[str]:
         """Robots whose every state has joints."""
         return [name for name, track in self.tracks.items() if track.joints is not None]
 
@@ -92,28 +92,28 @@ class Reading:
         """Whether any view is such a measurement."""
         return any(isinstance(group.measurement, kinds) for group in self.problem.groups)
 
-    def restated(self, cell: Cell) -> Reading:
+    def restate(self, cell: Cell) -> Reading:
         """The same views in a cell that states its transforms and lenses otherwise."""
         return replace(self, cell=cell, problem=restate(cell, self.problem))
 
-    def alone(self, cell: Cell, group: ViewGroup) -> Reading:
+    def single_group(self, cell: Cell, group: ViewGroup) -> Reading:
         """One group of views, in a cell of its own."""
         rows = np.flatnonzero(np.isin(self.order, group.sample))
         tracks = {name: track for name, track in self.tracks.items() if name in cell.robots}
         groups = tuple(g for g in self.problem.groups if (g.camera, g.target) == (group.camera, group.target))
         stops, _ = _stops(self.problem.stops, tracks)
         problem = replace(self.problem, groups=groups, stops=stops)
-        return replace(self, problem=problem, tracks=tracks).restated(cell).take(rows)
+        return replace(self, problem=problem, tracks=tracks).restate(cell).take(rows)
 
     def take(self, rows: IntArray) -> Reading:
         """Some of the samples."""
-        tracks = {name: track.at(rows) for name, track in self.tracks.items()}
+        tracks = {name: track.take(rows) for name, track in self.tracks.items()}
         return replace(self, order=self.order[rows])._with_tracks(tracks)
 
-    def thin(self, most: int) -> Reading:
+    def thin(self, max_count: int) -> Reading:
         """At most so many of the samples, spread evenly."""
         count = len(self.order)
-        return self if count <= most else self.take(np.linspace(0, count - 1, most).round().astype(np.int64))
+        return self if count <= max_count else self.take(np.linspace(0, count - 1, max_count).round().astype(np.int64))
 
     def with_poses(self, robots: tuple[str, ...], pose_map: PoseMap) -> Reading:
         """Recorded poses of robots mapped."""
@@ -124,56 +124,58 @@ class Reading:
 
     def with_joints(self, robots: tuple[str, ...], factor: float) -> Reading:
         """Recorded joints of robots times a factor."""
-        moved = {name: self._of_robot(name, self.tracks[name], factor) for name in robots}
+        moved = {name: self._robot_track(name, self.tracks[name], factor) for name in robots}
         return self._with_tracks({**self.tracks, **moved})
 
-    def _of_robot(self, robot: str, track: Track, factor: float = 1.0) -> Track:
+    def _robot_track(self, robot: str, track: Track, factor: float = 1.0) -> Track:
         """A track as if a robot had made it, its joints times a factor."""
         chain = self.cell.robots[robot].chain
         if track.joints is None or chain is None:
             return track
         return replace(track, joints=factor * track.joints, pose=chain.forward(factor * track.joints))
 
-    def exchanged(self, first: str, second: str) -> Reading:
+    def exchange(self, first: str, second: str) -> Reading:
         """The states of two robots exchanged."""
         other = {first: second, second: first}
-        moved = {name: self._of_robot(name, self.tracks[other[name]]) for name in other}
+        moved = {name: self._robot_track(name, self.tracks[other[name]]) for name in other}
         return self._with_tracks({**self.tracks, **moved})
 
-    def shifted(self, stream: str | None, by: int, start: int = 0) -> Reading:
-        """One stream paired anew: what stands at position i - `by` moves to position i.
+    def shift(self, stream: str | None, count: int, start: int = 0) -> Reading:
+        """One stream paired anew: what stands at position i - `count` moves to position i.
 
         Args:
             stream: A robot's name, or None for what the cameras saw.
-            by: By how many samples.
+            count: By how many samples.
             start: The position from which on; earlier samples stay.
 
         Returns:
             The reading without the samples that nothing is left for.
         """
         place = np.arange(len(self.order))
-        source = np.where(place < start, place, place - by)
-        return self._paired(stream, np.where((source < len(place)) & ((source >= start) | (place < start)), source, -1))
+        source = np.where(place < start, place, place - count)
+        return self._pair_positions(
+            stream, np.where((source < len(place)) & ((source >= start) | (place < start)), source, -1)
+        )
 
-    def reversed(self, stream: str | None) -> Reading:
+    def reverse(self, stream: str | None) -> Reading:
         """One stream in reverse order."""
-        return self._paired(stream, np.arange(len(self.order))[::-1])
+        return self._pair_positions(stream, np.arange(len(self.order))[::-1])
 
     def pair_stream(self, stream: str | None, source: IntArray) -> Reading:
         """One stream with what stood at positions `source`, (m,), in the place of its own."""
-        return self._paired(stream, source)
+        return self._pair_positions(stream, source)
 
-    def _paired(self, stream: str | None, source: IntArray) -> Reading:
+    def _pair_positions(self, stream: str | None, source: IntArray) -> Reading:
         """One stream with what stood at positions `source`, (m,), in the place of its own; without what is at -1."""
         kept = source >= 0
         if stream is None:
             place = np.full(len(source), -1)
             place[source[kept]] = np.flatnonzero(kept)
-            return self._seen_at(place).take(np.flatnonzero(kept))
-        tracks = {**self.tracks, stream: self.tracks[stream].at(source)}
+            return self._move_views(place).take(np.flatnonzero(kept))
+        tracks = {**self.tracks, stream: self.tracks[stream].take(source)}
         return self._with_tracks(tracks).take(np.flatnonzero(tracks[stream].seen))
 
-    def _seen_at(self, place: IntArray) -> Reading:
+    def _move_views(self, place: IntArray) -> Reading:
         """Views of each position moved to another one, (m,); without those moved to -1."""
         groups = []
         for group in self.problem.groups:
@@ -190,18 +192,18 @@ class Reading:
     def _with_tracks(self, tracks: Mapping[str, Track]) -> Reading:
         """The same views of robots with other states; without views that these have none for."""
         stops, first = _stops(self.problem.stops, tracks)
-        groups = (self._carried(group, tracks, first) for group in self.problem.groups)
+        groups = (self._carry_group(group, tracks, first) for group in self.problem.groups)
         stands = {name: len(np.unique(track.stand[track.seen])) for name, track in tracks.items()}
         problem = replace(self.problem, groups=tuple(g for g in groups if len(g)), stops=stops, stands=stands)
         return replace(self, problem=problem, tracks=tracks)
 
-    def _carried(self, group: ViewGroup, tracks: Mapping[str, Track], first: Mapping[str, int]) -> ViewGroup:
+    def _carry_group(self, group: ViewGroup, tracks: Mapping[str, Track], first: Mapping[str, int]) -> ViewGroup:
         rows = self._rows(group)
         kept = rows >= 0
         for robot in group.robots:
             kept[kept] = tracks[robot].seen[rows[kept]]
         rows = rows[kept]
-        return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carried_by(end, tracks, rows, first))
+        return group.take(np.flatnonzero(kept)).with_ends(lambda end: _carry_end(end, tracks, rows, first))
 
     def with_seen(self, change: Callable[[ViewGroup], ViewGroup]) -> Reading:
         """The groups of views changed."""
@@ -210,31 +212,33 @@ class Reading:
     def with_target_poses(self, pose_map: PoseMap, target: str | None = None) -> Reading:
         """Observed poses mapped, of one target or of all."""
 
-        def mapped(views: PoseMeasurement) -> PoseMeasurement:
+        def map_poses(views: PoseMeasurement) -> PoseMeasurement:
             """Views with their poses mapped."""
             return replace(views, measured_camera_from_target=pose_map(views.measured_camera_from_target))
 
-        return self.with_seen(lambda g: _changed(g, PoseMeasurement, mapped) if target in (None, g.target) else g)
+        return self.with_seen(
+            lambda g: _change_views(g, PoseMeasurement, map_poses) if target in (None, g.target) else g
+        )
 
     def with_points(self, factor: float) -> Reading:
         """Observed 3-D points times a factor, their stated sigmas unchanged."""
 
-        def scaled(views: PointMeasurement) -> PointMeasurement:
+        def scale_points(views: PointMeasurement) -> PointMeasurement:
             """Views with their points scaled."""
             return replace(views, points_in_camera=factor * views.points_in_camera)
 
-        return self.with_seen(lambda group: _changed(group, PointMeasurement, scaled))
+        return self.with_seen(lambda group: _change_views(group, PointMeasurement, scale_points))
 
     def with_pixels_exchanged(self) -> Reading:
         """U in the place of v."""
 
-        def exchanged(views: PixelMeasurement) -> PixelMeasurement:
+        def exchange_pixels(views: PixelMeasurement) -> PixelMeasurement:
             """Views with their pixels exchanged."""
             return replace(views, pixels=views.pixels[..., ::-1])
 
-        return self.with_seen(lambda group: _changed(group, PixelMeasurement, exchanged))
+        return self.with_seen(lambda group: _change_views(group, PixelMeasurement, exchange_pixels))
 
-    def resized(self, factors: Mapping[str, float]) -> Reading:
+    def resize(self, factors: Mapping[str, float]) -> Reading:
         """Targets larger by a factor, by name: their points in the cell and in what was seen."""
         targets = dict(self.cell.targets)
         for name, factor in factors.items():
@@ -247,8 +251,8 @@ class Reading:
             shape = targets[group.target].target
             if shape is None or group.target not in factors:
                 return group
-            group = _changed(group, PixelMeasurement, lambda views: replace(views, points_in_target=shape.points))
-            group = _changed(group, PointMeasurement, lambda views: replace(views, points_in_target=shape.points))
+            group = _change_views(group, PixelMeasurement, lambda views: replace(views, points_in_target=shape.points))
+            group = _change_views(group, PointMeasurement, lambda views: replace(views, points_in_target=shape.points))
             return group if group.half_turn is None else replace(group, half_turn=half_turn(shape))
 
         return replace(self.with_seen(larger), cell=replace(self.cell, targets=targets))
@@ -292,16 +296,16 @@ def _stops(stops: Stops, tracks: Mapping[str, Track]) -> tuple[Stops, dict[str, 
     return Stops(np.array([sigmas[name] for name in names]).reshape(-1, 6), tuple(names)), first
 
 
-def _carried_by(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Mapping[str, int]) -> End:
+def _carry_end(end: End, tracks: Mapping[str, Track], rows: IntArray, first: Mapping[str, int]) -> End:
     """An end of views at these samples, (n,), whose robot made the tracks."""
     if end.robot is None:
         return end
-    of = tracks[end.robot].at(rows)
+    of = tracks[end.robot].take(rows)
     stop = first[end.robot] + of.stand if end.robot in first else np.full(len(rows), -1, dtype=np.int64)
     return replace(end, base_from_flange=of.pose, joints=of.joints, stand=of.stand, stop=stop)
 
 
-def _changed(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:
+def _change_views(group: ViewGroup, kind: type[M], change: Callable[[M], M]) -> ViewGroup:
     """A group with its views, and other ways to read them, changed if they are of one kind."""
     if not isinstance(group.measurement, kind):
         return group

@@ -44,26 +44,26 @@ def has_many_robots(problem: Problem) -> bool:
     return len(problem.robots) > JOINT_PAIRS
 
 
-def solve_single_pairs(declared: Reading, state: State) -> list[SinglePair]:
+def solve_single_pairs(baseline: Reading, state: State) -> list[SinglePair]:
     """Pairs of camera and target, as few as it takes for each robot, camera and target to be in one.
 
     Args:
-        declared: As declared.
+        baseline: As declared.
         state: Its solution.
     """
-    return [_solve_pair(declared, group, state) for group in _covering(declared.problem.groups)]
+    return [_solve_pair(baseline, group, state) for group in _covering(baseline.problem.groups)]
 
 
-def merge_findings(pairs: Sequence[SinglePair], found: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
+def merge_findings(pairs: Sequence[SinglePair], findings: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
     """The findings of pairs, each once; of what one pair leaves open only that which all pairs of a robot do.
 
     Args:
         pairs: The pairs.
-        found: The findings of each.
+        findings: The findings of each.
     """
-    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in found]
+    opened = [{name for f in of if f.code == "ambiguous-convention" for name in f.about} for of in findings]
     kept: dict[tuple[str, tuple[str, ...]], Finding] = {}
-    for pair, of in zip(pairs, found, strict=True):
+    for pair, of in zip(pairs, findings, strict=True):
         for finding in of:
             about = pair.robots.intersection(finding.about)
             others = [names for other, names in zip(pairs, opened, strict=True) if about & other.robots]
@@ -82,8 +82,8 @@ def _covering(groups: Sequence[ViewGroup]) -> Iterator[ViewGroup]:
         yield groups[most]
 
 
-def _solve_pair(declared: Reading, group: ViewGroup, state: State) -> SinglePair:
-    cell = declared.cell
+def _solve_pair(baseline: Reading, group: ViewGroup, state: State) -> SinglePair:
+    cell = baseline.cell
     bases = {name: unknown for name, unknown in cell.bases.items() if name in group.robots}
     if group.eye.robot is not None and group.eye.base is not None and group.hand.base is not None:
         # How the two stand to each other is all that the pair tells.
@@ -102,4 +102,4 @@ def _solve_pair(declared: Reading, group: ViewGroup, state: State) -> SinglePair
         stop_errors=state.stop_errors[:0],
         robots={name: of for name, of in state.robots.items() if name in group.robots},
     )
-    return SinglePair(declared.alone(alone, group), own)
+    return SinglePair(baseline.single_group(alone, group), own)

@@ -36,7 +36,7 @@ class _Relation:
     start_from_end: SE3
     views: int
 
-    def reversed(self) -> _Relation:
+    def reverse(self) -> _Relation:
         """The same from its other end."""
         return _Relation(self.end, self.start, self.path[::-1], self.start_from_end.inverse(), self.views)
 
@@ -79,9 +79,9 @@ def _ring_loops(solution: Solution) -> list[Loop]:
         if relation is None:
             break
         waiting.remove(relation)
-        forward = relation if relation.start in way else relation.reversed()
+        forward = relation if relation.start in way else relation.reverse()
         if forward.end in way:
-            back = [step.reversed() for step in reversed(way[forward.end])]
+            back = [step.reverse() for step in reversed(way[forward.end])]
             found.append(_close_loop([*way[forward.start], forward, *back]))
         else:
             way[forward.end] = [*way[forward.start], forward]

@@ -36,7 +36,7 @@ class WithoutSamples:
 
 
 def without_samples(
-    cell: Cell, recording: Recording, calibration: Calibration, excluded: Collection[int]
+    cell: Cell, recording: Recording, calibration: Calibration, exclusions: Collection[int]
 ) -> WithoutSamples:
     """The calibration without samples of these numbers.
 
@@ -47,15 +47,15 @@ def without_samples(
         cell: What was calibrated.
         recording: What it was made from.
         calibration: What came out.
-        excluded: Numbers of samples.
+        exclusions: Numbers of samples.
 
     Raises:
         InputError: if no sample is left that the calibration knows the transforms of.
     """
-    if not excluded:
+    if not exclusions:
         known = {name: calibration[name] for name in cell.requested_transforms if name in calibration.transforms}
         return WithoutSamples(known, calibration.residuals, True)
-    kept = Recording(tuple(s for s in recording.samples if s.sample not in excluded))
+    kept = Recording(tuple(s for s in recording.samples if s.sample not in exclusions))
     solution, whole = (_solve_again(cell, each, calibration) for each in (kept, recording))
     seen = {n: solution.transforms[n] for n in cell.requested_transforms if n in _observable_names(solution)}
     for name in seen.keys() & calibration.transforms.keys() & _observable_names(whole):

@@ -80,31 +80,31 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
 
 
 def join_findings(
-    names: tuple[str, str], found: Join | None, shared: int, of_each: tuple[int, int], common: float
+    names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int], common: float
 ) -> Iterator[Finding]:
     """What two cameras' pictures lack of a common scene.
 
     Args:
         names: Of the cameras.
-        found: How they join; None if they do not.
-        shared: Points that both see.
+        join: How they join; None if they do not.
+        shared_count: Points that both see.
         of_each: Views of each that show some of them.
         common: Share of points that are one, at places where both cameras have their own.
     """
     first, second = names
-    if found is None or found.score < _LEAST_SCORE or found.found < _LEAST_RATIO * found.by_chance:
+    if join is None or join.score < _LEAST_SCORE or join.found < _LEAST_RATIO * join.by_chance:
         what = f"The pictures of {first} and {second} show no common part of the scene."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,))
-    elif found.rival > _RIVAL_SHARE * found.score:
-        share = found.rival / found.score
+    elif join.rival > _RIVAL_SHARE * join.score:
+        share = join.rival / join.score
         what = f"Two positions of {second} fit its pictures: the second has {share:.0%} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "The scene has objects that look alike.")
     elif common < _LEAST_COMMON:
         what = f"{common:.0%} of the points at places that {first} and {second} both see are the same point."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
-    elif shared < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
-        what = f"{first} and {second} share {shared} points, in {of_each[0]} and {of_each[1]} pictures."
+    elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
+        what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} pictures."
         why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} pictures of each are needed."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,), why)
 
@@ -125,10 +125,10 @@ def base_findings(name: str, offset: Array | None, covariance: Array) -> Iterato
         yield Finding("not-validated", "warning", (name,), what, _SECOND, "Two copies of one object would deceive it.")
 
 
-def kept_findings(names: tuple[str, str], before: int, after: int) -> Iterator[Finding]:
+def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -> Iterator[Finding]:
     """Whether points of both scenes are still of both once all is adjusted together."""
-    if after < _LEAST_KEPT * before or after < _FEWEST_SHARED:
-        what = f"{after} of {before} points that {names[0]} and {names[1]} seemed to share fit one scene."
+    if count_after < _LEAST_KEPT * count_before or count_after < _FEWEST_SHARED:
+        what = f"{count_after} of {count_before} points that {names[0]} and {names[1]} seemed to share fit one scene."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.accuracy.cross_validation.folds import splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
-from basecal.accuracy.model_comparison.held_out import compare_held_out
+from basecal.accuracy.model_comparison.held_out import compare_predicted_gains
 from basecal.accuracy.scene.checks import base_findings, count_points
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
@@ -171,7 +171,7 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
         score_stations(problem, solution.state, split, iterations).scores
         for problem in (replace(solution.problem, tied=None), solution.problem)
     )
-    return compare_held_out("scene", without - within).gain > 0
+    return compare_predicted_gains("scene", without - within).gain > 0
 
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:

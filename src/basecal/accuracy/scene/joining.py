@@ -141,8 +141,8 @@ def _judge_transform(
     return Join(transform, len(point), by_chance, (view, point, feature), len(np.unique(view)))
 
 
-def _is_near(one: SE3, other: SE3, points: Array) -> bool:
+def _is_near(first: SE3, second: SE3, points: Array) -> bool:
     """Whether two transforms are one, where the points are."""
     middle = np.median(points, axis=0)
-    apart = np.linalg.norm(one @ middle - other @ middle)
-    return bool(apart < _NEAR_M and np.linalg.norm((one.inverse() @ other).rotvec) < _NEAR_RAD)
+    apart = np.linalg.norm(first @ middle - second @ middle)
+    return bool(apart < _NEAR_M and np.linalg.norm((first.inverse() @ second).rotvec) < _NEAR_RAD)

@@ -55,13 +55,13 @@ class OneCamera:
         return pictures.descriptors(self.fit.tracks, self.rows)
 
 
-def solve_camera(pictures: Pictures, camera: int, stated: Array | None) -> OneCamera:
+def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
     """The mount of a camera, its lens and the points that its pictures show.
 
     Args:
         pictures: Of all cameras.
         camera: Index of the camera.
-        stated: (6,) noise of the robot that carries it [m, rad]; None if it is to be estimated.
+        stop_noise: (6,) noise of the robot that carries it [m, rad]; None if it is to be estimated.
     """
     views, rows = own_views(pictures.views, camera)
     lens = pictures.lenses[camera]
@@ -84,7 +84,7 @@ def solve_camera(pictures: Pictures, camera: int, stated: Array | None) -> OneCa
         np.zeros((0, 3)),
     )
     try:
-        fit = fit_scene(views, tracks, state, (start.lens,), (stated,))
+        fit = fit_scene(views, tracks, state, (start.lens,), (stop_noise,))
     except np.linalg.LinAlgError:
         return nothing
     return OneCamera(
@@ -165,9 +165,10 @@ def _start(
     return min(found, key=lambda each: each.median_px, default=None)
 
 
-def _feature_indices(kept: Tracks, tracks: Tracks, feature: IntArray) -> IntArray:
+def _feature_indices(kept_tracks: Tracks, tracks: Tracks, feature: IntArray) -> IntArray:
     """The features of the image points that were kept, which have a view and pixels each."""
     by_place = {(int(v), *map(float, p)): int(f) for v, p, f in zip(tracks.view, tracks.pixels, feature, strict=True)}
     return np.array(
-        [by_place[int(v), *map(float, p)] for v, p in zip(kept.view, kept.pixels, strict=True)], dtype=np.int64
+        [by_place[int(v), *map(float, p)] for v, p in zip(kept_tracks.view, kept_tracks.pixels, strict=True)],
+        dtype=np.int64,
     )

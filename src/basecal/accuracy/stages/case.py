@@ -93,7 +93,7 @@ class Case:
         """Whether one of the findings is an error."""
         return judge_findings(self.findings) == "refused"
 
-    def refused(self, findings: Iterable[Finding] | None = None) -> Self:
+    def refuse(self, findings: Iterable[Finding] | None = None) -> Self:
         """The case at its end without numbers: these would be of a cell that does not exist.
 
         Args:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.certify import certified
+from basecal.accuracy.certify import prove_solution
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
 from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
-from basecal.accuracy.cross_validation.some_views import of_some_views
+from basecal.accuracy.cross_validation.some_views import thin_solution
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.registry import ANSWER_CHECKS
@@ -18,7 +18,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stated_sigmas import contradicted_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.systematic_errors.search import systematic_error
-from basecal.accuracy.systematic_errors.sizes_once import sizes_once
+from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
 from basecal.accuracy.widening import largest_shift, widen
 from basecal.effects import fixed_transform
 from basecal.effects.faces.found_effect import FoundEffect
@@ -59,15 +59,15 @@ def find_systematic_error(case: Case) -> Case:
 
 def certify_solution(case: Case) -> Case:
     """Prove that no other optimum is better, or go to it."""
-    solution, certificate = certified(case.solution, case.stated_settings)
+    solution, certificate = prove_solution(case.solution, case.stated_settings)
     return replace(case.weighing(solution=solution), certificate=certificate)
 
 
-def hold_samples_out(case: Case) -> Case:
+def predict_held_out_samples(case: Case) -> Case:
     """Predict held-out samples, and test lenses for what their models lack."""
     solution = case.evidence.solution
     validated = cross_validate(
-        of_some_views(solution, case.stated_settings), case.cell.requested_transforms, case.stated_settings
+        thin_solution(solution, case.stated_settings), case.cell.requested_transforms, case.stated_settings
     )
     return case.weighing(cross_validation=validated, lens_structures=lens_structures(solution, case.settings))
 
@@ -75,7 +75,7 @@ def hold_samples_out(case: Case) -> Case:
 def list_findings(case: Case) -> Case:
     """Put into words what the evidence shows."""
     found = (finding for check in ANSWER_CHECKS for finding in check(case.evidence))
-    findings = sizes_once(case.cell, [*case.findings, *found], case.evidence.systematic_error)
+    findings = deduplicate_size_findings(case.cell, [*case.findings, *found], case.evidence.systematic_error)
     first = {(each.code, each.about): each for each in reversed(findings) if each.code == fixed_transform.CODE}
     kept = (each for each in findings if first.get((each.code, each.about), each) is each)  # by either test, once
     return replace(case, findings=tuple(kept))
@@ -92,9 +92,9 @@ def cover_effects(case: Case) -> Case:
     return replace(case, answers=(fitted, solution))
 
 
-def _effect_shift(solution: Solution, other: FoundEffect | ClosedFormRival | LensStructure) -> Array:
+def _effect_shift(solution: Solution, effect: FoundEffect | ClosedFormRival | LensStructure) -> Array:
     """How far an effect moves the answer, (p,); of confounded effects the one that moves it most."""
-    if isinstance(other, FoundEffect):
-        excluded = [each.moved for each in (other, *other.alternatives) if each.effect not in CONTAINED]
-        return largest_shift(solution, excluded or [np.zeros_like(other.moved)])
-    return other.moved
+    if isinstance(effect, FoundEffect):
+        excluded = [each.moved for each in (effect, *effect.alternatives) if each.effect not in CONTAINED]
+        return largest_shift(solution, excluded or [np.zeros_like(effect.moved)])
+    return effect.moved

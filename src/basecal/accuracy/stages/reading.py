@@ -56,7 +56,7 @@ def estimate_clocks(case: Case) -> Case:
 def screen_units(case: Case) -> Case:
     """Refuse lengths and angles that no arm and no board has."""
     units = impossible_units(case.cell, case.recording)
-    return case.refused((*units, *case.recording.findings)) if units else case
+    return case.refuse((*units, *case.recording.findings)) if units else case
 
 
 def pack_problem(case: Case) -> Case:
@@ -71,7 +71,7 @@ def check_input(case: Case) -> Case:
     """Refuse what is too little, and report what is odd."""
     given = Input(case.problem, case.findings, on_paths=case.clocked is not None)
     case = case.with_findings(finding for check in INPUT_CHECKS for finding in check(given))
-    return case.refused() if case.is_refused else case
+    return case.refuse() if case.is_refused else case
 
 
 def shift_axes(case: Case) -> Case:

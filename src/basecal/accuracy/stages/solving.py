@@ -30,7 +30,7 @@ def screen_conventions(case: Case) -> Case:
     """Refuse input that another convention explains better."""
     explained = case.noisy is not None and is_as_of_arms(case.noisy)
     misread = check_conventions(
-        case.cell, case.recording, case.problem, case.solution, case.stated_settings, explained=explained
+        case.cell, case.recording, case.problem, case.solution, case.stated_settings, is_explained=explained
     )
     found = case.with_findings(misread)
     return found.refused() if any(each.severity == "error" for each in misread) else found
@@ -88,7 +88,7 @@ def is_explained(case: Case) -> bool:
     return case.is_ended or not is_hopeless(case.solution.problem, case.solution.state)
 
 
-def refuse_unexplained(case: Case) -> Case:
+def refuse_unexplained_poses(case: Case) -> Case:
     """Refuse poses that do not explain the views: directions that they hide lead a solver astray, or they are wrong."""
     if is_explained(case):
         return case

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_of, sums, weighed
+from basecal.accuracy.systematic_errors.score_tests import Linearised, Sums, score_from_sums, sums, weigh_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.effects.faces.candidates import Candidates
 from basecal.geometry import Array, BoolArray, IntArray
@@ -37,18 +37,18 @@ class HeldOut:
     @cached_property
     def folds(self) -> tuple[tuple[Fold, ...], ...]:
         """Of blocks of time, and of blocks of configuration."""
-        both = _in_time(self.situation), _in_configuration(self.situation)
+        both = _time_blocks(self.situation), _configuration_blocks(self.situation)
         return tuple(tuple(self._fold(blocks == block) for block in np.unique(blocks)) for blocks in both)
 
     def confirms(self, candidate: Candidates) -> bool:
         """Whether one error predicts held-out blocks better, of either kind."""
         return all(sum(_gain(fold, candidate) for fold in folds) > 0 for folds in self.folds)
 
-    def _fold(self, held: BoolArray) -> Fold:
+    def _fold(self, is_held_out: BoolArray) -> Fold:
         """The model without some of `samples`, (n,), and of these alone."""
-        outside = [held[self.situation.rank(group)] for group in self.situation.problem.groups]
+        outside = [is_held_out[self.situation.rank(group)] for group in self.situation.problem.groups]
         used, left = ([np.where(h, *counts) for h in outside] for counts in ((0.0, 1.0), (1.0, 0.0)))
-        return Fold(weighed(self.model, used), weighed(self.model, left))
+        return Fold(weigh_views(self.model, used), weigh_views(self.model, left))
 
 
 class Fold(NamedTuple):
@@ -62,24 +62,24 @@ def _gain(fold: Fold, candidate: Candidates) -> float:
     """How much less minus twice the log likelihood of held-out samples is with one error."""
     used, left = fold
     of_used, of_left = sums(used, candidate), sums(left, candidate)
-    size = score_of(used, of_used).size[0]
+    size = score_from_sums(used, of_used).size[0]
     without = _cost(left, of_left, -used.step, np.zeros(len(size)))
     return without - _cost(left, of_left, -used.step - used.inverse @ (of_used.across[0].T @ size), size)
 
 
-def _cost(left: Linearised, of_left: Sums, step: Array, size: Array) -> float:
+def _cost(views: Linearised, of_left: Sums, step: Array, size: Array) -> float:
     """Minus twice the log likelihood of views after a step of unknowns and sizes, but for what both have in common."""
     gradient, across, information = (each[0] for each in of_left)
-    of_step = 2 * left.gradient @ step + step @ left.hessian @ step
+    of_step = 2 * views.gradient @ step + step @ views.hessian @ step
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)
 
 
-def _in_time(situation: Situation) -> IntArray:
+def _time_blocks(situation: Situation) -> IntArray:
     count = len(situation.samples)
     return np.arange(count) * _BLOCKS // count
 
 
-def _in_configuration(situation: Situation) -> IntArray:
+def _configuration_blocks(situation: Situation) -> IntArray:
     """Blocks along the direction in which the arms' places spread most."""
     places = np.zeros((len(situation.samples), len(situation.robots), 3))
     for i, robot in enumerate(situation.robots):
@@ -89,5 +89,5 @@ def _in_configuration(situation: Situation) -> IntArray:
     centred = (places - places.mean(0)).reshape(len(places), 3 * len(situation.robots))
     along = centred @ principal_axes(centred).axes[:, 0] if places.size else np.zeros(len(places))
     blocks = np.empty(len(places), dtype=np.int64)
-    blocks[np.argsort(along, kind="stable")] = _in_time(situation)
+    blocks[np.argsort(along, kind="stable")] = _time_blocks(situation)
     return blocks

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.accuracy.systematic_errors.pose_fields import SIGMAS_M, PoseField, stated_fields
-from basecal.accuracy.systematic_errors.score_tests import score_of, sums
+from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
@@ -98,7 +98,7 @@ def size_posterior(
     """What is known of fields of errors and of sizes of effects, one sigma for all of one kind."""
     candidates = [field.candidate(situation) for field in fields] + [each.candidate for each in effects]
     known = sums(situation.null, _combine_candidates(candidates, situation))
-    scores = score_of(situation.null, known)
+    scores = score_from_sums(situation.null, known)
     count = sum(each.sizes for each in candidates[: len(fields)])
     sigmas = SIGMAS_M if fields else np.ones(1)
     given = [_with_field(scores.gradient[0], scores.information[0], count, sigma, _nodes(effects)) for sigma in sigmas]

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, with_random_effects
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, with_random_effects
 from basecal.effects.faces.views import Moves
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
@@ -38,7 +38,7 @@ def null_model(
     beside = noise.beside_common.hold_sigmas(problem)
     # Errors of stops stay the same in metres and radians.
     errors = state.stop_errors * problem.stops.sigma / beside.stops.sigma
-    model = linearised(beside, replace(state, stop_errors=errors))
+    model = linearise_views(beside, replace(state, stop_errors=errors))
     ((name, sigmas),) = noise.common.items()
     return with_random_effects(model, _independent_moves(model, _effect_moves(problem, name, sigmas, flange_jacobian)))
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import betainc, betaln
 
-from basecal.accuracy.model_comparison.nested import log_chance
+from basecal.accuracy.model_comparison.nested_models import log_chance
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.views import Moves
 from basecal.estimation.least_squares.normal_equations import (
@@ -34,7 +34,7 @@ from basecal.numerics.spectral import scaled_spectrum, spectrum
 _HIDDEN = 1e-4  # share of an error's information that the unknowns leave, below which it stands for one of them
 
 
-_LEAST = 1e-300  # a chance that is no number any more
+_LEAST_CHANCE = 1e-300  # a chance that is no number any more
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
         return 0.0
     log_ratio = -max(gain, 0.0) / residuals
     chance = float(betainc(left, 0.5 * freedoms, np.exp(log_ratio)))
-    if chance > _LEAST:
+    if chance > _LEAST_CHANCE:
         return float(np.log(chance))
     return float(left * log_ratio - np.log(left) - betaln(left, 0.5 * freedoms))
 
@@ -132,7 +132,7 @@ class Sums(NamedTuple):
     information: Array
 
 
-def linearised(problem: Problem, state: State) -> Linearised:
+def linearise_views(problem: Problem, state: State) -> Linearised:
     """The problem about a state."""
     normal = linearise(problem, state)
     return Linearised(problem, state, normal.views, normal.gradient, normal.hessian, normal.system)
@@ -153,16 +153,16 @@ def with_random_effects(model: Linearised, moves: Moves) -> Linearised:
     return _sum_views(model.problem, model.state, tuple(views), len(model.gradient) + count)
 
 
-def _with_columns(views: LinearisedViews, moves: Array, more: IntArray) -> LinearisedViews:
+def _with_columns(views: LinearisedViews, moves: Array, columns: IntArray) -> LinearisedViews:
     """Views that move with more columns, which have no effect on the lens."""
     *shape, rows, _ = views.by_unknowns.shape
-    padded = np.zeros((*shape, rows, len(more)))
+    padded = np.zeros((*shape, rows, len(columns)))
     padded[..., :6, :] = moves
     by_columns = np.concatenate([views.by_unknowns, padded], axis=-1)
-    return replace(views, by_unknowns=by_columns, columns=np.append(views.columns, more))
+    return replace(views, by_unknowns=by_columns, columns=np.append(views.columns, columns))
 
 
-def weighed(model: Linearised, weights: Sequence[Array]) -> Linearised:
+def weigh_views(model: Linearised, weights: Sequence[Array]) -> Linearised:
     """The same with views that count otherwise; `weights` by group, (n,)."""
     views = tuple(each.weigh(weight) for each, weight in zip(model.views, weights, strict=True))
     return _sum_views(model.problem, model.state, views, len(model.gradient))
@@ -192,12 +192,12 @@ def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...
 
 def score(model: Linearised, candidates: Candidates) -> Score:
     """The score tests of errors of one kind."""
-    return score_of(model, sums(model, candidates))
+    return score_from_sums(model, sums(model, candidates))
 
 
-def score_of(model: Linearised, known: Sums) -> Score:
+def score_from_sums(model: Linearised, sums: Sums) -> Score:
     """As `score`, from sums that are known."""
-    gradient, across, information = known
+    gradient, across, information = sums
     tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the columns of a few
     across = across[..., tied]
     gradient = gradient - across @ model.step[tied]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.model_comparison.nested import (
+from basecal.accuracy.model_comparison.nested_models import (
     DISAGREES,
     FALSE_DISCOVERIES,
     SUSPECTED,
@@ -21,7 +21,7 @@ from basecal.accuracy.model_comparison.nested import (
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised, log_chance_of_gain, score, sums
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, log_chance_of_gain, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
@@ -39,7 +39,7 @@ from basecal.numerics.spectral import spectrum
 
 _COST = 0.5  # among errors, one of many costs as much as the unknown that says which: half the log of their number
 _RANK_DIGITS = 6  # that rounding of exactly confounded errors leaves equal
-_TRIES = 3  # errors that are solved for at most, which bounds the time
+_MOST_TRIED = 3  # errors that are solved for at most, which bounds the time
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class _Suspect:
 
 def systematic_error(
     solution: Solution,
-    recorded: Problem,
+    recorded_problem: Problem,
     stamps: Mapping[int, float],
     settings: Settings,
     as_stated: Solution | None = None,
@@ -87,7 +87,7 @@ def systematic_error(
 
     Args:
         solution: The answer, with its noise.
-        recorded: The problem as it was recorded, outliers among it.
+        recorded_problem: The problem as it was recorded, outliers among it.
         stamps: Time of each sample by number [s].
         settings: How the answer was solved.
         as_stated: The solution with the sigmas as stated, where its residuals contradict them.
@@ -99,29 +99,29 @@ def systematic_error(
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
     if as_stated is not None and not as_stated.problem.models:
-        found = _reconciling(solution, as_stated, recorded, stamps, replace(settings, robot_noise="stated"))
+        found = _reconciling(solution, as_stated, recorded_problem, stamps, replace(settings, robot_noise="stated"))
         if found is not None:
             return found
-    situation = _situation(solution, recorded, stamps)
+    situation = _situation(solution, recorded_problem, stamps)
     every = _suspects(situation)
-    suspects = list(_confirmed_suspects(situation, _tried(situation, every)))
+    suspects = list(_confirmed_suspects(situation, _select_suspects(situation, every)))
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
-        discovered = _discovered(suspects, [suspect.log_chance for suspect in suspects])
+        discovered = _discovery_mask(suspects, [suspect.log_chance for suspect in suspects])
         certain = [suspects[k] for k in np.flatnonzero(discovered)]
         alike = replace(certain[0], size=0 * certain[0].size) if certain else None
-        return None if alike is None else _described(situation, alike, solution, solution)
+        return None if alike is None else _describe(situation, alike, solution, solution)
     if not suspects:
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
     # A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
     chances = [min(each.log_chance, _log_chance(situation, each, before)) for each in suspects]
     k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
-    is_certain = bool(_discovered(suspects, chances)[k])
+    is_certain = bool(_discovery_mask(suspects, chances)[k])
     if not is_certain and _is_contained(solution, suspects[k]):
         return None
-    after = _solved_again(_without(solution, situation, suspects[k]), settings)
-    described = _described(situation, suspects[k], solution, after)
+    after = _solved_again(_without_suspect(solution, situation, suspects[k]), settings)
+    described = _describe(situation, suspects[k], solution, after)
     return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
 
 
@@ -141,64 +141,64 @@ def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffec
     if not solution.converged or not solution.problem.groups or solution.problem.models:
         return None
     situation = _situation(solution, solution.problem, stamps)
-    first = _first_confirmed(solution, situation, _suspects(situation))
+    first = _confirm_first(solution, situation, _suspects(situation))
     if (first is not None and first.is_certain) or solution.noise.beside_common is None:
         return first
     held = solution.noise.beside_common.held_by(solution.problem)
     beside = Situation(held, without_errors(held, solution.state), solution.problem, stamps)
-    random = [each for each in _suspects(beside) if _null_of(situation, each) is situation.about]
-    second = _first_confirmed(solution, beside, random)
+    random = [each for each in _suspects(beside) if _null_model(situation, each) is situation.about]
+    second = _confirm_first(solution, beside, random)
     return second if first is None or (second is not None and second.is_certain) else first
 
 
-def _first_confirmed(solution: Solution, situation: Situation, suspects: Sequence[_Suspect]) -> FoundEffect | None:
+def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[_Suspect]) -> FoundEffect | None:
     """The first suspect that held-out blocks confirm; it is certain if chance hardly makes its gain."""
-    suspect = next(_confirmed_suspects(situation, _tried(situation, suspects)), None)
+    suspect = next(_confirmed_suspects(situation, _select_suspects(situation, suspects)), None)
     if suspect is None:
         return None
-    (is_certain,) = _discovered([suspect], [_log_chance(situation, suspect, solution)], DISAGREES)
+    (is_certain,) = _discovery_mask([suspect], [_log_chance(situation, suspect, solution)], DISAGREES)
     alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
 
 def _reconciling(
-    solution: Solution, as_stated: Solution, recorded: Problem, stamps: Mapping[int, float], settings: Settings
+    solution: Solution, as_stated: Solution, recorded_problem: Problem, stamps: Mapping[int, float], settings: Settings
 ) -> FoundEffect | None:
     """The error without which the residuals are as stated after all; None where none does that."""
-    situation = _situation(as_stated, recorded, stamps)
+    situation = _situation(as_stated, recorded_problem, stamps)
     every = _suspects(situation)
-    certain = (each for each in _tried(situation, every) if _discovered([each], [each.log_chance])[0])
+    certain = (each for each in _select_suspects(situation, every) if _discovery_mask([each], [each.log_chance])[0])
     for suspect in _confirmed_suspects(situation, certain):
-        moved = _without(as_stated, situation, suspect).problem
+        moved = _without_suspect(as_stated, situation, suspect).problem
         after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
         if not any(each.is_too_small for each in contradicted_sigmas(after)):
-            described = _described(situation, suspect, solution, after)
+            described = _describe(situation, suspect, solution, after)
             return replace(described, alternatives=_alternatives(situation, suspect, every))
     return None
 
 
-def _discovered(
+def _discovery_mask(
     suspects: Sequence[_Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERIES
 ) -> BoolArray:
     """Which suspects of these chances are certain, (n,), if so large a share may be false."""
     return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1), share)
 
 
-def _situation(solution: Solution, recorded: Problem, stamps: Mapping[int, float]) -> Situation:
-    return Situation(solution.noise.held_by(solution.problem), solution.state, recorded, stamps, solution.noise)
+def _situation(solution: Solution, recorded_problem: Problem, stamps: Mapping[int, float]) -> Situation:
+    return Situation(solution.noise.held_by(solution.problem), solution.state, recorded_problem, stamps, solution.noise)
 
 
-def _null_of(situation: Situation, suspect: _Suspect) -> Linearised:
+def _null_model(situation: Situation, suspect: _Suspect) -> Linearised:
     return situation.null_of(suspect.effect, suspect.candidate.about[0])
 
 
 def _confirmed_suspects(situation: Situation, suspects: Iterable[_Suspect]) -> Iterator[_Suspect]:
     """The suspects with which held-out blocks are predicted better."""
     held_out = {model: HeldOut(situation, model) for model in (situation.about, situation.null)}
-    return (each for each in suspects if held_out[_null_of(situation, each)].confirms(each.candidate))
+    return (each for each in suspects if held_out[_null_model(situation, each)].confirms(each.candidate))
 
 
-def _without(solution: Solution, situation: Situation, suspect: _Suspect) -> Solution:
+def _without_suspect(solution: Solution, situation: Situation, suspect: _Suspect) -> Solution:
     """The solution, to be solved again, with every view's recorded hand where an error says that it was."""
     groups = []
     for group, links, moves in zip(solution.problem.groups, situation.links, suspect.candidate.moves, strict=True):
@@ -240,40 +240,42 @@ def _suspects(situation: Situation) -> list[_Suspect]:
     return [suspect for _, suspect in ranked]
 
 
-def _tried(situation: Situation, suspects: Sequence[_Suspect]) -> list[_Suspect]:
+def _select_suspects(situation: Situation, suspects: Sequence[_Suspect]) -> list[_Suspect]:
     """The suspects that are solved for: the least likely ones that move the data each otherwise."""
     tried: list[_Suspect] = []
     for suspect in suspects:
-        if len(tried) < _TRIES and not any(_left(situation, suspect, other)[1] == 0 for other in tried):
+        if len(tried) < _MOST_TRIED and not any(
+            _remaining_chi_square(situation, suspect, other)[1] == 0 for other in tried
+        ):
             tried.append(suspect)
     return tried
 
 
-def _alternatives(situation: Situation, chosen: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
+def _alternatives(situation: Situation, suspect: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
     """Effects that the data do not tell from the chosen one: with one of them, chance makes what is left of it."""
-    same = chosen.effect, chosen.candidate.about
+    same = suspect.effect, suspect.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
-    likely = [each for each in others if each.rank < chosen.rank - np.log(SUSPECTED)]
+    likely = [each for each in others if each.rank < suspect.rank - np.log(SUSPECTED)]
     return tuple(
         _to_first_order(situation, each)
         for each in likely
-        if log_chance(*_left(situation, chosen, each)) + chosen.several > np.log(SUSPECTED)
+        if log_chance(*_remaining_chi_square(situation, suspect, each)) + suspect.several > np.log(SUSPECTED)
     )
 
 
-def _left(situation: Situation, suspect: _Suspect, other: _Suspect) -> tuple[float, int]:
+def _remaining_chi_square(situation: Situation, suspect: _Suspect, rival: _Suspect) -> tuple[float, int]:
     """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.5)."""
-    nulls = [_null_of(situation, each) for each in (suspect, other)]
+    nulls = [_null_model(situation, each) for each in (suspect, rival)]
     null = situation.about if situation.about in nulls else situation.null
-    first, second = suspect.candidate, other.candidate
+    first, second = suspect.candidate, rival.candidate
     pairs = zip(first.moves, second.moves, strict=True)
-    moves = tuple(_beside(pair, (first.sizes, second.sizes)) for pair in pairs)
+    moves = tuple(_join_moves(pair, (first.sizes, second.sizes)) for pair in pairs)
     together, alone = score(null, Candidates("", ("",), (None,), "", moves)), score(null, second)
     left = float(together.statistic[0] - alone.statistic[0])
     return max(left, 0.0), int(together.freedoms[0] - alone.freedoms[0])
 
 
-def _beside(pair: tuple[Array | None, Array | None], sizes: tuple[int, int]) -> Array | None:
+def _join_moves(pair: tuple[Array | None, Array | None], sizes: tuple[int, int]) -> Array | None:
     """Moves of a group by the sizes of two candidates."""
     known = next((moves for moves in pair if moves is not None), None)
     if known is None:
@@ -299,7 +301,7 @@ def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> 
         return 0.0
     name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
     before = solution.noise.surprise if name else solution.noise.plain_surprise
-    gain = before - _surprise(_without(solution, situation, suspect), name)
+    gain = before - _negative_log_evidence(_without_suspect(solution, situation, suspect), name)
     return log_chance_of_gain(gain, suspect.freedoms, situation.about.residuals) + suspect.several
 
 
@@ -323,7 +325,7 @@ def candidate_chance(solution: Solution, candidate: Candidates, size: Array, sev
     return _log_chance(timeless_situation(solution), suspect, solution)
 
 
-def _surprise(solution: Solution, name: str) -> float:
+def _negative_log_evidence(solution: Solution, name: str) -> float:
     """Minus twice the log of the evidence about a state with the random effect of a name; without any if ""."""
     problem, noise = solution.problem, solution.noise
     if not name:
@@ -335,24 +337,33 @@ def _surprise(solution: Solution, name: str) -> float:
     return model_sigmas(problem, solution.state, start, shared, effect.expected).surprise
 
 
-def _described(situation: Situation, suspect: _Suspect, before: Solution, after: Solution) -> FoundEffect:
-    """The error, its size corrected to first order about the solution `after` the poses were, and its covariance."""
-    again = score(linearised(after.noise.held_by(after.problem), after.state), suspect.candidate)
-    null = _null_of(situation, suspect)
+def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:
+    """The error, its size corrected to first order about the solution `corrected_solution` the poses were, and its covariance."""
+    again = score(
+        linearise_views(corrected_solution.noise.held_by(corrected_solution.problem), corrected_solution.state),
+        suspect.candidate,
+    )
+    null = _null_model(situation, suspect)
     known = again if null is situation.about else score(null, suspect.candidate)
-    return _named(situation, suspect, suspect.size + again.size[0], known.information[0], solution_step(before, after))
+    return _make_effect(
+        situation,
+        suspect,
+        suspect.size + again.size[0],
+        known.information[0],
+        solution_step(solution, corrected_solution),
+    )
 
 
 def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
     """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
-    found = score(_null_of(situation, suspect), suspect.candidate)
+    found = score(_null_model(situation, suspect), suspect.candidate)
     across = sums(situation.about, suspect.candidate).across[0]
-    return _named(
+    return _make_effect(
         situation, suspect, found.size[0], found.information[0], -situation.about.inverse @ across.T @ found.size[0]
     )
 
 
-def _named(situation: Situation, suspect: _Suspect, size: Array, information: Array, moved: Array) -> FoundEffect:
+def _make_effect(situation: Situation, suspect: _Suspect, size: Array, information: Array, shift: Array) -> FoundEffect:
     candidate, about = suspect.candidate, suspect.candidate.about[0]
     is_camera, is_target = (
         any(getattr(g, kind) == about for g in situation.problem.groups) for kind in ("camera", "target")
@@ -367,7 +378,7 @@ def _named(situation: Situation, suspect: _Suspect, size: Array, information: Ar
         candidate.unit,
         size,
         spectrum(information).inverse,
-        moved,
+        shift,
         next(iter(candidate.joint), None),
     )
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from basecal.accuracy.systematic_errors.null_model import null_model
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearised
+from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views
 from basecal.effects.faces.views import Group
 from basecal.effects.registry import RANDOM_EFFECTS
 from basecal.estimation.noise.estimate import NoiseEstimate
@@ -46,27 +46,27 @@ class Situation:
     noise: NoiseEstimate | None = None
 
     @cached_property
-    def about(self) -> Linearised:
+    def linearisation(self) -> Linearised:
         """The problem about its state, of which the answer follows."""
-        return linearised(self.problem, self.state)
+        return linearise_views(self.problem, self.state)
 
     @cached_property
     def null(self) -> Linearised:
         """The same with the random effects that stops share, against which effects are tested."""
         if self.noise is None or self.noise.beside_common is None:
-            return self.about
+            return self.linearisation
         return null_model(self.problem, self.state, self.noise, self.flange_jacobian)
 
-    def random_effect(self, effect: str, about: str) -> str:
+    def random_effect(self, effect: str, subject: str) -> str:
         """The random effect in the null model of an effect about something; "" if the two are the same one."""
         for name, robots in {} if self.noise is None else self.noise.common.items():
-            if about not in robots or effect not in RANDOM_EFFECTS[name].replaced_by:
+            if subject not in robots or effect not in RANDOM_EFFECTS[name].replaced_by:
                 return name
         return ""
 
-    def null_of(self, effect: str, about: str) -> Linearised:
+    def null_model(self, effect: str, subject: str) -> Linearised:
         """The null model of an effect, which is never unknown and random at once."""
-        return self.null if self.random_effect(effect, about) else self.about
+        return self.null if self.random_effect(effect, subject) else self.linearisation
 
     @cached_property
     def links(self) -> tuple[Chain, ...]:

@@ -53,7 +53,7 @@ def calibration_budget(
 
 
 def budget(
-    solution: Solution, meeting: Meeting, total_m2: float, added: Mapping[str, float], rest: str = NOISE_SOURCE
+    solution: Solution, meeting: Meeting, total_m2: float, additions: Mapping[str, float], rest: str = NOISE_SOURCE
 ) -> tuple[BudgetEntry, ...]:
     """The variance of a meeting by source, the largest first.
 
@@ -61,11 +61,11 @@ def budget(
         solution: The problem, its optimum and its covariance.
         meeting: Where, and of what.
         total_m2: The variance there in all [m^2].
-        added: By name what of it is beside the noise of the problem [m^2].
+        additions: By name what of it is beside the noise of the problem [m^2].
         rest: What else there is, in words: what the sigmas are integrated over.
     """
     problem, state, weight = solution.problem, solution.state, meeting.weight
-    variances, halved = dict(added), {name: 0.75 * variance for name, variance in added.items()}
+    variances, halved = dict(additions), {name: 0.75 * variance for name, variance in additions.items()}
     own = {stops_source(robot): 3 * float(of_stop[0]) for robot, of_stop in meeting.stop_variances().items()}
     now, shares = _variance(solution, weight, problem, state), source_variances(solution, weight)
     for source in error_sources(problem):

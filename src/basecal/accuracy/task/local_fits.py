@@ -39,21 +39,19 @@ _EQUAL_SHARE = 1e-6  # share of a variance along a direction, below which both f
 _FIT_STEPS = 30
 
 
-def local_fits(
-    solution: Solution, requested: Sequence[str], box_m: Sequence[float] | None = None
-) -> tuple[LocalFit, ...]:
+def local_fits(solution: Solution, names: Sequence[str], box_m: Sequence[float] | None = None) -> tuple[LocalFit, ...]:
     """Each part of the workspace, with held-out errors of both fits; none if there are too few samples for parts.
 
     Args:
         solution: The fit of all samples.
-        requested: Names of the transforms to report for the local fits; there is none without them.
+        names: Names of the transforms to report for the local fits; there is none without them.
         box_m: (6,) two opposite corners of the only part, in the reference's base [m]; all parts where None.
     """
     problem = solution.problem
     places = [target_places(group, solution.state) for group in problem.groups]
     samples = [group.sample for group in problem.groups]
     split = next(splits(problem), None)
-    if not (places and requested) or split is None:
+    if not (places and names) or split is None:
         return ()
     where, of = np.concatenate(places), np.concatenate(samples)
     parts = list(_halves(where, of) if box_m is None else _samples_inside(where, of, box_m))
@@ -69,8 +67,8 @@ def local_fits(
         reach = max(float(np.sqrt(np.mean(np.sum((own - centre) ** 2, axis=1)))), np.finfo(np.float64).eps)
         worth = [np.exp(-0.5 * np.sum((at - centre) ** 2, axis=1) / reach**2) for at in places]
         local = refit_folds(problem, solution.state, [*folds, frozenset()], _FIT_STEPS, worth=worth)
-        chance = _chance_of_noise(solution, local[-1], worth, requested)
-        found.append(_compare_fits(solution, everywhere, local, inside, centre, numbers, requested, chance))
+        chance = _chance_of_noise(solution, local[-1], worth, names)
+        found.append(_compare_fits(solution, everywhere, local, inside, centre, numbers, names, chance))
     return tuple(found)
 
 
@@ -97,7 +95,7 @@ def _samples_inside(places: Array, samples: IntArray, box_m: Sequence[float]) ->
         yield numbers
 
 
-def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], requested: Sequence[str]) -> float:
+def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], names: Sequence[str]) -> float:
     """The chance of a local fit so far from that of all where there is noise alone.
 
     With A and A' the information of all views and of views by their worth w, and M that by w squared, the local fit
@@ -109,8 +107,8 @@ def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], req
     )
     inverse, whole = spectrum(by_worth).inverse, solution.noise.factor * spectrum(by_all).inverse
     apart = solution.noise.factor * (inverse @ by_square @ inverse) - whole
-    columns = [problem.columns[name] for name in requested]
-    steps = [(state.transforms[name].inverse() @ fit.optimum.state.transforms[name]).log() for name in requested]
+    columns = [problem.columns[name] for name in names]
+    steps = [(state.transforms[name].inverse() @ fit.optimum.state.transforms[name]).log() for name in names]
     step = np.concatenate([each[: of.stop - of.start] for each, of in zip(steps, columns, strict=True)])
     of = np.concatenate([np.arange(each.start, each.stop) for each in columns])
     if np.all(np.diag(apart)[of] <= _EQUAL_SHARE * np.diag(whole)[of]):
@@ -126,14 +124,14 @@ def _compare_fits(
     masks: Sequence[BoolArray],
     centre: Array,
     numbers: IntArray,
-    requested: Sequence[str],
+    names: Sequence[str],
     chance: float,
 ) -> LocalFit:
     *held_out, whole = fits
     by_all = np.concatenate([_squares(solution, fit, masks) for fit in everywhere])
     by_part = np.concatenate([_squares(solution, fit, masks) for fit in held_out])
     settled = all(fit.optimum.converged for fit in (*everywhere, *fits)) and len(by_all) > 1
-    transforms = {name: whole.optimum.state.transforms[name] for name in requested}
+    transforms = {name: whole.optimum.state.transforms[name] for name in names}
     rms = [float(np.sqrt(squares.mean())) if settled else None for squares in (by_all, by_part)]
     is_better = settled and chance < CHANCE_LIMIT and bool(by_part.mean() < by_all.mean())
     return LocalFit(centre, tuple(map(int, numbers)), rms[0], rms[1], chance if settled else 1.0, is_better, transforms)

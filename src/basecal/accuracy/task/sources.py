@@ -45,51 +45,51 @@ def stops_source(robot: str) -> str:
 
 
 def _views(camera: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:
-    def scaled(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    def scale(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
         """See `Source`."""
         groups = (
             replace(g, measurement=g.measurement.noisier(factor)) if g.camera == camera else g for g in problem.groups
         )
         return problem.with_groups(groups), state
 
-    return scaled
+    return scale
 
 
 def _stops(robot: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:
-    def scaled(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    def scale(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
         """See `Source`."""
         mine = np.array([name == robot for name in problem.stops.robot])
         factors = np.where(mine, factor, 1.0)[:, None]
         stops = replace(problem.stops, sigma=problem.stops.sigma * factors)
         return replace(problem, stops=stops), replace(state, stop_errors=state.stop_errors / factors)
 
-    return scaled
+    return scale
 
 
 def _transform(name: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:
-    def scaled(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    def scale(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
         """See `Source`."""
         known = problem.unknowns[name]
         assert known.sigma is not None
         wider = replace(known, sigma=known.sigma * factor)
         return replace(problem, unknowns={**problem.unknowns, name: wider}), state
 
-    return scaled
+    return scale
 
 
 def _lens(name: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:
-    def scaled(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    def scale(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
         """See `Source`."""
         known = problem.lenses[name]
         assert known.sigma is not None
         wider = replace(known, sigma=known.sigma * factor)
         return replace(problem, lenses={**problem.lenses, name: wider}), state
 
-    return scaled
+    return scale
 
 
 def _kinematics(robot: str) -> Callable[[Problem, State, float], tuple[Problem, State]]:
-    def scaled(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
+    def scale(problem: Problem, state: State, factor: float) -> tuple[Problem, State]:
         """See `Source`."""
         model = problem.models[robot]
         columns = {
@@ -97,4 +97,4 @@ def _kinematics(robot: str) -> Callable[[Problem, State, float], tuple[Problem, 
         }
         return replace(problem, models={**problem.models, robot: replace(model, columns=columns)}), state
 
-    return scaled
+    return scale

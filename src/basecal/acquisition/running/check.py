@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from basecal.accuracy.drift.disagreement import Disagreement, disagreement
-from basecal.accuracy.model_comparison.nested import CONFIRMED
+from basecal.accuracy.model_comparison.nested_models import CONFIRMED
 from basecal.acquisition.running.causes import cause_of_error, cause_of_shifts
 from basecal.acquisition.running.estimate import RunningEstimate, running_estimate
 from basecal.cell import Cell, Recording, Sample

@@ -7,7 +7,7 @@ import pytest
 from tests.shared.rewriting import resized
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.systematic_errors.sizes_once import sizes_once
+from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
 from basecal.cell import Finding
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.simulation import Scenario, simulate
@@ -25,7 +25,7 @@ OF_TARGET = replace(OF_ROBOT, about="board", is_target=True, size=np.array([0.12
 @pytest.mark.parametrize("found", [OF_TARGET, replace(OF_ROBOT, alternatives=(OF_TARGET,))])
 def test_a_size_that_both_tests_find_is_told_once(found):
     """By the test that knows the arms' noise, with its sigma and what to write; other findings stay."""
-    told = sizes_once(CELL, [SIZE, OTHER, LENGTH], found)
+    told = deduplicate_size_findings(CELL, [SIZE, OTHER, LENGTH], found)
     assert [f.code for f in told] == ["board-size", "poor-fit"]
     assert "board is 1.136 +/- 0.013 times as large as stated" in told[0].message
     assert f"square_m would be {1.13636 * CELL.targets['board'].target.options['square_m']:.5g}" in told[0].message
@@ -34,7 +34,7 @@ def test_a_size_that_both_tests_find_is_told_once(found):
 
 def test_of_two_robots_the_one_whose_lengths_are_off_is_told():
     """A target's size that took up a robot's lengths is not suspected any more."""
-    assert sizes_once(CELL, [SIZE, LENGTH, OTHER], OF_ROBOT) == [LENGTH, OTHER]
+    assert deduplicate_size_findings(CELL, [SIZE, LENGTH, OTHER], OF_ROBOT) == [LENGTH, OTHER]
 
 
 @pytest.mark.parametrize(
@@ -44,12 +44,12 @@ def test_of_two_robots_the_one_whose_lengths_are_off_is_told():
 )
 def test_a_size_that_nothing_else_finds_stays(found):
     """Nothing better is known of it."""
-    assert sizes_once(CELL, [SIZE, OTHER], found) == [SIZE, OTHER]
+    assert deduplicate_size_findings(CELL, [SIZE, OTHER], found) == [SIZE, OTHER]
 
 
 def test_a_length_without_a_suspected_size_stays():
     """There is nothing to tell once."""
-    assert sizes_once(CELL, [LENGTH], replace(OF_ROBOT, alternatives=(OF_TARGET,))) == [LENGTH]
+    assert deduplicate_size_findings(CELL, [LENGTH], replace(OF_ROBOT, alternatives=(OF_TARGET,))) == [LENGTH]
 
 
 def test_a_board_stated_too_large_is_told_as_smaller():

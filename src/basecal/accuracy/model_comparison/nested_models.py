@@ -13,7 +13,7 @@ from scipy.special import chdtrc, fdtrc, gammaln
 from basecal.accuracy.model_comparison.comparison import Comparison, Decision, decide
 from basecal.geometry import BoolArray
 
-ALONE = 1e-4
+SINGLE_LEVEL = 1e-4
 """Chance of a finding that one test makes alone: ten such tests raise one false alarm in a thousand calibrations.
 
 `benchmarks.false_alarms` measures it.
@@ -42,11 +42,11 @@ SUSPECTED = 0.02
 
 _EQUAL = 6.0  # twice the log ratio of likelihoods: what is e^3 times less likely than the best is told from it
 _VERY_STRONG = 10.0  # of twice the log ratio of evidences (Kass & Raftery 1995)
-_LEAST = 1e-300  # a chance that is no number any more
+_LEAST_CHANCE = 1e-300  # a chance that is no number any more
 
 
-def compare_nested(
-    rival: str, gain: float, freedoms: float, level: float = ALONE, noise_freedoms: float = np.inf
+def compare_nested_models(
+    rival: str, gain: float, freedoms: float, level: float = SINGLE_LEVEL, noise_freedoms: float = np.inf
 ) -> Comparison:
     """A wider model by its gain.
 
@@ -69,7 +69,7 @@ def log_chance(statistic: float, freedoms: float, noise_freedoms: float = np.inf
         return 0.0
     known = np.isinf(noise_freedoms)
     chance = chdtrc(freedoms, statistic) if known else fdtrc(freedoms, noise_freedoms, statistic / freedoms)
-    if chance > _LEAST:
+    if chance > _LEAST_CHANCE:
         return float(np.log(chance))
     # The first term of the tail far out: Abramowitz & Stegun 6.5.32.
     return float(-0.5 * statistic + (0.5 * freedoms - 1) * np.log(0.5 * statistic) - gammaln(0.5 * freedoms))

@@ -11,7 +11,7 @@ from basecal.effects.faces.found_effect import FoundEffect, format_with_sigma
 _CODES = "board-size", "length-scale"
 
 
-def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | None) -> list[Finding]:
+def deduplicate_size_findings(cell: Cell, findings: Sequence[Finding], error: FoundEffect | None) -> list[Finding]:
     """The findings with one of lengths where two say the same.
 
     The test of conventions takes robots for exact, and so gives a size that takes up some of their noise; that of
@@ -20,12 +20,12 @@ def sizes_once(cell: Cell, findings: Sequence[Finding], found: FoundEffect | Non
     Args:
         cell: As declared.
         findings: All of them.
-        found: The systematic error; None where there is none.
+        error: The systematic error; None where there is none.
     """
     suspected = any(f.code == "board-size" and f.severity == "warning" for f in findings)
-    if not suspected or found is None or found.code != "length-scale" or not found.is_certain:
+    if not suspected or error is None or error.code != "length-scale" or not error.is_certain:
         return list(findings)
-    either = [each for each in (found, *found.alternatives) if each.code == "length-scale"]
+    either = [each for each in (error, *error.alternatives) if each.code == "length-scale"]
     size = next((each for each in either if each.is_target), None)
     if size is None:
         return [f for f in findings if f.code != "board-size"]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f, norm
 
-from basecal.accuracy.model_comparison.nested import (
-    ALONE,
+from basecal.accuracy.model_comparison.nested_models import (
     FALSE_DISCOVERIES,
+    SINGLE_LEVEL,
     compare_evidence,
-    compare_nested,
+    compare_nested_models,
     discoveries,
     equally_likely,
     log_chance,
@@ -50,11 +50,11 @@ def test_noise_that_is_estimated_makes_larger_gains_likelier(noise_freedoms):
 def test_a_wider_model_is_taken_below_its_level(share, taken, noise_freedoms):
     """At the level that it was given, or that of a test alone."""
     of_noise = np.isfinite(noise_freedoms)
-    gain = 4 * f.isf(share * ALONE, 4, noise_freedoms) if of_noise else chi2.isf(share * ALONE, 4)
-    found = compare_nested("bow", gain, 4, noise_freedoms=noise_freedoms)
+    gain = 4 * f.isf(share * SINGLE_LEVEL, 4, noise_freedoms) if of_noise else chi2.isf(share * SINGLE_LEVEL, 4)
+    found = compare_nested_models("bow", gain, 4, noise_freedoms=noise_freedoms)
     assert (found.rival, found.gain, found.is_taken) == ("bow", gain, taken)
-    assert found.chance == pytest.approx(share * ALONE)
-    assert compare_nested("bow", gain, 4, 2 * ALONE, noise_freedoms).is_taken
+    assert found.chance == pytest.approx(share * SINGLE_LEVEL)
+    assert compare_nested_models("bow", gain, 4, 2 * SINGLE_LEVEL, noise_freedoms).is_taken
 
 
 @pytest.mark.parametrize(("gain", "taken"), [(9.9, False), (10.1, True)])
