@@ -197,7 +197,7 @@ Mix-ups done to the lines of four real recordings and {len(cells)} simulated cel
 holds the code and the names of what was done, or of what is exactly exchangeable with it. Harmless: the answer stays
 within three of its sigmas. Asked: {100 * result["asked"]:.0f} % of the others named, and none good that moved the
 answer further. Clean simulated cells not good: {bad} of {len(cells)}. The reasons: [the test](conventions_test.md)."""
-    return f"{about}\n\n{table(mutations.HEAD, map(mutations.observable_joints, result['summary']))}"
+    return f"{about}\n\n{table(mutations.HEAD, map(mutations.told, result['summary']))}"
 
 
 def _wrong_answers(result: Result) -> str:
@@ -212,7 +212,7 @@ noise of 0.1 mm and 0.2 mrad is stated in every second one. Wrong: what was aske
 Named first: the finding that stands first, infos of other codes apart. Asked: at most
 {100 * asked["good_and_wrong"]:.0f} % good and wrong, the cause first in {100 * asked["named"]:.0f} %, clean cells good
 in {100 * asked["clean"]:.0f} %. Good and wrong: {passed} of {cells}; clean cells good: {100 * good:.1f} %."""
-    return f"{about}\n\n{table(wrong_answers.HEAD, map(wrong_answers.observable_joints, rows))}"
+    return f"{about}\n\n{table(wrong_answers.HEAD, map(wrong_answers.told, rows))}"
 
 
 def _solve(result: Result) -> str:

@@ -195,7 +195,7 @@ def shown(fault: Fault, count: int) -> tuple[bool, bool, bool]:
     recording = Recording(tuple(fault.samples[:count]))
     found = solve(cell, recording, Settings(robot_noise="stated"))
     of = Situation(found.problem, found.state, build_problem(cell, recording)[0], {})
-    score = score_from_sums(of.about, sums(of.about, fault.moves(of)))
+    score = score_from_sums(of.linearisation, sums(of.about, fault.moves(of)))
     gradient, information = float(score.gradient[0, 0]), float(score.information[0, 0, 0])
     if not information > 0:
         return False, False, False

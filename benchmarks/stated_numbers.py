@@ -94,7 +94,7 @@ def _size(factor: float) -> Off:
         targets = {}
         for name, entry in cell.targets.items():
             assert entry.target is not None
-            share = 1 + factor * target_size.STATED.sigma * rng.standard_normal()
+            share = 1 + factor * target_size.EXPECTED.sigma * rng.standard_normal()
             targets[name] = replace(entry, target=replace(entry.target, points=entry.target.points * share))
         return replace(cell, targets=targets)
 

@@ -46,7 +46,7 @@ def widths(name: str) -> list[dict[str, Any]]:
     if not case.answers or case.calibration.verdict == "refused":
         return []
     rows = []
-    for transform in case.cell.asked:
+    for transform in case.cell.requested_transforms:
         where = case.answers[0].problem.columns.get(transform)
         if where is None or transform not in case.calibration.transforms:
             continue

@@ -169,7 +169,7 @@ def known_of(kind, basis, prior, variance, values=OFFSETS):
     covariance = np.arange(width * width, dtype=float).reshape(width, width) + 50 * np.eye(width)
     solution = SimpleNamespace(
         problem=SimpleNamespace(columns={f"hand_{kind}": slice(2, width)}, models={"hand": model}, width=width),
-        state=SimpleNamespace(kinematics=lambda of: SimpleNamespace(of=lambda kind: values)),
+        state=SimpleNamespace(kinematics=lambda of: SimpleNamespace(kind_values=lambda kind: values)),
         covariance=covariance,
         observability=SimpleNamespace(inverse=np.diag([9.0, 9.0, *variance]), unobservable=frozenset()),
     )

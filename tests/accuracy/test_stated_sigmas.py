@@ -164,7 +164,7 @@ def contradicted(monkeypatch, views, stops=(), unstated=(), counts=(), squares=(
     monkeypatch.setattr(stated_sigmas, "_stop_squares", lambda about: iter(stops))
     groups = [Views(camera, SimpleNamespace(counts=lambda of=of: of)) for camera, of in counts]
     problem = SimpleNamespace(groups=groups, unstated=frozenset(unstated))
-    noise = SimpleNamespace(held_by=lambda problem: problem)
+    noise = SimpleNamespace(hold_sigmas=lambda problem: problem)
     cost, dof = squares
     solution = SimpleNamespace(converged=True, cost=cost, dof=dof, problem=problem, noise=noise, state=None)
     return [(f.about, f.of_robot, round(f.ratio, 6)) for f in contradicted_sigmas(solution)]

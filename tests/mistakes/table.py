@@ -262,7 +262,7 @@ _DIRECTIONS = [
         UNREADABLE,
         ("base_link", "flange_link", "exchange"),
     ),
-    Mistake("robots exchanged", "board", each_line(changes.exchange), "robots-swapped", ("eye and hand", "exchange")),
+    Mistake("robots exchanged", "board", each_line(changes.exchanged), "robots-swapped", ("eye and hand", "exchange")),
     Mistake(
         "the target on the wrong robot",
         "board",

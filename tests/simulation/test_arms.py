@@ -95,7 +95,7 @@ def test_true_arms_differ_by_the_sigmas_asked_for():
     drawn = np.random.default_rng(0)
     scene = draw_scene(scenario, make_layout("dual"), np.random.default_rng(1))
     arms = [arm for _ in range(20) for arm in with_arms(scene, scenario, drawn)[1].values()]
-    sizes = {kind: np.stack([arm.true.of(kind) for arm in arms]) for kind in ("joint_offsets", "deflection")}
+    sizes = {kind: np.stack([arm.true.kind_values(kind) for arm in arms]) for kind in ("joint_offsets", "deflection")}
     links = np.stack([arm.true.kind_values("link_parameters") for arm in arms])
     assert sizes["joint_offsets"].std() == pytest.approx(0.01, rel=0.2)
     assert sizes["deflection"].std() == pytest.approx(1e-4, rel=0.2)

@@ -79,19 +79,21 @@ def _free_kinds(model: RobotModel) -> Iterator[_Kind]:
 
 def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
     """How the answer moves with held parameters, (p, h)."""
-    problem = solution.noise.held_by(solution.problem)
+    problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     kinematics = solution.state.kinematics(gauge)
 
     def moves(views: Views, k: int, robot: str) -> Array:
         """Of the views of a group, (n, 6, h)."""
-        end = problem.groups[k].end_of(robot)
+        end = problem.groups[k].robot_end(robot)
         assert end is not None
         assert end.joints is not None
         return views.flange_jacobian(k, robot) @ column_derivative(gauge, kinematics, end.joints)
 
-    known = sums(situation.about, one_candidate("", gauge.robot, "", robot_moves(situation, gauge.robot, moves)))
-    return np.asarray(-situation.about.inverse @ known.across[0].T)
+    known = sums(
+        situation.linearisation, one_candidate("", gauge.robot, "", robot_moves(situation, gauge.robot, moves))
+    )
+    return np.asarray(-situation.linearisation.inverse @ known.across[0].T)
 
 
 def _expected_square(solution: Solution, free: Mapping[str, Sequence[_Kind]]) -> float:
@@ -101,7 +103,7 @@ def _expected_square(solution: Solution, free: Mapping[str, Sequence[_Kind]]) ->
     for robot, kinds in free.items():
         for kind in kinds:
             at = solution.problem.columns.get(f"{robot}_{kind.name}", slice(0, 0))
-            values = solution.state.kinematics(solution.problem.models[robot]).of(kind.name).ravel()
+            values = solution.state.kinematics(solution.problem.models[robot]).kind_values(kind.name).ravel()
             found = kind.found.T @ (values / kind.units)
             spreads = squares[:, None, None] * _squares(kind.sigmas, kind.found) + solution.covariance[at, at]
             likely = np.linalg.solve(spreads, np.broadcast_to(found[:, None], (len(squares), len(found), 1)))

@@ -279,7 +279,7 @@ class Calibration:
         at = slice(6 * self.order.index(name), 6 * self.order.index(name) + 6)
         return {gauge.robot: gauge.covariance[at, at] for gauge in self.gauges if np.any(gauge.covariance[at, at])}
 
-    def between(self, robot: str, other: str) -> PoseEstimate:
+    def between(self, robot: str, other_robot: str) -> PoseEstimate:
         """`<robot>_base_from_<other>_base` of any two robots, by what both share too.
 
         The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other's base; bases that the same
@@ -288,7 +288,7 @@ class Calibration:
         Raises:
             FrameNotFound: if there is no such robot, or its base was not found.
         """
-        return base_between(self.transforms, self.order, self.joint_covariance, robot, other)
+        return base_between(self.transforms, self.order, self.joint_covariance, robot, other_robot)
 
     def frame_between(self, parent: str, child: str) -> PoseEstimate:
         """`<parent>_from_<child>` of any two frames that do not move against each other, such as two of one flange.

@@ -97,7 +97,7 @@ def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
         outlook=() if run.changed else _outlook(cell, run.recording, calibration),
         verifications=[each for each in read_verifications(run.run.parent.parent) if each.run == run.run.name],
     )
-    write_atomically(path, html, within=run.run.parent.parent)
+    write_atomically(path, html, base_folder=run.run.parent.parent)
     return path
 
 

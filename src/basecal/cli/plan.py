@@ -209,7 +209,7 @@ def _write_page(
     steps = [f"`basecal capture {quote_path(folder)} --plan {quote_path(file)} --go`"]
     steps = steps if is_written else [f"Write the samples: the same command with `-o {file}`.", *steps]
     html = plan_page(cell, plan_result, calibration, needed_m, title=folder.resolve().name, steps=steps)
-    write_atomically(path, html, within=folder)
+    write_atomically(path, html, base_folder=folder)
     show_file(path, opens)
 
 

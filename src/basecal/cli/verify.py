@@ -90,22 +90,22 @@ def _next_command(place: str, has_moved: bool | None) -> str:
     return f"all verifications so far: basecal verify {place} --history"
 
 
-def _new_samples(cell: Path, described: Cell, samples: Path) -> Recording:
+def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
     """What is new, its targets found where it has pictures."""
     from basecal.cell.files import read_samples
 
     is_cell = samples.is_dir()
     journal = samples / "recording" / "samples.jsonl" if is_cell else samples
-    recording = read_samples(journal, samples if is_cell else cell, described)
-    if described.targets and any(sample.images for sample in recording.samples):
+    recording = read_samples(journal, samples if is_cell else folder, cell)
+    if cell.targets and any(sample.images for sample in recording.samples):
         from basecal.vision.detect import detect
 
         with counting("detecting") as step:
-            recording = detect(described, recording, progress=step)
+            recording = detect(cell, recording, progress=step)
     return recording
 
 
-def _verify(cell: Path, described: Cell, run: Path, new: Recording) -> Verification:
+def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
     """What new samples say of a run, appended to the cell's verifications."""
     from datetime import UTC, datetime
 
@@ -114,15 +114,15 @@ def _verify(cell: Path, described: Cell, run: Path, new: Recording) -> Verificat
     from basecal.cell.files import append_verification, read_calibration
 
     calibration = read_calibration(run)
-    described, new = with_kept_scene(described, new, calibration, run)
-    found = verified(described, calibration, new)
+    cell, new = with_kept_scene(cell, new, calibration, run)
+    found = verified(cell, calibration, new)
     name = (run if run.is_dir() else run.parent).resolve().name
-    append_verification(cell, record_verification(found, datetime.now(UTC), name))
+    append_verification(folder, record_verification(found, datetime.now(UTC), name))
     return found
 
 
 def _recalibrate(
-    cell: Path, described: Cell, run: Path, new: Recording, verification: Verification
+    folder: Path, cell: Cell, run: Path, new: Recording, verification: Verification
 ) -> tuple[dict[str, Any] | None, int]:
     """The run made of old and new samples by the settings of the verified one, and its exit code.
 
@@ -136,12 +136,12 @@ def _recalibrate(
 
     if verification.moved is not False:
         return None, 1
-    first = max((sample.sample for sample in read_recording(cell, described).samples), default=-1) + 1
+    first = max((sample.sample for sample in read_recording(folder, cell).samples), default=-1) + 1
     kept = [sample for sample in new.samples if sample.observations and sample.sample not in verification.outliers]
     added = [replace(s, sample=first + k, images={}, background={}) for k, s in enumerate(kept)]
-    append_samples(cell, added)
+    append_samples(folder, added)
     asked = read_calibration(run).settings
-    made = calibrate_folder(cell, described, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
+    made = calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
     told = {"run": made.run.name, "verdict": made.calibration.verdict, "added": [s.sample for s in added]}
     return told, exit_code(made.calibration)
 

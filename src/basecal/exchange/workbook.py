@@ -64,11 +64,11 @@ def _part(archive: ZipFile, name: str, path: str) -> Any:
 
 def _cells(row: Any, strings: list[str]) -> list[str]:
     """The cells of a row from its first column on; those that are left out are empty."""
-    found = dict(_placed(row, strings))
+    found = dict(_text_cells(row, strings))
     return [found.get(column, "") for column in range(max(found, default=-1) + 1)]
 
 
-def _placed(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
+def _text_cells(row: Any, strings: list[str]) -> Iterator[tuple[int, str]]:
     """Column and text of each cell that holds something."""
     for count, cell in enumerate(each for each in row if _tag(each) == "c"):
         place = _PLACE.fullmatch(cell.get("r", ""))

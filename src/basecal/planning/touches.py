@@ -109,7 +109,7 @@ def _offers(sketch: Sketch, touches: Sequence[tuple[str, RobotState]], rng: np.r
     ]
     offers = list[Offer]()
     for mark in marks:
-        tried = {tip: _states_at(sketch, (tip, mark), states, rng) for tip, states in recorded.items()}
+        tried = {tip: _touch_states(sketch, (tip, mark), states, rng) for tip, states in recorded.items()}
         for group in zip(*tried.values(), strict=False):
             for tip, state in zip(tried, group, strict=True):
                 sample = Sample(0, robots={cell.cameras[tip].on: state})
@@ -117,7 +117,7 @@ def _offers(sketch: Sketch, touches: Sequence[tuple[str, RobotState]], rng: np.r
     return offers
 
 
-def _states_at(
+def _touch_states(
     sketch: Sketch, view: tuple[str, str], states: Sequence[RobotState], rng: np.random.Generator
 ) -> list[RobotState]:
     """States of a robot whose tip is at a mark, turned from those that were recorded."""

@@ -209,8 +209,8 @@ def stepwise(monkeypatch: pytest.MonkeyPatch, explained: bool, views: int) -> tu
         return SimpleNamespace(**{**vars(streams), "instants": range(min(count, views)), "views": count})
 
     streams = SimpleNamespace(
-        stated={"a": 0.0}, cell=SimpleNamespace(cameras=["wrist"]), open=("a", "wrist line", "b"),
-        instants=range(views), thinned=thinned, views="all",
+        stated_offsets={"a": 0.0}, cell=SimpleNamespace(cameras=["wrist"]), open=("a", "wrist line", "b"),
+        instants=range(views), thin=thinned, views="all",
     )  # fmt: skip
 
     def step(of, offsets, settings):

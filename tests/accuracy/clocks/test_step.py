@@ -121,7 +121,7 @@ def stepped_by(monkeypatch, information, gradient, across, hessian, clocks, offs
     monkeypatch.setattr(step, "score", lambda about, every: of_views)
     monkeypatch.setattr(step, "sums", lambda about, every: (None, across, None))
     streams = SimpleNamespace(clocks=clocks, open=tuple(clocks), cell=SimpleNamespace(cameras=["wrist"]))
-    solution = SimpleNamespace(noise=SimpleNamespace(held_by=lambda of: of), problem=problem, state=None)
+    solution = SimpleNamespace(noise=SimpleNamespace(hold_sigmas=lambda of: of), problem=problem, state=None)
     return clock_step(streams, None, offsets, solution)
 
 

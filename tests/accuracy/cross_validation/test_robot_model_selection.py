@@ -138,7 +138,7 @@ def tried(means, robots=("eye", "hand")):
         mean = means.get(name, 1.0)
         return Candidate(kind, robots, joint, mean + (mean != 1.0) * spread, None, 1.0)
 
-    stand_in = SimpleNamespace(chains=trials.chains, scored=scored, likeliest_joints=lambda: [("eye", 2), ("hand", 0)])
+    stand_in = SimpleNamespace(chains=trials.chains, score=scored, likeliest_joints=lambda: [("eye", 2), ("hand", 0)])
     return [(c.kind, c.robots, c.joint) for c in _Trials.candidates(stand_in)]
 
 

@@ -180,7 +180,7 @@ def test_too_few_views_for_a_lens_predict_badly():
     for seed in range(2):
         made = simulate(Scenario(samples=5, intrinsics="free"), seed)
         problem, _ = build_problem(made.cell, made.recording)
-        found = cross_validate(solve_problem(problem, made.cell), made.cell.asked)
+        found = cross_validate(solve_problem(problem, made.cell), made.cell.requested_transforms)
         assert found.predicted.cost > 4 * found.fitted.cost
         assert 0.05 < found.predicted.cost / (found.fitted.cost + found.predicted.uncertain) < 9
 
@@ -191,7 +191,7 @@ def test_held_out_views_cost_what_is_expected():
     for seed in range(3):
         made = simulate(replace(NOISY, samples=8), seed)
         problem, _ = build_problem(made.cell, made.recording)
-        found = cross_validate(solve_problem(problem, made.cell), made.cell.asked)
+        found = cross_validate(solve_problem(problem, made.cell), made.cell.requested_transforms)
         cost, expected = cost + found.predicted.cost, expected + found.fitted.cost + found.predicted.uncertain
     assert cost == pytest.approx(expected, rel=0.33)
 

@@ -11,7 +11,7 @@ import pytest
 def stand_in(**changed):
     """Evidence of a good answer about the base of `hand`, but for what is changed."""
     usual = {
-        "cell": SimpleNamespace(asked=["base"]),
+        "cell": SimpleNamespace(requested_transforms=["base"]),
         "settings": SimpleNamespace(robot_noise="estimated"),
         "recorded": SimpleNamespace(unstated=frozenset(), groups=()),
         "robust": SimpleNamespace(outliers=(), points=100, solution=None),
@@ -25,7 +25,7 @@ def stand_in(**changed):
             problem=SimpleNamespace(
                 columns={"base": slice(0, 6)}, groups=(), robots=(), stops=SimpleNamespace(robot=())
             ),
-            covariance_of=lambda names: 1e-6 * np.eye(6),
+            joint_transform_covariance=lambda names: 1e-6 * np.eye(6),
         ),
         "residuals": SimpleNamespace(rms_px=0.3),
         "cross_validation": None,

@@ -24,7 +24,7 @@ def told(sigma, prior=PRIOR, status="prior", **changed):
     """Findings about a mount with a prior, seen as four poses with these sigmas."""
     problem, state = pose_problem(np.zeros((VIEWS, 6)), sigma, Unknown(status, SE3.identity(), prior))
     solution = replace(solve_from(problem, state), **changed)
-    cell = SimpleNamespace(asked=[MOUNT], targets={}, cameras={}, mount_name=str)
+    cell = SimpleNamespace(requested_transforms=[MOUNT], targets={}, cameras={}, mount_name=str)
     return prior_dominated(SimpleNamespace(solution=solution, cell=cell))
 
 

@@ -29,7 +29,7 @@ def test_above_fifteen_hundredths(evidence, k, sigma, length_m, found):
     """Of a radian, or of the viewing distance; the worst axis of each is told."""
     covariance = 1e-8 * np.eye(6)
     covariance[k, k] = sigma**2
-    made = evidence({"covariance_of": lambda names: covariance})
+    made = evidence({"joint_transform_covariance": lambda names: covariance})
     made.solution.observability.length_m = length_m
     told = weak_directions(made)
     assert [f.about for f in told] == ([("base",)] if found else [])
@@ -42,7 +42,7 @@ def test_above_fifteen_hundredths(evidence, k, sigma, length_m, found):
 
 def test_what_has_no_number_is_not_weak(evidence):
     """Unobservable or fixed transforms, and answers that are none, are told elsewhere."""
-    weak = {"covariance_of": lambda names: np.eye(6)}
+    weak = {"joint_transform_covariance": lambda names: np.eye(6)}
     assert len(weak_directions(evidence(weak))) == 1
     assert weak_directions(evidence({**weak, "converged": False})) == []
     unobservable, fixed = evidence(weak), evidence(weak)

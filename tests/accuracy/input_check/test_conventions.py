@@ -399,7 +399,7 @@ def stages(monkeypatch, fitted, facts=(), found=None, facts_found=(), odd=0.081,
     monkeypatch.setattr(conventions, "_try", try_one)
     problem = SimpleNamespace(unknowns={"a": SimpleNamespace(status="free"), "b": SimpleNamespace(status=status)})
     tracks = {"eye": SimpleNamespace(moves=True)}
-    reading = SimpleNamespace(problem=problem, tracks=tracks, thinned=lambda most: None)
+    reading = SimpleNamespace(problem=problem, tracks=tracks, thin=lambda max_count: None)
     ended(conventions._try_hypotheses(reading, TriedHypothesis(hypothesis("declared"), fitted, facts), STATED))
     return tried
 
@@ -571,7 +571,7 @@ def test_of_a_light_fewer_views_are_looked_at(is_light):
         counts.append(views)
         return SimpleNamespace(candidates=None if is_light else 1, views=views)
 
-    ((some, problem),) = conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(of=of))
+    ((some, problem),) = conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(take=of))
     assert len(counts) == (2 if is_light else 1)
     assert some.views == counts[-1]
     assert not is_light or counts[1] < counts[0]
@@ -585,7 +585,7 @@ def test_what_cannot_be_made_ready_has_no_pairs(error):
     def fails(*given):
         raise error
 
-    assert conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(of=fails)) == []
+    assert conventions._pairs(declared(BOARD.cell, BOARD.recording), SimpleNamespace(take=fails)) == []
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def test_offsets_of_degrees_are_named():
     (found,) = explaining_offsets(solution.problem, solution.state, STATED)
     assert (found.code, found.severity, found.about) == ("robot-model", "error", ("eye", "hand"))
     for robot in ("eye", "hand"):
-        true = np.degrees(made.robots[robot].of("joint_offsets"))
+        true = np.degrees(made.robots[robot].kind_values("joint_offsets"))
         words = found.what.partition(f" of {robot} by ")
         joint = int(words[0].rpartition("joint ")[2]) - 1
         assert 0 < joint < 5

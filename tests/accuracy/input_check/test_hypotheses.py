@@ -172,7 +172,7 @@ def test_quaternions_written_in_another_order():
 def test_robots_exchanged_and_targets_inverted_or_mirrored():
     """Each by the one hypothesis of its code."""
     mixed = {
-        "robots-swapped": rewriting.exchange(POSES.recording, "eye", "hand"),
+        "robots-swapped": rewriting.exchanged(POSES.recording, "eye", "hand"),
         "target-pose-inverted": rewriting.with_targets(POSES.recording, rewriting.inverted),
         "mirrored": rewriting.with_targets(POSES.recording, rewriting.through_the_camera),
     }

@@ -30,7 +30,7 @@ def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
     off[7:] = np.sqrt((10 * (whole or core) ** 2 - 7 * core**2) / 3)
     solution = SimpleNamespace(
         state=SimpleNamespace(transforms={ASKED: SE3.exp([moved * sigma, 0, 0, 0, 0, 0])}),
-        covariance_of=lambda names: sigma**2 * np.eye(6),
+        joint_transform_covariance=lambda names: sigma**2 * np.eye(6),
         observability=SimpleNamespace(unobservable=frozenset(unobservable)),
         noise=SimpleNamespace(estimated=("pose_m",)),
         converged=True,
@@ -41,7 +41,7 @@ def predicted(core, whole=None, sigma=1e-3, moved=0.0, unobservable=()):
 
 def findings_about(declared, *others, impossible=(), nested=False, code="inverted", explained=False, still=frozenset()):
     """Findings about other readings."""
-    cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: "mount")
+    cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: "mount")
     tried = []
     for k, other in enumerate(others):
         about = ("eye", f"hand{k}")
@@ -154,7 +154,7 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
     """A board's own mount, free, moves by half a turn where the grid is read from its other end; fixed it counts."""
     for status, codes in (("free", []), ("fixed", ["ambiguous-convention"])):
         transforms = {ASKED: SimpleNamespace(status=status)}
-        cell = SimpleNamespace(asked=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
+        cell = SimpleNamespace(requested_transforms=(ASKED,), mount_name=lambda name: ASKED, transforms=transforms)
         reading = ConventionHypothesis("board-symmetry", ("board",), "words", "fix", "", lambda reading: reading)
         tried = TriedHypothesis(reading, predicted(1e-3, moved=50), ())
         found = decide_hypotheses(cell, TriedHypothesis(AS_DECLARED, predicted(1e-3), ()), [tried])
@@ -166,7 +166,7 @@ def test_a_mount_that_a_symmetry_moves_does_not_count():
 )
 def test_a_tail_is_twice_as_far_off_as_most(core, whole, tail):
     """Where anything is predicted at all."""
-    assert has_tail(SimpleNamespace(core=core, whole=whole)) == tail
+    assert has_tail(SimpleNamespace(core=core, rms=whole)) == tail
 
 
 def test_readings_are_compared_by_the_samples_that_both_have():

@@ -108,9 +108,9 @@ def known(monkeypatch, narrower, wider):
     ]
     told = {}
 
-    def solve(problem, state, settings, near=None):
+    def solve(problem, state, settings, guess=None):
         """As it is told."""
-        told[problem.name] = near
+        told[problem.name] = guess
         return problem
 
     monkeypatch.setattr(module, "solve_at_mode", solve)

@@ -23,7 +23,7 @@ from basecal.simulation import Scenario, simulate
 def test_the_sample_of_a_missed_detection_is_found():
     """Observations from sample 9 on one too early: the first guess moves them back from there."""
     made = simulate(Scenario(samples=24), 3)
-    wrong = rewriting.shift(made.recording, None, -1, start=9)
+    wrong = rewriting.shifted(made.recording, None, -1, start=9)
     first, fits = pairing_errors(declared(made.cell, wrong), made.cameras, [None, "eye", "hand"])[0]
     (found,) = first.reread(declared(made.cell, wrong)).problem.groups
     (true,) = declared(made.cell, made.recording).problem.groups
@@ -37,7 +37,7 @@ def test_the_sample_of_a_missed_detection_is_found():
 def test_the_last_few_samples_are_no_slip():
     """The last two observations are of one sample later: no guess is from there on, which outliers would explain."""
     made = simulate(Scenario(samples=24), 3)
-    wrong = rewriting.shift(made.recording, None, -1, start=21)
+    wrong = rewriting.shifted(made.recording, None, -1, start=21)
     given = declared(made.cell, wrong)
     recorded = dict(
         zip(given.problem.groups[0].sample.tolist(), given.problem.groups[0].measurement.pixels, strict=True)

@@ -106,7 +106,7 @@ def looked(monkeypatch, is_whole=None, said=(), hopeless=False, fit="good", plau
     fit = SimpleNamespace(error_in_words=lambda: "0.2 px") if fit == "good" else None
     plain = SimpleNamespace(problem=None, state=None, observability=SimpleNamespace(unobservable=set(unobservable)))
     for name, value in {
-        "solve_packed": lambda *_: plain,
+        "solve_problem": lambda *_: plain,
         "with_noise": lambda *_: plain,
         "is_as_of_arms": lambda *_: True,
         "check_conventions": lambda *_: said,

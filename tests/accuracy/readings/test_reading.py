@@ -83,7 +83,7 @@ def test_streams_are_paired_anew(kind, stream, whole):
     given = declared(made.cell, recording)
     for by in (1, -1, 2, -3):
         for start in (0, 5):
-            shifted = rewriting.shift(recording, stream, by, start)
+            shifted = rewriting.shifted(recording, stream, by, start)
             reading = given.shift(stream, by, start)
             assert_same(reading, made.cell, shifted)
             assert reading.order.tolist() == [sample.sample for sample in shifted.samples]
@@ -99,7 +99,7 @@ def test_poses_of_robots_are_mapped_and_exchanged(kind):
         for robots in (("eye",), ("eye", "hand")):
             wrong = rewriting.with_robots(recording, dict.fromkeys(robots, rewriting.inverted))
             assert_same(given.with_poses(robots, SE3.inverse), made.cell, wrong)
-        assert_same(given.exchange("eye", "hand"), made.cell, rewriting.exchange(recording, "eye", "hand"))
+        assert_same(given.exchange("eye", "hand"), made.cell, rewriting.exchanged(recording, "eye", "hand"))
 
 
 def test_joints_are_scaled_and_exchanged():
@@ -107,7 +107,7 @@ def test_joints_are_scaled_and_exchanged():
     made = MADE["joints"]
     given = declared(made.cell, made.recording)
     assert_same(given.with_joints(("hand",), 0.5), made.cell, rewriting.with_joints(made.recording, "hand", 0.5))
-    assert_same(given.exchange("eye", "hand"), made.cell, rewriting.exchange(made.recording, "eye", "hand"))
+    assert_same(given.exchange("eye", "hand"), made.cell, rewriting.exchanged(made.recording, "eye", "hand"))
     assert (given.pose_robots, given.joint_robots) == ([], ["eye", "hand"])
 
 
@@ -128,7 +128,7 @@ def test_targets_are_resized(kind):
     """In the cell and in what was seen."""
     made = MADE[kind]
     reading = declared(made.cell, made.recording).resize({"board": 3.0})
-    cell = rewriting.resize(made.cell, {"board": 3.0})
+    cell = rewriting.resized(made.cell, {"board": 3.0})
     np.testing.assert_array_equal(reading.cell.targets["board"].target.points, cell.targets["board"].target.points)
     assert_same(reading, cell, made.recording)
 
@@ -138,7 +138,7 @@ def test_a_grid_of_another_size_is_turned_about_another_middle():
     made = simulate(Scenario(samples=4, target="chessboard"), 1)
     reading = declared(made.cell, made.recording).resize({"board": 3.0})
     (group,) = reading.problem.groups
-    (other,) = build_problem(rewriting.resize(made.cell, {"board": 3.0}), made.recording)[0].groups
+    (other,) = build_problem(rewriting.resized(made.cell, {"board": 3.0}), made.recording)[0].groups
     np.testing.assert_allclose(group.half_turn.matrix, other.half_turn.matrix)
     for one, two in zip(group.readings, other.readings, strict=True):
         np.testing.assert_array_equal(one.points_in_target, two.points_in_target)

@@ -39,7 +39,9 @@ def test_conventions_are_told_whether_noise_explains_the_views(monkeypatch, nois
     """Noise as arms have it."""
     given = []
     monkeypatch.setattr(solving, "is_as_of_arms", lambda solution: of_arms)
-    monkeypatch.setattr(solving, "check_conventions", lambda *words, explained: given.append(explained) or (WARNING,))
+    monkeypatch.setattr(
+        solving, "check_conventions", lambda *words, is_explained: given.append(is_explained) or (WARNING,)
+    )
     found = solving.screen_conventions(case(plain=SOLVED, noisy=noisy, findings=(INFO,)))
     assert given == [explained]
     assert found.findings == (INFO, WARNING)
@@ -48,7 +50,7 @@ def test_conventions_are_told_whether_noise_explains_the_views(monkeypatch, nois
 
 def test_an_error_of_conventions_ends_without_numbers(monkeypatch):
     """With how the input fits as it is read."""
-    monkeypatch.setattr(solving, "check_conventions", lambda *words, explained: (ERROR,))
+    monkeypatch.setattr(solving, "check_conventions", lambda *words, is_explained: (ERROR,))
     monkeypatch.setattr("basecal.accuracy.stages.case.residuals", lambda solution: f"fit of {solution}")
     found = solving.screen_conventions(case(plain="plain"))
     assert found.is_ended
@@ -108,5 +110,5 @@ def test_views_that_are_explained_go_on(monkeypatch):
     before = case(robust=SimpleNamespace(solution=SOLVED))
     assert solving.refuse_unexplained_poses(before) is before
     monkeypatch.setattr(solving, "is_hopeless", lambda problem, state: True)
-    ended = before.refused((ERROR,))
+    ended = before.refuse((ERROR,))
     assert solving.refuse_unexplained_poses(ended) is ended

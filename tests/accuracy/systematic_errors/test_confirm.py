@@ -37,7 +37,7 @@ def test_lengths_that_are_off_predict_held_out_blocks(factor):
     """One per cent is confirmed, whichever way."""
     of = situation(factor)
     (scale,) = [c for c in length_scales(of) if c.about == ("hand",)]
-    assert HeldOut(of, of.about).confirms(scale)
+    assert HeldOut(of, of.linearisation).confirms(scale)
 
 
 def test_what_is_in_one_block_is_not_confirmed():
@@ -45,7 +45,7 @@ def test_what_is_in_one_block_is_not_confirmed():
     of = situation(1.0)
     moves = np.zeros((25, 1, 6, 1))
     moves[7, 0, 0, 0] = 1.0
-    assert not HeldOut(of, of.about).confirms(Candidates("", ("hand",), (None,), "", (moves,)))
+    assert not HeldOut(of, of.linearisation).confirms(Candidates("", ("hand",), (None,), "", (moves,)))
 
 
 def test_blocks_in_time_are_fifths():
@@ -85,7 +85,7 @@ def test_the_gain_is_what_held_out_blocks_cost_less():
     problem, state = pose_problem(1e-3 * rng.standard_normal((8, 6)), np.array([1e-3, 2e-3, 1e-3, 1e-3, 3e-3, 1e-3]))
     of = Situation(problem, state, problem, {})
     blocks, moves = np.array([0, 0, 1, 1, 2, 2, 2, 0]), rng.standard_normal((8, 1, 6, 2))
-    (views,) = of.about.views
+    (views,) = of.linearisation.views
     both = np.concatenate([views.by_unknowns, moves[:, 0]], axis=-1)
     wanted = 0.0
     for block in range(3):
@@ -94,7 +94,7 @@ def test_the_gain_is_what_held_out_blocks_cost_less():
             hessian, gradient = (by.mT @ views.information @ by), (by.mT @ views.gradient[..., None])[..., 0]
             best = -np.linalg.solve(hessian[used].sum(0), gradient[used].sum(0))
             wanted += sign * float(2 * best @ gradient[held].sum(0) + best @ hessian[held].sum(0) @ best)
-    held_out, error = HeldOut(of, of.about), Candidates("", ("camera",), (None,), "", (moves,))
+    held_out, error = HeldOut(of, of.linearisation), Candidates("", ("camera",), (None,), "", (moves,))
     found = sum(_gain(held_out._fold(blocks == block), error) for block in range(3))
     assert found == pytest.approx(wanted, rel=1e-6)
 

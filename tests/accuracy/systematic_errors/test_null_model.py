@@ -101,7 +101,7 @@ def test_single_stops_do_not_absorb_what_stops_share(bent):
     assert np.all(solution.noise.beside_common.robots["hand"] < solution.noise.robots["hand"])
     of = Situation(solution.noise.hold_sigmas(solution.problem), solution.state, problem, {}, solution.noise)
     drift = candidate(of.flange_jacobian(0, "hand")[..., :1] * np.arange(40)[:, None, None] / 40)
-    assert score(of.null, drift).information[0, 0, 0] > 2 * score(of.about, drift).information[0, 0, 0]
+    assert score(of.null, drift).information[0, 0, 0] > 2 * score(of.linearisation, drift).information[0, 0, 0]
     views = of.null.views[0]
     shared = candidate(views.by_unknowns[..., :6, views.columns >= problem.width][..., -1:])
     # One sigma of a random effect holds less than one unit of information beside itself.

@@ -91,7 +91,7 @@ def test_the_error_that_gains_most_is_named_whatever_scores_best(monkeypatch):
     cell, recording = as_recorded(KINDS["base-moved"][0], replace(SCENARIO, state_robot_noise=False))
     problem, _ = build_problem(cell, recording)
     exact = solve_problem(problem, cell, SETTINGS)
-    solution, stamps = with_noise(exact, Settings(), near=exact), {s.sample: s.stamp_s for s in recording.samples}
+    solution, stamps = with_noise(exact, Settings(), guess=exact), {s.sample: s.stamp_s for s in recording.samples}
     suspects = search._suspects(search._situation(solution, problem, stamps))
     assert {"base-moved", "drift"} <= {each.candidate.code for each in suspects}
     first = suspects[: search._MOST_TRIED]
@@ -396,7 +396,7 @@ def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_
     monkeypatch.setattr(search, "score", lambda about, kind: again if about == ("held problem", "state") else None)
     monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after.state))
     after = SimpleNamespace(
-        noise=SimpleNamespace(held_by=lambda problem: f"held {problem}"), problem="problem", state="state"
+        noise=SimpleNamespace(hold_sigmas=lambda problem: f"held {problem}"), problem="problem", state="state"
     )
     groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
     problem = SimpleNamespace(groups=groups)

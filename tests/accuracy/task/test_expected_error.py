@@ -139,7 +139,7 @@ def test_tolerances(dual):
     assert check(5e-4, found=[]).expected_95_m is None
     assert check(3e-4).expected_95_m == 4e-4
     assert check(4e-4) == Tolerance(4e-4, 4e-4, True)
-    both = SimpleNamespace(asked=(BASE, "mount"), reference="eye")
+    both = SimpleNamespace(requested_transforms=(BASE, "mount"), reference="eye")
     two = [*errors, ExpectedError("mount", 6e-4, np.zeros(3))]
     found = check_tolerance(both, replace(calibration, verdict="good", settings={"tolerance_m": 5e-4}), two)
     assert (found.expected_95_m, found.met) == (6e-4, False)
@@ -147,7 +147,7 @@ def test_tolerances(dual):
     at_work = replace(calibration, verdict="good", settings={"tolerance_m": 5e-4}, meeting=meeting)
     assert check_tolerance(made.cell, at_work, errors) == Tolerance(5e-4, 3e-4, True)
     assert check_tolerance(both, at_work, two).expected_95_m == 6e-4
-    nothing = SimpleNamespace(asked=(), reference="eye")
+    nothing = SimpleNamespace(requested_transforms=(), reference="eye")
     found = check_tolerance(nothing, replace(calibration, verdict="good", settings={"tolerance_m": 1e-6}), [])
     assert (found.expected_95_m, found.met) == (0.0, True)
 
@@ -203,7 +203,7 @@ def test_the_error_told_is_that_at_the_worst_place(monkeypatch):
     estimates = {name: SimpleNamespace(covariance=covariance) for name in "abd"}
     estimates["d"] = SimpleNamespace(covariance=np.full((6, 6), np.inf))
     calibration = type("Found", (dict,), {"transforms": estimates})(estimates)
-    (found,) = expected_errors(SimpleNamespace(asked=("a", "b", "c", "d")), calibration, None)
+    (found,) = expected_errors(SimpleNamespace(requested_transforms=("a", "b", "c", "d")), calibration, None)
     assert found.transform == "a"
     np.testing.assert_array_equal(found.at_m, [0.0, 0.5, 0.0])
     variances = 1e-6 + 4e-6 * np.array([0.25, 0.0, 0.25])

@@ -108,7 +108,7 @@ def test_a_part_that_both_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str
     """A second table joins the samples of the first; the part is added to the cell, with its axis."""
     cell, how, poses = str(tmp_path / "c"), CONTROLLERS["ros"], held_poses(np.random.default_rng(0), 3)
     for robot in TIPS:
-        rows = how.written(SE3.stack([each[robot] for each in poses]))
+        rows = how.to_numbers(SE3.stack([each[robot] for each in poses]))
         lines = [",".join(how.names), *(",".join(f"{value:.10g}" for value in row) for row in rows)]
         (tmp_path / f"{robot}.csv").write_text("\n".join(lines) + "\n")
     left, right = (str(tmp_path / f"{robot}.csv") for robot in TIPS)

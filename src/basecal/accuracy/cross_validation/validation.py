@@ -19,7 +19,7 @@ from basecal.accuracy.cross_validation.folds import Samples, splits
 from basecal.accuracy.cross_validation.opencv_rivals import opencv_rivals
 from basecal.accuracy.cross_validation.refit import Refit, refit_folds, with_known_stops
 from basecal.accuracy.model_comparison.comparison import Comparison
-from basecal.accuracy.model_comparison.nested_models import compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_nested_models
 from basecal.accuracy.residuals.fit import single_view_pose
 from basecal.cell import Validation
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians
@@ -227,7 +227,7 @@ class _Alone:
 def _group_errors(
     views: Problem, group: ViewGroup, state: State, single_views: Mapping[tuple[str, str], _Alone] | None
 ) -> HeldOutErrors:
-    """Of a group's views; of the target's pose only where it is known, or may be found, what views `single_views` say."""
+    """Errors of a group's views; of poses, if `single_views` say what the target's are."""
     predicted = state.camera_from_target(group, views.stops)
     cost = float(group.measurement.linearise(predicted, state.cameras.get(group.camera), False).cost.sum())
     square_px, count_px = 0.0, 0
@@ -276,7 +276,9 @@ def _spread(
         return None
     is_estimated = bool(solution.noise.estimated) or solution.noise.factor != 1.0
     of_noise = max(solution.dof, 1) if is_estimated else np.inf
-    return FoldSpread(mean, effective, compare_nested("spread", effective * mean, effective, noise_freedoms=of_noise))
+    return FoldSpread(
+        mean, effective, compare_nested_models("spread", effective * mean, effective, noise_freedoms=of_noise)
+    )
 
 
 def _information(solution: Solution) -> Array | csc_array:

@@ -156,7 +156,7 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
     predicted = _robot_covariance(exact, calibration)
     if calibration.joint_covariance is not None and calibration.order:
-        by_transforms = np.concatenate([exact.of(exact.frame_jacobian(name)) for name in calibration.order], axis=1)
+        by_transforms = np.concatenate([exact.whiten(exact.frame_jacobian(name)) for name in calibration.order], axis=1)
         known = calibration.joint_covariance - sum(gauge.covariance for gauge in calibration.gauges)
         predicted = by_transforms @ known @ by_transforms.T + predicted
     robots = calibration.noise.get("robots", {})
@@ -191,7 +191,7 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
                 # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
                 parts.append((np.array(known[name]["sigma"]), kernel(poses, poses)))
             else:
-                moved = innovations.of(by_flange @ errors)
+                moved = innovations.whiten(by_flange @ errors)
                 out += moved @ moved.T
         for sigma, alike in parts:
             each = innovations.root.mT @ (by_flange * sigma)

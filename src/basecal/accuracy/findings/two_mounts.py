@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.model_comparison.comparison import Comparison, decide
-from basecal.accuracy.model_comparison.nested_models import ALONE
+from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL
 from basecal.accuracy.model_comparison.splits import compare_split
 from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.accuracy.systematic_errors.search import candidate_chance, timeless_situation
@@ -85,7 +85,7 @@ def _gains(solution: Solution, mount: str, minority: _Shifts, majority: _Shifts)
     candidate = one_candidate("two-mounts", mount, "m", moves)
     ways = (len(minority.samples) + len(majority.samples) - 1) * np.log(2)
     chance = candidate_chance(solution, candidate, minority.mean() - majority.mean(), float(ways))
-    return solution.noise.logs is None or decide(mount, 0.0, chance, ALONE).is_taken
+    return solution.noise.logs is None or decide(mount, 0.0, chance, SINGLE_LEVEL).is_taken
 
 
 def _splits(evidence: Evidence) -> Iterator[_Split]:
@@ -108,7 +108,7 @@ def _splits(evidence: Evidence) -> Iterator[_Split]:
 def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
     """By each sample that shows where a mount is."""
     samples, information, gradient = [], [], []
-    for k, (group, views) in enumerate(zip(situation.groups, situation.about.views, strict=True)):
+    for k, (group, views) in enumerate(zip(situation.groups, situation.linearisation.views, strict=True)):
         if situation.depends(k, mount):
             moves = situation.frame_jacobian(k, mount)[:, :, :3]
             samples.append(group.sample)

@@ -159,7 +159,7 @@ def _without_links(baseline: Reading, state: State) -> tuple[Reading, State]:
         name: replace(of, values={k: values for k, values in of.values.items() if k != LINKS})
         for name, of in state.robots.items()
     }
-    return baseline.restated(replace(baseline.cell, robots=robots)), replace(state, robots=kinematics)
+    return baseline.restate(replace(baseline.cell, robots=robots)), replace(state, robots=kinematics)
 
 
 def _can_hold_out(problem: Problem) -> bool:
@@ -192,7 +192,7 @@ def _try_hypotheses(baseline: Reading, as_is: TriedHypothesis, settings: Setting
         surviving = [(hypothesis, {}) for hypothesis in common if not hypothesis.nested]
     for hypothesis, fits in surviving:
         found += _try(baseline, hypothesis, settings, (fits, lenses), as_is)
-    if any(plausible(each.fit) and not each.impossible and each.beside(as_is.fit).is_taken for each in found):
+    if any(plausible(each.fit) and not each.impossible and each.compare(as_is.fit).is_taken for each in found):
         return found
     if not _is_explained(as_is.fit):
         wider = [hypothesis for hypothesis in common if hypothesis.nested]
@@ -298,9 +298,9 @@ def _pairs(reading: Reading, views: ReadyViews) -> _Pairs:
     try:
         pairs = []
         for group in (g for g in problem.groups if not has_metric_start(g, known)):
-            some = views.of(group, _SCREENED)
+            some = views.take(group, _SCREENED)
             if some.candidates is None:  # a light, whose search is longer
-                some = views.of(group, _LIGHTS_SCREENED)
+                some = views.take(group, _LIGHTS_SCREENED)
             pairs.append((some, problem))
         return pairs
     except (BasecalError, np.linalg.LinAlgError):

@@ -36,7 +36,7 @@ def explaining_offsets(problem: Problem, state: State, settings: Settings) -> li
     end = bundle_adjust(freed, state, dof, settings.iterations).state
     if dof <= 0 or is_hopeless(freed, end):
         return []
-    found = {robot: end.kinematics(model).of(joint_offsets.NAME) for robot, model in models.items()}
+    found = {robot: end.kinematics(model).kind_values(joint_offsets.NAME) for robot, model in models.items()}
     robots = " and ".join(found)
     largest = {robot: int(np.argmax(np.abs(values))) for robot, values in found.items()}
     each = [f"joint {k + 1} of {robot} by {np.degrees(found[robot][k]):.1f} deg" for robot, k in largest.items()]

@@ -45,7 +45,7 @@ def pairing_errors(
     if count < 2 * _MIN_HALF_SAMPLES or without_poses:  # points without a pose, such as touches, close no loop alone
         return []
     slips = [(stream, by) for stream in streams for by in _SLIPS]
-    moved = [baseline.shifted(stream, by) for stream, by in slips]
+    moved = [baseline.shift(stream, by) for stream, by in slips]
     second_half = [each.take(np.arange(min(count // 2, len(each.order)), len(each.order))) for each in moved]
     first, *seconds = _fits([baseline.take(np.arange(count // 2)), *second_half], lenses)
     as_recorded = _pairs(baseline, lenses)

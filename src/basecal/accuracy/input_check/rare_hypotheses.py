@@ -216,9 +216,7 @@ def _rotation_hypotheses(
             continue  # the same three numbers the other way round, as the reverse is
         words = f"the rotations of {subject} are {meant} that were read as {read}"
         if (_LISTINGS[meant], _LISTINGS[read]) == ("xyz", "ZYX"):
-            words = (
-                f"the angles of {subject} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C are mixed up"
-            )
+            words = f"the angles of {subject} are in the reverse order: roll, pitch, yaw and KUKA's A, B, C mixed up"
         # Two lists of angles give one rotation. The middle one of three axes is usually within a quarter turn.
         of_three_axes = all(len(set(_LISTINGS[each])) == len("xyz") for each in (meant, read))
         choices = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.model_comparison.comparison import Comparison
-from basecal.accuracy.model_comparison.nested_models import compare_evidence, compare_nested
+from basecal.accuracy.model_comparison.nested_models import compare_evidence, compare_nested_models
 from basecal.geometry import Array
 from basecal.numerics.spectral import scaled_spectrum
 
@@ -31,4 +31,4 @@ def compare_places(offset: Array, covariance: Array) -> Comparison:
 
 def compare_contradiction(offset: Array, covariance: Array) -> Comparison:
     """Whether two estimates contradict one another; see `compare_places`."""
-    return compare_nested("two places", float(offset @ np.linalg.solve(covariance, offset)), len(offset))
+    return compare_nested_models("two places", float(offset @ np.linalg.solve(covariance, offset)), len(offset))

@@ -33,7 +33,7 @@ def screen_conventions(case: Case) -> Case:
         case.cell, case.recording, case.problem, case.solution, case.stated_settings, is_explained=explained
     )
     found = case.with_findings(misread)
-    return found.refused() if any(each.severity == "error" for each in misread) else found
+    return found.refuse() if any(each.severity == "error" for each in misread) else found
 
 
 def leave_outliers_out(case: Case) -> Case:
@@ -102,4 +102,4 @@ def refuse_unexplained_poses(case: Case) -> Case:
         or [replace(each, severity="error") for each in agreement if changed]
         or [hopeless(last.problem, last.state), *agreement]
     )
-    return case.refused([*why, *(finding for finding in case.findings if finding.code != why[0].code)])
+    return case.refuse([*why, *(finding for finding in case.findings if finding.code != why[0].code)])

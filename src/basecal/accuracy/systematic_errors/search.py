@@ -144,9 +144,9 @@ def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffec
     first = _confirm_first(solution, situation, _suspects(situation))
     if (first is not None and first.is_certain) or solution.noise.beside_common is None:
         return first
-    held = solution.noise.beside_common.held_by(solution.problem)
+    held = solution.noise.beside_common.hold_sigmas(solution.problem)
     beside = Situation(held, without_errors(held, solution.state), solution.problem, stamps)
-    random = [each for each in _suspects(beside) if _null_model(situation, each) is situation.about]
+    random = [each for each in _suspects(beside) if _null_model(situation, each) is situation.linearisation]
     second = _confirm_first(solution, beside, random)
     return second if first is None or (second is not None and second.is_certain) else first
 
@@ -185,16 +185,18 @@ def _discovery_mask(
 
 
 def _situation(solution: Solution, recorded_problem: Problem, stamps: Mapping[int, float]) -> Situation:
-    return Situation(solution.noise.held_by(solution.problem), solution.state, recorded_problem, stamps, solution.noise)
+    return Situation(
+        solution.noise.hold_sigmas(solution.problem), solution.state, recorded_problem, stamps, solution.noise
+    )
 
 
 def _null_model(situation: Situation, suspect: _Suspect) -> Linearised:
-    return situation.null_of(suspect.effect, suspect.candidate.about[0])
+    return situation.null_model(suspect.effect, suspect.candidate.about[0])
 
 
 def _confirmed_suspects(situation: Situation, suspects: Iterable[_Suspect]) -> Iterator[_Suspect]:
     """The suspects with which held-out blocks are predicted better."""
-    held_out = {model: HeldOut(situation, model) for model in (situation.about, situation.null)}
+    held_out = {model: HeldOut(situation, model) for model in (situation.linearisation, situation.null)}
     return (each for each in suspects if held_out[_null_model(situation, each)].confirms(each.candidate))
 
 
@@ -218,14 +220,14 @@ def _suspects(situation: Situation) -> list[_Suspect]:
     unlikely = []
     for name, kind in _candidates(situation):
         tests[kind.code] += len(kind.about)
-        null = situation.null_of(name, kind.about[0])
+        null = situation.null_model(name, kind.about[0])
         scores = score(null, kind)
         chances = screened = scores.log_chance
-        if null is not situation.about:
-            screened = np.minimum(chances, score(situation.about, kind).log_chance)
+        if null is not situation.linearisation:
+            screened = np.minimum(chances, score(situation.linearisation, kind).log_chance)
         for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED))):
             found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
-            unlikely.append(_Suspect(name, kind.only(b), scores.size[b], *found, 0.0))
+            unlikely.append(_Suspect(name, kind.single(b), scores.size[b], *found, 0.0))
     likeliest: dict[tuple[str, str], tuple[float, _Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
@@ -266,7 +268,7 @@ def _alternatives(situation: Situation, suspect: _Suspect, suspects: Sequence[_S
 def _remaining_chi_square(situation: Situation, suspect: _Suspect, rival: _Suspect) -> tuple[float, int]:
     """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.5)."""
     nulls = [_null_model(situation, each) for each in (suspect, rival)]
-    null = situation.about if situation.about in nulls else situation.null
+    null = situation.linearisation if situation.linearisation in nulls else situation.null
     first, second = suspect.candidate, rival.candidate
     pairs = zip(first.moves, second.moves, strict=True)
     moves = tuple(_join_moves(pair, (first.sizes, second.sizes)) for pair in pairs)
@@ -302,7 +304,7 @@ def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> 
     name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
     before = solution.noise.surprise if name else solution.noise.plain_surprise
     gain = before - _negative_log_evidence(_without_suspect(solution, situation, suspect), name)
-    return log_chance_of_gain(gain, suspect.freedoms, situation.about.residuals) + suspect.several
+    return log_chance_of_gain(gain, suspect.freedoms, situation.linearisation.residuals) + suspect.several
 
 
 def _is_contained(solution: Solution, suspect: _Suspect) -> bool:
@@ -338,13 +340,13 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
 
 
 def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:
-    """The error, its size corrected to first order about the solution `corrected_solution` the poses were, and its covariance."""
+    """The error with its covariance, its size corrected to first order about `corrected_solution`."""
     again = score(
-        linearise_views(corrected_solution.noise.held_by(corrected_solution.problem), corrected_solution.state),
+        linearise_views(corrected_solution.noise.hold_sigmas(corrected_solution.problem), corrected_solution.state),
         suspect.candidate,
     )
     null = _null_model(situation, suspect)
-    known = again if null is situation.about else score(null, suspect.candidate)
+    known = again if null is situation.linearisation else score(null, suspect.candidate)
     return _make_effect(
         situation,
         suspect,
@@ -357,9 +359,13 @@ def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corre
 def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
     """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
     found = score(_null_model(situation, suspect), suspect.candidate)
-    across = sums(situation.about, suspect.candidate).across[0]
+    across = sums(situation.linearisation, suspect.candidate).across[0]
     return _make_effect(
-        situation, suspect, found.size[0], found.information[0], -situation.about.inverse @ across.T @ found.size[0]
+        situation,
+        suspect,
+        found.size[0],
+        found.information[0],
+        -situation.linearisation.inverse @ across.T @ found.size[0],
     )
 
 
@@ -385,5 +391,5 @@ def _make_effect(situation: Situation, suspect: _Suspect, size: Array, informati
 
 def _solved_again(solution: Solution, settings: Settings) -> Solution:
     if settings.robot_noise != "stated":
-        return with_noise(solution, settings, near=solution)
+        return with_noise(solution, settings, guess=solution)
     return solve_from(solution.problem, solution.state, settings, solution.findings)

@@ -40,7 +40,7 @@ def write_calibration(calibration: Calibration, cell_folder: str | Path) -> Path
         raise InputError(f"nothing was written, since it could not be read back: {error}") from None
     text = indent_json(data)
     path = _new_run(Path(cell_folder)) / FILE
-    write_atomically(path, text + "\n", within=Path(cell_folder))
+    write_atomically(path, text + "\n", base_folder=Path(cell_folder))
     if calibration.scene is not None:
         write_fingerprint(calibration.scene, path.parent, Path(cell_folder))
     return path

@@ -21,7 +21,7 @@ _MOST_POINTS = 100_000
 def write_fingerprint(fingerprint: Fingerprint, run: Path, cell_folder: Path) -> None:
     """Write the points of a run, whose folder is within that of the cell."""
     content = fingerprint.points.astype("<f8").tobytes() + fingerprint.descriptors.tobytes()
-    write_atomically(run / FILE, content, within=cell_folder)
+    write_atomically(run / FILE, content, base_folder=cell_folder)
 
 
 def read_fingerprint(run: Path) -> Fingerprint | None:

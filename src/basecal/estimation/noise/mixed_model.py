@@ -175,7 +175,7 @@ def mixed_model(
         parts[SCENE, STATED] = _scene_moments(problem, problem.tied, state, layout)
     prior, gradient, cost = _prior(problem, state, layout)
     open_views = sorted(key for key in parts if key[1] != STATED)
-    sigmas = SigmaPlaces.in_turn(open_views, robots, open_jitter(problem), bool(layout.common))
+    sigmas = SigmaPlaces.sequential(open_views, robots, open_jitter(problem), bool(layout.common))
     scaled = _sigma_indices(problem, layout, sigmas)
     robot_of_stop = problem.stops.robot
     return MixedModel(parts, problem.width, prior, gradient, cost, sigmas, *scaled, white, layout, robot_of_stop)

@@ -68,7 +68,7 @@ def motions(problem: Problem) -> dict[str, Motion]:
         order = np.argsort(-about)
         travel = float(np.linalg.norm(base_from_flange.translation - first.translation, axis=-1).max())
         twists = _indistinct(base_from_flange, least.get(robot, LEAST_RMS))[0]
-        count = len({int(n) for g in problem.all_groups if g.end_of(robot) for n in g.sample})
+        count = len({int(n) for g in problem.all_groups if g.robot_end(robot) for n in g.sample})
         found[robot] = Motion(robot, count, travel, about[order], axes[:, order], _orientations(turns), twists)
     return found
 

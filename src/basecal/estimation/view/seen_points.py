@@ -48,7 +48,7 @@ class SeenPoints(MeasuredPoints):
         self, camera_from_target: SE3, camera: Camera | None, lens: bool
     ) -> tuple[Array, Array, Array | None]:
         """As `with_derivatives`, about poses (n,) and by their tangent, (n, p, d, 6)."""
-        off, by_point, by_lens = self.with_derivatives(self.in_camera(camera_from_target), camera, lens)
+        off, by_point, by_lens = self.with_derivatives(self.camera_points(camera_from_target), camera, lens)
         # Of f(camera_from_target @ p), from df/dp, (n, p, d, 3).
         shift = by_point @ camera_from_target.rotation[:, None]
         return off, np.concatenate([shift, np.cross(self.points_in_target[:, None], shift)], -1), by_lens

@@ -20,7 +20,7 @@ from basecal.exchange.bags.tracks import read_tracks
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.described_target import UNSAID, Shape, target_entry
 from basecal.exchange.importing.imported import Imported
-from basecal.exchange.importing.name_options import paired
+from basecal.exchange.importing.name_options import parse_name_options
 from basecal.exchange.pictures import picture_size
 
 Progress = Callable[[int, int], None]
@@ -173,15 +173,15 @@ def _request(
     robot: tuple[str, ...], camera: tuple[str, ...], view: tuple[str, ...], carriers: tuple[str, ...], tf: bool
 ) -> Asked:
     views = {}
-    for names, words in paired("--view", view, "CAMERA,TARGET=/TOPIC").items():
+    for names, words in parse_name_options("--view", view, "CAMERA,TARGET=/TOPIC").items():
         eye, _, target = names.partition(",")
         if not eye or not target:
             raise UsageError(f"--view {names}={words}: expected CAMERA,TARGET=/TOPIC")
         views[eye, target] = words
     return Asked(
-        paired("--robot", robot, "NAME=BASE,FLANGE"),
-        paired("--camera", camera, "NAME=/TOPIC"),
+        parse_name_options("--robot", robot, "NAME=BASE,FLANGE"),
+        parse_name_options("--camera", camera, "NAME=/TOPIC"),
         views,
-        paired("--on", carriers, "NAME=ROBOT"),
+        parse_name_options("--on", carriers, "NAME=ROBOT"),
         tf,
     )

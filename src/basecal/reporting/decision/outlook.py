@@ -26,7 +26,7 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
     across = fitted_scale([count for count, _ in points], _LEFT, _WIDTH - _RIGHT, logarithmic=False)
     up = fitted_scale([*(1e3 * length for _, length in points), *limits], _HEIGHT - _BOTTOM, _TOP)
     parts = horizontal_rules(up, _LEFT, _WIDTH - _RIGHT)
-    places = [(across.at(count), up.at(1e3 * length)) for count, length in points]
+    places = [(across.position(count), up.position(1e3 * length)) for count, length in points]
     parts.append(element("path", class_="median", d="M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in places)))
     step = -(-len(points) // _LABELLED)
     for k, ((count, length), (x, y)) in enumerate(zip(points, places, strict=True)):
@@ -36,7 +36,7 @@ def error_curve(title: str, points: Sequence[tuple[int, float]], tolerance_m: fl
             place = {"x": f"{x:.1f}", "y": _HEIGHT - 8, "text_anchor": "middle"}
             parts.append(element("text", str(count), class_="tick", **place))
     for limit in limits:
-        parts.append(element("path", class_="level", d=f"M{_LEFT} {up.at(limit):.1f}H{_WIDTH - _RIGHT}"))
+        parts.append(element("path", class_="level", d=f"M{_LEFT} {up.position(limit):.1f}H{_WIDTH - _RIGHT}"))
     also = f" Dashed: the tolerance, {limits[0]:.3g} mm." if limits else ""
     ends = [points[0], *points[-1:]]
     said = ", ".join(f"{two_digits(1e3 * length)} mm with {count}" for count, length in ends)

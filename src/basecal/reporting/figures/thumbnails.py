@@ -86,8 +86,8 @@ def thumbnails(
     if recording.folder is None or not images or not residuals:
         return None
     views = sorted(_views(residuals, images), key=lambda view: -view.rms_px)
-    chosen = [view for view in views if not view.left_out][:_MOST_USED]
-    chosen += [view for view in views if view.left_out][:_MOST_LEFT_OUT]
+    chosen = [view for view in views if not view.is_unused][:_MOST_USED]
+    chosen += [view for view in views if view.is_unused][:_MOST_LEFT_OUT]
     rms = calibration.residuals.rms_px or max((view.rms_px for view in chosen), default=0.0)
     longest_px = nice_ceiling(2 * rms)
     pictures = list(_pictures(cell, Path(recording.folder), images, chosen, longest_px))
@@ -158,9 +158,9 @@ def _pictures(
         if jpeg is None or size_px is None or len(jpeg) > room:
             continue
         room -= len(jpeg)
-        state = ", left out" if view.left_out else ""
+        state = ", left out" if view.is_unused else ""
         words = f"{view.camera}, {view.rms_px:.3g} px rms{state}"
-        yield Thumbnail(_drawing(view, jpeg, size_px, longest_px), view.sample, words, view.left_out)
+        yield Thumbnail(_drawing(view, jpeg, size_px, longest_px), view.sample, words, view.is_unused)
 
 
 def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:
