@@ -148,7 +148,7 @@ def _moved(cell: Cell, clean: Calibration, other: Calibration) -> bool:
     return False
 
 
-def _is_named(case: Case, mutation: Mutation, found: Calibration) -> bool:
+def is_named(case: Case, mutation: Mutation, found: Calibration) -> bool:
     """Whether a finding holds the code and the names of the mix-up, or of one that is exactly exchangeable."""
     if (case.kind, mutation.name) in AMBIGUOUS:
         return any(f.code == "ambiguous-convention" and mutation.code in f.message for f in found.findings)
@@ -167,7 +167,7 @@ def trial(case: Case, clean: Calibration, mutation: Mutation) -> Trial:
     found = calibrate(mutation.cell, recording)
     took = time.process_time() - began
     moved = _moved(case.cell, clean, found)
-    named = _is_named(case, mutation, found)
+    named = is_named(case, mutation, found)
     outcome = "named" if named else "missed" if moved else "harmless"
     codes = [f.code for f in found.findings if f.severity != "info"]
     passed = moved and found.verdict == "good"

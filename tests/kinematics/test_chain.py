@@ -57,7 +57,7 @@ def test_link_jacobian_is_a_derivative(chain, joints):
     def moved(d):
         return (flange_from_base @ chain.perturb_links(d.reshape(-1, 6)).forward(joints)).log()
 
-    check_derivative(moved, chain.link_jacobian(joints))
+    check_derivative(moved, chain.posture(joints).link_derivative)
 
 
 def test_joint_offset_is_a_link_parameter(chain, joints):
@@ -87,7 +87,7 @@ def test_leading_axes_are_a_batch(chain, shape):
     joints = np.random.default_rng(4).uniform(-2, 2, (*shape, chain.n))
     assert chain.forward(joints).matrix.shape == (*shape, 4, 4)
     assert chain.jacobian(joints).shape == (*shape, 6, chain.n)
-    assert chain.link_jacobian(joints).shape == (*shape, 6, 6 * (chain.n + 1))
+    assert chain.posture(joints).link_derivative.shape == (*shape, 6, 6 * (chain.n + 1))
     one_by_one = [chain.forward(q).matrix for q in joints.reshape(-1, chain.n)]
     np.testing.assert_allclose(
         chain.forward(joints).matrix.reshape(-1, 4, 4), np.reshape(one_by_one, (-1, 4, 4)), atol=1e-15
@@ -113,7 +113,7 @@ def test_wrong_shapes_are_refused(chain):
     with pytest.raises(InputError, match="expected"):
         chain.jacobian(np.float64(0.0))
     with pytest.raises(InputError, match="expected"):
-        chain.link_jacobian(np.zeros((chain.n, 1)))
+        chain.posture(np.zeros((chain.n, 1)))
     with pytest.raises(InputError, match="link_tangents"):
         chain.perturb_links(np.zeros((chain.n, 6)))
 
@@ -148,7 +148,7 @@ def test_a_batch_of_arms_is_each_by_itself(chain, joints):
             at = arms.posture(taken)
             np.testing.assert_allclose(at.base_from_flange.matrix[k], alone.forward(mine).matrix, atol=1e-14)
             np.testing.assert_allclose(at.joint_derivative[k], alone.jacobian(mine), atol=1e-14)
-            np.testing.assert_allclose(at.link_derivative[k], alone.link_jacobian(mine), atol=1e-14)
+            np.testing.assert_allclose(at.link_derivative[k], alone.posture(mine).link_derivative, atol=1e-14)
 
 
 def test_batches_of_origins_and_of_the_tip_are_alike(chain):

@@ -8,7 +8,7 @@ import pytest
 from basecal.errors import InputError
 from basecal.geometry import SE3
 from basecal.vision.draw.render import RenderSettings, expose, radiance
-from basecal.vision.picture_motion import picture_shift, reduce_picture, shift_between
+from basecal.vision.picture_motion import reduce_picture, shift_between
 from shared.facing_arms import facing_arms
 
 WORLD = facing_arms()
@@ -24,6 +24,11 @@ def levels(px):
 
 
 STILL = levels(0.0)
+
+
+def picture_shift(first, second):
+    """How far a picture moves [px]."""
+    return shift_between(reduce_picture(first), reduce_picture(second))
 
 
 def test_noise_is_no_motion():

@@ -14,7 +14,6 @@ from basecal.exchange.importing.text_table import TextTable, read_text_table, ro
 from basecal.exchange.touch_table import as_name
 from basecal.geometry import Array
 
-_TARGET_COLUMNS = ("target", "reflector", "point", "marker", "name")
 _AXES = ("x", "y", "z")
 _ACCEPTED = "expected a header with x, y, z and their unit, such as x_mm, y_mm, z_mm"
 

@@ -82,10 +82,6 @@ class SerialChain:
         """Derivative of `base_from_flange` to the joints, (..., 6, n); see `ChainPosture.joint_derivative`."""
         return self.posture(joints).joint_derivative
 
-    def link_jacobian(self, joints: Array) -> Array:
-        """Derivative of `base_from_flange` to the links, (..., 6, 6 (n + 1)); see `ChainPosture.link_derivative`."""
-        return self.posture(joints).link_derivative
-
     def posture(self, joints: Array) -> ChainPosture:
         """The arm at some joints, with its derivatives.
 

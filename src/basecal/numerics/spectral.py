@@ -143,11 +143,6 @@ def holds_information(values: Array, rounding: float = ROUNDING) -> BoolArray:
     return np.asarray(values > rounding * np.maximum(values[..., -1:], _SMALLEST_DIVISOR))
 
 
-def independent(values: Array) -> int:
-    """The rank that singular values, (k,) falling, of exact columns show."""
-    return int(np.count_nonzero(values > INDEPENDENT_SHARE * np.max(values, initial=_SMALLEST_DIVISOR)))
-
-
 def least_norm(rows: Array, right: Array) -> Array:
     """The smallest of the least-squares solutions of `rows @ x = right`, (m, k) and (m,) to (k,)."""
     return np.asarray(np.linalg.lstsq(rows, right, rcond=INDEPENDENT_SHARE)[0], dtype=np.float64)

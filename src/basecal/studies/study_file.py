@@ -32,7 +32,6 @@ _MOST_VIEWED = 20_000  # points of a trial: 256 trials side by side take some hu
 _USUAL_POINTS = 36  # of the boards that are seen where none is given
 _LONGEST_TEXT = 10_000  # characters of what is said about a study
 
-_Count = Annotated[int, Field(ge=1, le=100_000)]
 _Size = Annotated[float, Field(ge=0, le=LARGEST_VALUE)]
 _Share = Annotated[float, Field(ge=0, le=1)]
 _Factor = Annotated[float, Field(ge=0.5, le=2)]

@@ -33,17 +33,16 @@ def reduce_picture(picture: Image) -> Levels:
     return np.asarray(cv2.GaussianBlur(fewer, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
 
-def picture_shift(first: Image, second: Image) -> float:
-    """The largest shift of any part of the picture beyond its noise [px]; 0 if nothing has structure.
+def shift_between(first: Levels, second: Levels) -> float:
+    """The largest shift of any part of a picture beyond its noise [px]; 0 if nothing has structure.
+
+    Args:
+        first: The picture, made by `reduce_picture`.
+        second: The next one, likewise.
 
     Raises:
         InputError: if the pictures differ in size.
     """
-    return shift_between(reduce_picture(first), reduce_picture(second))
-
-
-def shift_between(first: Levels, second: Levels) -> float:
-    """As `picture_shift`, of pictures made `reduce_picture`."""
     if first.shape != second.shape:
         raise InputError("pictures of different sizes are not of one camera")
     middle, change = cv2.addWeighted(first, 0.5, second, 0.5, 0.0), second - first

@@ -21,18 +21,20 @@ from quick import quick
 
 def test_integrating_over_sigmas_widens_the_covariance(found):
     """The most likely sigmas are stationary, and the covariance integrated over them is larger than at them."""
-    assert np.abs(found.mode_posterior.slope() + found.prior.value(found.logs)[1]).max() < 0.1
-    whole = integrated_covariance([found], found.mode_posterior.step)
-    assert np.trace(whole[:6, :6]) > 1.02 * np.trace(found.mode_posterior.covariance[:6, :6])
+    assert np.abs(posterior(found.model, found.logs).slope() + found.prior.value(found.logs)[1]).max() < 0.1
+    whole = integrated_covariance([found], posterior(found.model, found.logs).step)
+    assert np.trace(whole[:6, :6]) > 1.02 * np.trace(posterior(found.model, found.logs).covariance[:6, :6])
 
 
 def test_models_count_by_how_much_likelier_one_is(found):
     """However unlikely both are: of two alike the covariance is that of either."""
     found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
-    alone = integrated_covariance([found], found.mode_posterior.step)
+    alone = integrated_covariance([found], posterior(found.model, found.logs).step)
     for surprise in (-1e5, 0.0, 1e5):
         both = [replace(found, surprise=surprise), replace(found, surprise=surprise)]
-        np.testing.assert_allclose(integrated_covariance(both, found.mode_posterior.step), alone, rtol=1e-9)
+        np.testing.assert_allclose(
+            integrated_covariance(both, posterior(found.model, found.logs).step), alone, rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize(("samples", "seed", "nodes"), quick([(4, 2, 1500), (5, 3, 4000)], [(4, 2, 1500)]))
@@ -45,14 +47,14 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
     model = mixed_model(*at_truth(replace(NOISY, samples=samples), seed), ROBOTS)
     prior = hyperpriors(model, dict.fromkeys(ROBOTS, 0.5))
     found = sigma_posterior(model, prior)
-    whole = integrated_covariance([found], found.mode_posterior.step)[:6, :6]
+    whole = integrated_covariance([found], posterior(found.model, found.logs).step)[:6, :6]
     rng, width = np.random.default_rng(seed), 2.0 * np.linalg.cholesky(found.covariance)
     total, weight = np.zeros((6, 6)), 0.0
     for _ in range(nodes):
         step = rng.standard_normal(len(found.logs))
         known = solve_columns(model, found.logs + width @ step)
         minus_log = 0.5 * (known.value + prior.value(known.logs)[0] - found.surprise) - 0.5 * step @ step
-        off = (known.step - found.mode_posterior.step)[:6]
+        off = (known.step - posterior(found.model, found.logs).step)[:6]
         share = np.exp(-minus_log)
         total += share * (known.covariance[:6, :6] + np.outer(off, off))
         weight += share
@@ -91,7 +93,7 @@ def found():
 def test_surprise_is_laplaces(found):
     """Minus twice the log of the height at the mode times what a normal of that covariance covers."""
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
-    here = found.mode_posterior
+    here = posterior(found.model, found.logs)
     height = here.value + found.prior.value(found.logs)[0]
     assert found.surprise == pytest.approx(height - np.linalg.slogdet(2 * np.pi * found.covariance)[1], rel=1e-9)
     information = 0.5 * (here.average_information() + found.prior.curvature)

@@ -96,7 +96,7 @@ def test_links_that_pass_through_joints_are_no_columns(arm, joints):
 def test_what_a_free_base_and_mounts_take_up_is_no_link_error(arm, joints):
     """The 18 columns left and the two transforms span all that the 42 and the transforms do."""
     basis = links_told(arm, joints, (True, True))
-    links, poses = arm.link_jacobian(joints), arm.forward(joints)
+    links, poses = arm.posture(joints).link_derivative, arm.forward(joints)
     ends = np.concatenate([poses.inverse().adjoint(), np.broadcast_to(np.eye(6), (30, 6, 6))], -1)
     kept = np.concatenate([links @ basis, ends], -1).reshape(180, -1)
     every = np.concatenate([links, ends], -1).reshape(180, -1)
@@ -110,7 +110,7 @@ def test_links_are_the_smallest_that_do_the_same(arm, joints):
     passed = np.zeros(42)
     passed[9:12] = arm.axes[1]
     passed[12:18] = -arm.origins[2].inverse().adjoint() @ np.append(np.zeros(3), arm.axes[1])
-    assert np.abs(arm.link_jacobian(joints) @ passed).max() < 1e-12
+    assert np.abs(arm.posture(joints).link_derivative @ passed).max() < 1e-12
     np.testing.assert_allclose(basis.T @ (passed / np.tile([0.5] * 3 + [1.0] * 3, 7)), 0, atol=1e-6)
 
 

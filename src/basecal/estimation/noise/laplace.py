@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Columns, Posterior, posterior, solve_columns
+from basecal.estimation.noise.reml import Columns, posterior, solve_columns
 from basecal.estimation.noise.secant import Secant, correct_curvature
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
@@ -65,11 +65,6 @@ class SigmaPosterior:
     logs: Array
     covariance: Array
     surprise: float
-
-    @property
-    def mode_posterior(self) -> Posterior:
-        """What is known at the most likely sigmas."""
-        return posterior(self.model, self.logs)
 
     @cached_property
     def columns(self) -> Columns:

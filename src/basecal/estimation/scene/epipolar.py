@@ -11,7 +11,6 @@ from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.geometry.rotation import cross_matrix
 
 _MIXING = 7919, 10007  # a prime times a view's index modulo another spreads neighbours in time
-_FOCAL_STEP = 1e-6  # [1] of the logarithm, of a difference that gives a slope
 
 
 @dataclass(frozen=True, eq=False)
