@@ -1,0 +1,284 @@
+"""What each rescue saves: the cells that are answered worse while it is switched off.
+
+A rescue is a part that only data in trouble reach: another start, a search among subsets, points judged by their view.
+Each is replaced by doing nothing. Cells of `benchmarks.starts` and `benchmarks.outliers`, a long ring of robots, cells
+and real recordings of `benchmarks.reference` and mix-ups of `benchmarks.mutations` are solved as they are first, and
+each rescue's action is noted; without the rescue only cells in which it acted are solved again, for all others are
+equal. A start is worse if it ends in another optimum than from the truth; outliers are worse if the base is twice as
+far off as the oracle's, or fewer are found; an answer differs if a verdict, a finding, a transform or a sigma does; a
+mix-up is worse if it is no longer named, or passes for good. A rescue that saves nothing has no place in the package.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from tests.shared.kinds import KINDS
+from tests.shared.mutate import Mutation, lines_of, mutations, recording_of
+from tests.shared.start_trial import trial as start_trial
+
+from basecal.accuracy.calibrate import calibrate
+from basecal.estimation.outliers.inlier_mask import all_inliers
+from basecal.simulation import Scenario
+from benchmarks import mutations as mix_ups
+from benchmarks import outliers
+from benchmarks.common import on_one_core, table, write
+from benchmarks.reference.answers import answer, differences
+from benchmarks.reference.cases import cases
+
+RING = "ring of ten robots"
+OVER_ORACLE = 2.0  # times the oracle's error: beyond, the answer is another one
+FIRST_SEED = 30000  # of outliers: none that anything was set by
+_START, _OUTLIERS = "basecal.estimation.start.", "basecal.estimation.outliers."
+_CHECKS, _STAGES = "basecal.accuracy.input_check.", "basecal.accuracy.stages."
+KINDS.setdefault(RING, replace(Scenario(layout="chain"), robots=10))
+
+Answer = Any
+Before = tuple[Answer, list[str]]
+"""An answer with every rescue in place, and those that acted."""
+
+
+class Rescue(NamedTuple):
+    """What is switched off.
+
+    Attributes:
+        module: Where its name is looked up.
+        name: Of a function there, or of a class and its method.
+        instead: What stands there instead.
+        acted: Whether a result is that of a rescue that acted.
+    """
+
+    module: str
+    name: str
+    instead: Callable[..., Any]
+    acted: Callable[[Any], bool] = lambda _: True
+
+
+def _unflipped(group: Any, *_: Any) -> Any:
+    return np.zeros(len(group), dtype=bool)
+
+
+RESCUES: dict[str, Rescue] = {
+    "all pairs of a long ring at once": Rescue(_START + "first_state", "placed_by_pairs", lambda *_: {}, bool),
+    "pairs of a ring restarted alone": Rescue(_START + "all_pairs", "_restart_pairs", lambda wishes: wishes),
+    "another start where the first is implausible": Rescue(
+        "basecal.estimation.solve", "_is_plausible", lambda *_: True, lambda found: not found
+    ),
+    "grids read from their other end": Rescue(_START + "pair_views", "turned_views", _unflipped, np.any),
+    "both poses of ambiguous views": Rescue(
+        _START + "pair_views", "PairViews.ambiguous_loop", lambda *_: None, lambda found: found is not None
+    ),
+    "bases turned about their contacts": Rescue(_START + "first_state", "turned_starts", lambda *_: ()),
+    "points judged by their view": Rescue(
+        _OUTLIERS + "robust_solve",
+        "agreeing_points",
+        lambda problem, *_: all_inliers(problem).points,
+        lambda found: not all(np.all(each) for each in found),
+    ),
+    "random points of a view": Rescue(
+        _OUTLIERS + "view_ransac",
+        "_subsets",
+        lambda seen: np.zeros((0, *seen.shape), dtype=bool),
+        lambda of: len(of) > 2,
+    ),
+    "views taken back": Rescue(_OUTLIERS + "classify", "_readmit", lambda _model, _problem, inliers, *_: inliers),
+    "graduated truncation": Rescue(_OUTLIERS + "robust_solve", "_anneal", lambda _full, _kept, state: state),
+    "subsets of samples": Rescue(_OUTLIERS + "robust_solve", "subset_states", lambda *_: ()),
+    "random subsets of samples": Rescue(_OUTLIERS + "subset_starts", "_subsets", lambda *_: iter(())),
+    "subsets drawn on": Rescue(_OUTLIERS + "subset_starts", "_concentrate", lambda _, states: states),
+    "all starts of a light": Rescue(_OUTLIERS + "subset_starts", "light_states", lambda *_: ()),
+    "samples that alone agree": Rescue(_OUTLIERS + "robust_solve", "agreeing_samples", lambda *_: (), bool),
+    "judged again by other sigmas": Rescue(_OUTLIERS + "noise_and_outliers", "judge_again", lambda *_: None),
+    "stated lenses widened": Rescue(_STAGES + "solving", "with_likely_lenses", lambda robust, *_: robust),
+    "fits of most views": Rescue(_CHECKS + "hypothesis_fit", "_concentrate", lambda solution, _: solution),
+    "rare mix-ups of the input": Rescue(_CHECKS + "conventions", "rare_hypotheses", lambda *_: []),
+    "half turns of flanges": Rescue(_CHECKS + "conventions", "half_turns", lambda *_: [], bool),
+    "pairing that slips": Rescue(_CHECKS + "conventions", "pairing_errors", lambda *_: [], bool),
+    "sizes of targets": Rescue(_CHECKS + "conventions", "size_hypotheses", lambda *_: [], bool),
+    "lenses freed": Rescue(_CHECKS + "hypotheses", "_lens_hypotheses", lambda *_: ()),
+    "transforms freed": Rescue(_CHECKS + "hypotheses", "_fixed_transform_hypotheses", lambda *_: ()),
+    "offsets that explain": Rescue(_STAGES + "solving", "explaining_offsets", lambda *_: []),
+}
+
+
+def _place(rescue: Rescue) -> tuple[Any, str]:
+    *owners, name = rescue.name.split(".")
+    place: Any = importlib.import_module(rescue.module)
+    for each in owners:
+        place = getattr(place, each)
+    return place, name
+
+
+@contextmanager
+def put(rescue: Rescue, there: Callable[..., Any]) -> Iterator[None]:
+    """Within, something else stands where the rescue is."""
+    place, name = _place(rescue)
+    kept = getattr(place, name)
+    setattr(place, name, there)
+    try:
+        yield
+    finally:
+        setattr(place, name, kept)
+
+
+def noted(name: str, rescue: Rescue, acted: set[str]) -> Callable[..., Any]:
+    """The rescue, which adds its name to `acted` if it acts."""
+    place, own = _place(rescue)
+    kept = getattr(place, own)
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        """As the rescue."""
+        found = kept(*arguments, **options)
+        if rescue.acted(found):
+            acted.add(name)
+        return found
+
+    return call
+
+
+def _start_of(kind: str, seed: int) -> bool:
+    """Whether a start ends in the best optimum, or no optimum can be told."""
+    return start_trial(kind, seed).verdict != "other"
+
+
+def _outliers_of(name: str, seed: int) -> list[int]:
+    """Whether the base is as good as the oracle's within the factor, and how many outliers are found."""
+    made = outliers.trial(name, FIRST_SEED + seed)
+    near = all(ours <= OVER_ORACLE * best for ours, best in zip(made.ours, made.oracle, strict=True))
+    return [int(near), made.found]
+
+
+@lru_cache(maxsize=1)
+def _mix_ups() -> dict[str, tuple[mix_ups.Case, Mutation]]:
+    every = [*mix_ups.real(), *mix_ups.simulated()]
+    return {f"{c.name}: {m.name}": (c, m) for c in every for m in mutations(c.cell, lines_of(c.recording), c.seed)}
+
+
+def _mix_up_of(name: str, _seed: int) -> list[int]:
+    """Whether a mix-up is named, and whether it does not pass for good."""
+    case, mutation = _mix_ups()[name]
+    found = calibrate(mutation.cell, recording_of(mutation.lines(lines_of(case.recording)), mutation.cell))
+    return [int(mix_ups.is_named(case, mutation, found)), int(found.verdict != "good")]
+
+
+MEASURES: dict[str, Callable[[str, int], Answer]] = {
+    "start": _start_of,
+    "outliers": _outliers_of,
+    "answer": lambda name, _: answer(name),
+    "mix-up": _mix_up_of,
+}
+_FAILED: dict[str, Answer] = {
+    "start": False,
+    "outliers": [0, -1],
+    "answer": {"verdict": "failed", "findings": [], "transforms": {}},
+    "mix-up": [0, 1],
+}
+
+Job = tuple[str, str, int]
+
+
+def jobs_of(seeds: int, every: int) -> list[Job]:
+    """What is measured: by measure, name and seed."""
+    starts = [("start", kind, seed) for seed in range(seeds) for kind in KINDS]
+    spoilt = [("outliers", name, seed) for seed in range(seeds) for name in outliers.CASES]
+    names = list(cases())
+    few = [name for name in names if not name.startswith("simulated")]
+    few += [name for name in names if name.startswith("simulated")][::every]
+    mixed = list(_mix_ups())[::every]
+    return [*starts, *spoilt, *(("answer", name, 0) for name in few), *(("mix-up", name, 0) for name in mixed)]
+
+
+def measure(job: Job) -> Answer:
+    """One cell."""
+    kind, name, seed = job
+    try:
+        return MEASURES[kind](name, seed)
+    except (np.linalg.LinAlgError, ArithmeticError, AssertionError, ValueError, IndexError):
+        return _FAILED[kind]
+
+
+def is_worse(kind: str, before: Answer, after: Answer) -> bool:
+    """Whether an answer is worse without a rescue; of whole answers, whether it differs."""
+    if kind == "answer":
+        return any(differences(before, after))
+    return any(b > a for b, a in zip(np.atleast_1d(before), np.atleast_1d(after), strict=True))
+
+
+def measured_before(job: Job) -> Before:
+    """One cell with all rescues in place, and the names of those that acted."""
+    acted: set[str] = set()
+    with ExitStack() as stack:
+        for name, rescue in RESCUES.items():
+            stack.enter_context(put(rescue, noted(name, rescue, acted)))
+        found = measure(job)
+    return found, sorted(acted)
+
+
+class Kept:
+    """Answers that a file keeps, so that a run goes on where it was broken off."""
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
+        self.found: dict[tuple[Any, ...], Any] = {tuple(key): value for key, value in map(json.loads, lines)}
+
+    def get(self, key: tuple[Any, ...], work: Callable[[], Any]) -> Any:
+        """What is kept, or was worked out now and is kept from now on."""
+        if key not in self.found:
+            self.found[key] = json.loads(json.dumps(work()))
+            if self.path is not None:
+                with self.path.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps([key, self.found[key]]) + "\n")
+        return self.found[key]
+
+
+def saved(kept: Kept, name: str, jobs: Sequence[Job], before: Mapping[Job, Before]) -> dict[str, Any]:
+    """By measure in how many cells a rescue acted, and those that are worse without it."""
+    rescue, acted = RESCUES[name], [job for job in jobs if name in before[job][1]]
+    worse: dict[str, list[str]] = {kind: [] for kind in MEASURES}
+    with put(rescue, rescue.instead):
+        for job in acted:
+            after = kept.get((name, *job), lambda job=job: measure(job))  # type: ignore[misc]
+            if is_worse(job[0], before[job][0], after):
+                worse[job[0]].append(f"{job[1]} {job[2]}" if job[0] in ("start", "outliers") else job[1])
+    return {"acted": {kind: sum(job[0] == kind for job in acted) for kind in MEASURES}, "worse": worse}
+
+
+def main(arguments: list[str]) -> None:
+    """Run, print; the whole run also writes results/rescues.json."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.rescues", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=8, help="of each kind of start and outlier")
+    parser.add_argument("--every", type=int, default=6, help="each so many of the simulated cells and the mix-ups")
+    parser.add_argument("--only", default="", help="rescues whose name has this")
+    parser.add_argument("--keep", type=Path, default=None, metavar="FILE", help="go on with a run")
+    parser.add_argument("--part", type=int, nargs=2, default=(0, 1), metavar=("K", "N"), help="the K-th of N parts")
+    asked = parser.parse_args(arguments)
+    on_one_core()
+    part, parts = asked.part
+    jobs, kept = jobs_of(asked.seeds, asked.every)[part::parts], Kept(asked.keep)
+    before = {job: kept.get(("", *job), lambda job=job: measured_before(job)) for job in jobs}
+    counts = {kind: sum(job[0] == kind for job in jobs) for kind in MEASURES}
+    rows, found = [], {}
+    for name in (each for each in RESCUES if asked.only in each):
+        found[name] = saved(kept, name, jobs, before)
+        of = found[name]
+        rows.append((name, *(f"{len(of['worse'][k])} of {of['acted'][k]}" if of["acted"][k] else "" for k in MEASURES)))
+        print(*rows[-1], sep="  ", flush=True)
+    head = ("without", *(f"{kind}: worse of those where it acted, of {counts[kind]}" for kind in MEASURES))
+    print("\n" + table(head, rows))
+    if not asked.only and parts == 1:
+        write("rescues", {"counts": counts, "rescues": found})
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
