@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -20,6 +20,8 @@ _PLACES = {
 class ManualHook(BuildHookInterface):  # type: ignore[type-arg]
     """Adds them where the package can be imported: `make dist` builds in an environment that holds what it needs."""
 
+    _folder: TemporaryDirectory[str] | None = None
+
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Write the files, and name where they are installed."""
         sys.path.insert(0, str(Path(self.root) / "src"))
@@ -27,7 +29,13 @@ class ManualHook(BuildHookInterface):  # type: ignore[type-arg]
             from basecal.cli.completion import script
         except ImportError:
             return
-        folder = Path(mkdtemp())
+        self._folder = TemporaryDirectory()
+        folder = Path(self._folder.name)
         for kind, place in _PLACES.items():
             (folder / kind).write_text(script(kind) + "\n", encoding="utf-8")
             build_data["shared_data"][str(folder / kind)] = place
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the files: the wheel holds them."""
+        if self._folder:
+            self._folder.cleanup()
