@@ -11,7 +11,7 @@ import pytest
 
 from basecal.cell.format.yaml_text import parse_yaml, yaml_text
 from basecal.cli import build_app, main
-from basecal.cli.task_point import split_numbers
+from basecal.cli.typed_words import normalise_words
 from tests.recipes.test_recipes import LISTED
 
 ROOT = Path(__file__).parents[1]
@@ -35,7 +35,7 @@ def test_every_command_is_taken(page: Path) -> None:
     """Verb, options and values are such as the program has; nothing is run."""
     app = build_app()
     for words in commands(page):
-        app.parse_args(list(split_numbers(words)), exit_on_error=False, print_error=False)
+        app.parse_args(list(normalise_words(words)), exit_on_error=False, print_error=False)
 
 
 def test_commands_are_found() -> None:

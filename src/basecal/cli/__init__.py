@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 
 from basecal.cli.study import study
-from basecal.cli.task_point import split_numbers
 from basecal.cli.terminal import say
+from basecal.cli.typed_words import normalise_words
 from basecal.errors import BasecalError, DatasetError
 
 _VERBS = {
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         _own_process()
     try:
-        words = list(split_numbers(sys.argv[1:] if arguments is None else arguments))
+        words = list(normalise_words(sys.argv[1:] if arguments is None else arguments))
         result = build_app(words)(words, exit_on_error=False, print_error=False)
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -1,0 +1,42 @@
+"""Words as they are typed."""
+
+from __future__ import annotations
+
+import pytest
+
+from basecal.cli import build_app
+from basecal.cli.typed_words import normalise_words
+
+
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [
+        (["--task-point", "0.8 -0.1 0.3", "--json"], ["--task-point", "0.8", "-0.1", "0.3", "--json"]),
+        (["--task-point", "-1, 2, 3"], ["--task-point", "-1", "2", "3"]),
+        (["--task-box=0 0 0 1 1 1"], ["--task-box", "0", "0", "0", "1", "1", "1"]),
+        (["--task-point", "1", "2", "3"], ["--task-point", "1", "2", "3"]),
+        (["plan", "a cell", "--output=b c"], ["plan", "a cell", "--output=b c"]),
+        (["--task-point", ""], ["--task-point", ""]),
+    ],
+)
+def test_quoted_numbers_come_apart(typed, words):
+    """After the options that take several numbers, and nowhere else."""
+    assert list(normalise_words(typed)) == words
+
+
+@pytest.mark.parametrize("words", ["--scene a", "a --scene", "--scene --json a"])
+def test_a_scene_alone_takes_no_word(words):
+    """The folder after `--scene` is the folder of the cell."""
+    assert arguments(words) == ("a", True)
+
+
+@pytest.mark.parametrize("words", ["--scene also a", "a --scene also", "--scene=also a"])
+def test_a_scene_beside_targets(words):
+    assert arguments(words) == ("a", "also")
+
+
+def arguments(words):
+    """The folder of the cell and the scene that `calibrate` is given by the words after it."""
+    typed = list(normalise_words(["calibrate", *words.split()]))
+    _, bound, _ = build_app(typed).parse_args(typed, exit_on_error=False, print_error=False)
+    return str(bound.arguments["cell"]), bound.arguments["scene"]
