@@ -39,8 +39,8 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
     """
     style, sources = own_file("templates/page.css"), [own_file(script) for script in scripts]
     allowed = policy(style, sources, is_served)
-    own = {"style": Markup(style), "scripts": list(map(Markup, sources)), "policy": allowed}
-    return environment().get_template(template).render(**own, **values)
+    own = {"scene_json": None, "style": Markup(style), "scripts": list(map(Markup, sources)), "policy": allowed}
+    return environment().get_template(template).render(own | values)
 
 
 def _mark_code(text: str) -> Markup:
