@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+import scipy  # its parts are loaded when they are first used
 
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import ROUNDING
@@ -22,7 +21,7 @@ _CHUNK_COLUMNS = 512  # right-hand sides that are solved for together: some tens
 class SparseHessian:
     """A symmetric, positive semidefinite matrix (p, p), mostly zeros."""
 
-    matrix: csc_array
+    matrix: scipy.sparse.csc_array
 
     def quadratic(self, step: Array) -> Array:
         """`step' H step` of steps (1, p), (1,)."""
@@ -37,7 +36,7 @@ class SparseHessian:
         if not np.isfinite(self.matrix.data).all():  # as NumPy does, which says nothing of what is no number
             return np.full_like(gradient, np.nan)
         factor = _factorise(
-            self._scaled_matrix + float(damping[0]) * diags_array(np.ones(len(self._scale)), format="csc")
+            self._scaled_matrix + float(damping[0]) * scipy.sparse.diags_array(np.ones(len(self._scale)), format="csc")
         )
         step = -self._scale * factor.solve(self._scale * gradient[0])
         return np.asarray(step[None])
@@ -48,12 +47,12 @@ class SparseHessian:
         return np.asarray(1 / np.sqrt(np.maximum(diagonal, _LEAST_DIAGONAL * diagonal.max(initial=1e-300))))
 
     @cached_property
-    def _scaled_matrix(self) -> csc_array:
-        by = diags_array(self._scale, format="csc")
-        return csc_array(by @ self.matrix @ by)
+    def _scaled_matrix(self) -> scipy.sparse.csc_array:
+        by = scipy.sparse.diags_array(self._scale, format="csc")
+        return scipy.sparse.csc_array(by @ self.matrix @ by)
 
     @cached_property
-    def factor(self) -> SuperLU:
+    def factor(self) -> scipy.sparse.linalg.SuperLU:
         """Of the scaled matrix.
 
         Raises:
@@ -75,8 +74,8 @@ class SparseHessian:
 
     def rescale(self, scale: Array) -> SparseHessian:
         """The same of unknowns (p,) of which one is `scale` of the old."""
-        by = diags_array(scale, format="csc")
-        return SparseHessian(csc_array(by @ self.matrix @ by))
+        by = scipy.sparse.diags_array(scale, format="csc")
+        return SparseHessian(scipy.sparse.csc_array(by @ self.matrix @ by))
 
     def inverse_columns(self, columns: IntArray) -> Array:
         """Columns of the inverse, (p, c)."""
@@ -97,10 +96,13 @@ class SparseHessian:
         return 0.5 * (found + found.T)
 
 
-def _factorise(matrix: csc_array) -> SuperLU:
+def _factorise(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
     try:
-        return splu(
-            csc_array(matrix), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0
+        return scipy.sparse.linalg.splu(
+            scipy.sparse.csc_array(matrix),
+            permc_spec="MMD_AT_PLUS_A",
+            options={"SymmetricMode": True},
+            diag_pivot_thresh=0.0,
         )
     except RuntimeError as error:  # SciPy's own word for what NumPy calls a LinAlgError
         raise np.linalg.LinAlgError("the unknowns have no solution") from error
@@ -108,6 +110,8 @@ def _factorise(matrix: csc_array) -> SuperLU:
 
 def _largest_eigenvalue(size: int, apply: Callable[[Array], Array]) -> float:
     """The largest eigenvalue of a symmetric operator."""
-    operator = LinearOperator((size, size), matvec=apply, dtype=np.float64)
+    operator = scipy.sparse.linalg.LinearOperator((size, size), matvec=apply, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(size)  # the same in every run
-    return float(eigsh(operator, k=1, which="LA", v0=start, tol=_TOLERANCE, return_eigenvectors=False)[0])
+    return float(
+        scipy.sparse.linalg.eigsh(operator, k=1, which="LA", v0=start, tol=_TOLERANCE, return_eigenvectors=False)[0]
+    )

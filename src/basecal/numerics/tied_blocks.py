@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are loaded when they are first used
 
 from basecal.geometry import IntArray
 
@@ -54,8 +53,8 @@ def _components(pairs: IntArray, count: int) -> IntArray:
     """A number for each of so many nodes, that of all that pairs lead to, (count,)."""
     if not len(pairs):
         return np.arange(count)
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph)[1], dtype=np.int64)
+    graph = scipy.sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(scipy.sparse.csgraph.connected_components(graph)[1], dtype=np.int64)
 
 
 def _separator_nodes(pairs: IntArray, block_size: int) -> list[int]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csc_array
+import scipy  # its parts are loaded when they are first used
 
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival, closed_form_rival
 from basecal.accuracy.cross_validation.folds import Samples, splits
@@ -53,7 +53,7 @@ class _Fold:
         return self.fit.optimum.state
 
     @property
-    def hessian(self) -> Array | csc_array:
+    def hessian(self) -> Array | scipy.sparse.csc_array:
         """(p, p) information of the samples used."""
         return self.fit.optimum.hessian if self.fit.sparse is None else self.fit.sparse.matrix
 
@@ -281,7 +281,7 @@ def _spread(
     )
 
 
-def _information(solution: Solution) -> Array | csc_array:
+def _information(solution: Solution) -> Array | scipy.sparse.csc_array:
     """(p, p) of all samples, sparse where unknowns are many."""
     problem, state = solution.problem, solution.state
     if is_sparse(problem):
@@ -289,7 +289,7 @@ def _information(solution: Solution) -> Array | csc_array:
     return linearise(problem, state).hessian
 
 
-def _shared_covariance(first: _Fold, second: _Fold, hessian: Array | csc_array) -> Array:
+def _shared_covariance(first: _Fold, second: _Fold, hessian: Array | scipy.sparse.csc_array) -> Array:
     """Covariance of two folds' answers at unit noise, by the information of the samples that both of them used."""
     both = first.hessian if first is second else first.hessian + second.hessian - hessian
     shared: Array = first.columns.T @ (both @ second.columns)

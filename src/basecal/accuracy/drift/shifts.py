@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy  # its parts are loaded when they are first used
 from scipy.special import chdtri, chndtr, fdtri
 
 from basecal.accuracy.drift.innovations import Innovations
@@ -147,7 +147,9 @@ def detectable_m(shift: Shift, level: float, power: float) -> float | None:
         """The chance to see a shift of a length, less what is asked."""
         return 1 - float(np.mean(chndtr(threshold, shift.freedoms, length_m**2 * visible))) - power
 
-    return None if detection_chance(_LARGEST_M) < 0 else float(brentq(detection_chance, 0.0, _LARGEST_M, xtol=1e-9))
+    if detection_chance(_LARGEST_M) < 0:
+        return None
+    return float(scipy.optimize.brentq(detection_chance, 0.0, _LARGEST_M, xtol=1e-9))
 
 
 def _sphere(count: int) -> Array:

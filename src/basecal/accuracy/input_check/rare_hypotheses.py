@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # its parts are loaded when they are first used
 
 from basecal.accuracy.input_check.hypotheses import (
     ConventionHypothesis,
@@ -259,7 +259,8 @@ def _relist_rotations(convention: str, read: str, choose: Callable[[Array], Arra
     def relist(poses: SE3) -> SE3:
         """The poses whose three numbers, listed as `meant`, were read as `read`."""
         numbers = choose(_numbers(poses.rotation, read))
-        turned = Rotation.from_euler(convention, numbers) if convention else Rotation.from_rotvec(numbers)
+        of_numbers = scipy.spatial.transform.Rotation
+        turned = of_numbers.from_euler(convention, numbers) if convention else of_numbers.from_rotvec(numbers)
         return replace(poses, rotation=turned.as_matrix())
 
     return relist
@@ -289,7 +290,7 @@ def _shorter(numbers: Array) -> Array:
 
 def _numbers(rotation: Array, listing: str) -> Array:
     """The two lists of three numbers that give each rotation, (n, 2, 3) [rad]; of a rotation vector one, twice."""
-    turned = Rotation.from_matrix(rotation)
+    turned = scipy.spatial.transform.Rotation.from_matrix(rotation)
     if not listing:
         vector = turned.as_rotvec()
         angle = lengths(vector)[:, None]

@@ -8,7 +8,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import chndtr, chndtrix, gammainc
 
 from basecal.accuracy.residuals.evaluation import Evaluation
@@ -21,6 +20,8 @@ QUANTILE_LEVEL = 0.95
 _NODES = 12  # of either angle, with which quantiles of a covariance of any shape are exact to 1e-6
 _LEAST_QUANTILE = 1.95  # of a quantile in the largest sigma: that of a normal number, 1.96, has all others equal to 0
 _NEWTON_ROUNDS = 8
+_SECANT_ROUNDS = 60
+_SETTLED_SHARE = 1e-12  # of the probability, by which a quantile is found
 _MOST_DEVIATIONS = 1e3  # of a square, beyond which nothing is
 _CERTAIN_M2 = 1e-30  # [m^2] standard deviation of the square of a length that is certain
 _LEAST_SHARE = 1e-8  # of the largest variance: what is less is no length
@@ -88,10 +89,18 @@ def pooled_quantile(covariances: Array, means: Array) -> float:
     Each as in `_shifted_quantile`.
     """
     normals = _non_central(covariances, means)
-    most = float(np.max(normals.quantile()))
-    if len(covariances) == 1 or most == 0:
-        return most
-    return float(brentq(lambda length: normals.probability(length).mean() - QUANTILE_LEVEL, 0.0, 1.01 * most))
+    own = normals.quantile()
+    old, new = float(own.min()), float(own.max())
+    before, off = (normals.probability(end).mean() - QUANTILE_LEVEL for end in (old, new))
+    for _ in range(_SECANT_ROUNDS):
+        if abs(off) < _SETTLED_SHARE or before == off:
+            break
+        at = new - off * (new - old) / (off - before)
+        there = normals.probability(at).mean() - QUANTILE_LEVEL
+        # The end that stays counts half: else it would stay for ever. Source: Dowell & Jarratt 1971.
+        old, before = (new, off) if there * off < 0 else (old, before / 2)
+        new, off = at, there
+    return new
 
 
 def length_quantile(covariance: Array) -> float:

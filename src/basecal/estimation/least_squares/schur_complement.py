@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import SuperLU, splu
+import scipy  # its parts are loaded when they are first used
 
 from basecal.geometry import Array, IntArray
 from basecal.numerics.batch import SHARED
@@ -49,7 +48,7 @@ class SchurComplement:
     promised: Array
     log_det: Array
     precision: Array
-    factor: SuperLU | None
+    factor: scipy.sparse.linalg.SuperLU | None
 
     def covariance(self, first: IntArray, second: IntArray) -> Array:
         """Blocks (n, 6, 6) of the errors' covariance, the unknowns known, at pairs of stops (n,)."""
@@ -114,7 +113,7 @@ class SchurAccumulator:
                 self.gradient[..., of.stop, :] += to_gradient
                 self.by_unknowns[..., of.stop[:, None, None], np.arange(6)[:, None], columns] += to_unknowns
                 continue
-            sum_over = csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
+            sum_over = scipy.sparse.csr_array((np.ones(n), (of.stop, np.arange(n))), shape=(stops, n))
             self.diagonal += _sum_rows(sum_over, to_diagonal, 2)
             self.gradient += _sum_rows(sum_over, to_gradient, 1)
             self.by_unknowns[..., columns] += _sum_rows(sum_over, to_unknowns, 2)
@@ -155,7 +154,9 @@ class SchurAccumulator:
         solution, log_det = np.empty_like(right), np.empty(tuple(batch))
         for entry in np.ndindex(*batch):
             try:
-                factor = splu(self._matrix(entry), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+                factor = scipy.sparse.linalg.splu(
+                    self._matrix(entry), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+                )
             except RuntimeError as error:  # SciPy's own word for what NumPy calls a LinAlgError
                 raise np.linalg.LinAlgError("the stops that views share have no solution") from error
             solution[entry] = factor.solve(right[entry])
@@ -168,7 +169,7 @@ class SchurAccumulator:
         flat = self.gradient.reshape(*self.gradient.shape[:-2], -1)
         return np.asarray(np.sum(flat * solution[..., -1], -1))
 
-    def _matrix(self, entry: tuple[int, ...]) -> csc_array:
+    def _matrix(self, entry: tuple[int, ...]) -> scipy.sparse.csc_array:
         """The errors' information of one entry of the batch."""
         k = self.diagonal.shape[-3]
         pairs = [(a, b, block[entry]) for a, b, block in self.pairs]
@@ -179,10 +180,10 @@ class SchurAccumulator:
         at_column = 6 * np.concatenate(column)[:, None, None] + np.arange(6)
         values = np.concatenate(blocks)
         where = (np.broadcast_to(at_row, values.shape).ravel(), np.broadcast_to(at_column, values.shape).ravel())
-        return csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
+        return scipy.sparse.csc_array((values.ravel(), where), shape=(6 * k, 6 * k))
 
 
-def _sum_rows(summing: csr_array, rows: Array, axes: int) -> Array:
+def _sum_rows(summing: scipy.sparse.csr_array, rows: Array, axes: int) -> Array:
     """Sums over rows (..., n, *), with so many axes behind n."""
     first = np.moveaxis(rows, -1 - axes, 0)
     flat: Array = summing @ first.reshape(len(first), -1)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+import scipy  # its parts are loaded when they are first used
 
 from basecal.estimation.least_squares.equal_pairs import AlikePairs, group_pairs
 from basecal.estimation.least_squares.normal_equations import NormalEquations, prior_residuals, retract
@@ -68,7 +68,9 @@ class SparseBundle:
             gradient[columns] += jacobian.T @ residual
             blocks.append(_scatter_blocks(columns[None], (jacobian.T @ jacobian)[None]))
         rows, columns, values = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        matrix = csc_array(coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width)))
+        matrix = scipy.sparse.csc_array(
+            scipy.sparse.coo_array((values, (rows, columns)), shape=(self.problem.width, self.problem.width))
+        )
         eliminated = np.array([sum(float(of.eliminated_cost.sum()) for of in found)])
         return SparseNormalEquations(np.array([cost]), gradient[None], SparseHessian(matrix), eliminated, found, own)
 

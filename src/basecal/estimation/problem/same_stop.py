@@ -8,7 +8,6 @@ noise that is larger, only poses one after another are one place: of hundreds of
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from basecal.geometry import SE3, Array, IntArray
 
@@ -43,11 +42,25 @@ def _first_visits(places: Array) -> IntArray:
     order = np.argsort(at)
     first, distinct = at[order], places[at[order]]  # as they first appear
     owner = np.arange(len(distinct))
-    near = KDTree(distinct).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    near = _near_pairs(distinct)
     for early, late in near[np.lexsort((near[:, 0], near[:, 1]))]:
         if owner[early] == early and owner[late] == late:
             owner[late] = early
     return np.asarray(first[owner[np.argsort(order)[same.ravel()]]], dtype=np.int64)
+
+
+def _near_pairs(places: Array) -> IntArray:
+    """Pairs of rows (n, k), the lower one first, that are within 1 of each other in every coordinate, (m, 2).
+
+    Along the coordinate that spreads most hardly any others are within 1.
+    """
+    along = places[:, np.argmax(np.ptp(places, axis=0))]
+    order = np.argsort(along)
+    behind = np.searchsorted(along[order], along[order] + 1, side="right") - np.arange(len(order)) - 1
+    one = np.repeat(np.arange(len(order)), behind)
+    other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(behind) - behind, behind)
+    pairs = np.sort(order[np.stack([one, other], axis=1)], axis=1)
+    return np.asarray(pairs[np.all(np.abs(places[pairs[:, 0]] - places[pairs[:, 1]]) <= 1, axis=1)], dtype=np.int64)
 
 
 def _runs(places: Array) -> IntArray:

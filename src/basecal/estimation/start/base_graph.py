@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+import scipy  # its parts are loaded when they are first used
 
 from basecal.geometry import SE3, Array
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
@@ -45,7 +45,7 @@ def placed_by_all(bases: Mapping[str, SE3], relations: Sequence[Relation]) -> di
         to_eye = -to_hand @ (world_from_hand.inverse() @ world_from_eye).adjoint()
         sides = [(column.get(of.eye_base or ""), column.get(of.hand_base or "")) for of in relations]
         jacobian = _jacobian(sides, to_eye, to_hand, 6 * len(column))
-        hessian = SparseHessian(csc_array(jacobian.T @ jacobian))
+        hessian = SparseHessian(scipy.sparse.csc_array(jacobian.T @ jacobian))
         step = hessian.damped_step((jacobian.T @ residual.ravel())[None], _DAMPING)[0]
         for name, at in column.items():
             placed[name] = placed[name] @ SE3.exp(step[at : at + 6])
@@ -56,7 +56,7 @@ def placed_by_all(bases: Mapping[str, SE3], relations: Sequence[Relation]) -> di
 
 def _jacobian(
     sides: Sequence[tuple[int | None, int | None]], eye_jacobian: Array, hand_jacobian: Array, width: int
-) -> csc_array:
+) -> scipy.sparse.csc_array:
     """Derivative of all residuals to the bases' steps."""
     blocks = [
         (k, at, to[k])
@@ -68,4 +68,6 @@ def _jacobian(
     column = np.array([at for _, at, _ in blocks])[:, None, None] + np.arange(6)
     values = np.stack([block for _, _, block in blocks])
     row, column = (np.broadcast_to(each, values.shape).ravel() for each in (row, column))
-    return csc_array(coo_array((values.ravel(), (row, column)), shape=(6 * len(sides), width)))
+    return scipy.sparse.csc_array(
+        scipy.sparse.coo_array((values.ravel(), (row, column)), shape=(6 * len(sides), width))
+    )
