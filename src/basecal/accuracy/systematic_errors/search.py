@@ -70,8 +70,8 @@ class _Suspect:
 
     @property
     def rank(self) -> float:
-        """Logarithm of its chance among errors of all codes."""
-        return self.log_chance - _COST * self.several
+        """Logarithm of its chance among errors of all codes, where no random effect can hold one."""
+        return self.screened + _COST * self.several
 
 
 def systematic_error(
