@@ -513,7 +513,7 @@ def test_links_that_are_off_are_not_reported_as_joints():
 
 
 def test_a_gear_ratio_of_a_joint_that_hardly_turns_is_no_offset_alone():
-    """A joint at 1.66 +- 0.27 rad that turns by 0.26 % too much: random offsets hold most of it, and do not judge it."""
+    """Random offsets hold most of what a joint at 1.66 +- 0.27 rad does that turns by 0.26 % too much."""
     unstated = Scenario(samples=40, joints=True, state_robot_noise=False, state_pixel_noise=False)
     made = simulate(replace(unstated, robot_noise=(5e-5, 1e-4), position_m=0.25), 5031)
     samples = []
