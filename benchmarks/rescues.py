@@ -92,7 +92,6 @@ RESCUES: dict[str, Rescue] = {
         lambda of: len(of) > 2,
     ),
     "views taken back": Rescue(_OUTLIERS + "classify", "_readmit", lambda _model, _problem, inliers, *_: inliers),
-    "graduated truncation": Rescue(_OUTLIERS + "robust_solve", "_anneal", lambda _full, _kept, state: state),
     "subsets of samples": Rescue(_OUTLIERS + "robust_solve", "subset_states", lambda *_: ()),
     "random subsets of samples": Rescue(_OUTLIERS + "subset_starts", "_subsets", lambda *_: iter(())),
     "subsets drawn on": Rescue(_OUTLIERS + "subset_starts", "_concentrate", lambda _, states: states),

@@ -37,7 +37,6 @@ def test_six_of_ten_views_convince_within_their_noise(plain):
     """Fewer do not, nor do views that scatter by 1.5 sigmas or residuals that no noise explains."""
     assert convincing(end_of(plain, 6))
     assert not convincing(end_of(plain, 5))
-    assert not convincing(end_of(plain, 6), 0.7)
     assert not convincing(end_of(plain, 6, variance=1.6**2))
     assert not convincing(replace(end_of(plain), solution=replace(plain, cost=1e6 * plain.cost)))
     assert not convincing(None)

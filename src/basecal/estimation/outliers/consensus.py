@@ -82,9 +82,9 @@ def implausible(plain: Solution, judgement: Classification) -> bool:
     return plain.noise.noise.pixel_px > _LARGEST_UNSUSPECTED_PX and "pixel_px" in plain.noise.estimated
 
 
-def convincing(end: Consensus | None, share: float = _CLEAR_SHARE) -> TypeGuard[Consensus]:
+def convincing(end: Consensus | None) -> TypeGuard[Consensus]:
     """Whether so many of the views agree, within the noise that was stated or that a detector may have."""
-    return end is not None and _inlier_share(end) >= share and fits(end.solution) and _is_within_noise(end)
+    return end is not None and _inlier_share(end) >= _CLEAR_SHARE and fits(end.solution) and _is_within_noise(end)
 
 
 def _is_within_noise(end: Consensus) -> bool:

@@ -1,7 +1,7 @@
 """The solution of what agrees, and what does not, each with its reason.
 
 The plain solution first: where nothing in it is beyond chance, that is the answer. Else points are left out that the
-rest of their view contradicts, truncated least squares finds the state of most views, and views and points are judged
+rest of their view contradicts, subsets of the samples find the state of most views, and views and points are judged
 by what all others predict, left out and taken back until none changes sides. Source: docs/mathematics.md, "Outliers".
 """
 
@@ -29,7 +29,6 @@ from basecal.estimation.outliers.consensus import (
     implausible,
     is_answer,
 )
-from basecal.estimation.outliers.graduated_truncation import graduated_truncation
 from basecal.estimation.outliers.inlier_mask import (
     InlierMask,
     all_inliers,
@@ -49,8 +48,6 @@ from basecal.estimation.view.pixels import PixelMeasurement
 
 _SELECTION_ROUNDS = 12  # of leaving out and taking back, at most
 _FREE_ROUNDS = 6  # after these nothing is taken back: no circle
-
-_FEW_OUT = 0.9  # of the views that agree: what is left out could not have pulled the state aside
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,10 +134,7 @@ def _ends(
 ) -> tuple[list[Consensus], list[State]]:
     """Where the plain state leads and, where that does not convince, where subsets of the samples do; these states."""
     full, kept, state = _drop_contradicted_points(plain, full_mask, judgement, cell, settings)
-    direct = _end(full, kept, state, settings)
-    if convincing(direct, _FEW_OUT):
-        return [direct], []
-    ends = [_end(full, kept, _anneal(full, kept, state), settings)]
+    ends = [_end(full, kept, state, settings)]
     states: list[State] = []
     least = np.inf
     for start in () if convincing(ends[0]) else subset_states(without_points(full, kept.points), cell, state):
@@ -180,16 +174,6 @@ def _drop_contradicted_points(
         again = solve_problem(cleaned, cell, settings)
     full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
-
-
-def _anneal(full: Problem, inliers: InlierMask, state: State) -> State:
-    """The state of truncated least squares from a state that outliers have pulled aside."""
-    full, inliers = _rechosen(full, inliers, state)
-    masked = without_points(full, inliers.points)
-    try:
-        return graduated_truncation(masked, state, lambda squares: view_scale(masked, squares))
-    except np.linalg.LinAlgError:
-        return state
 
 
 def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:

@@ -36,10 +36,6 @@ class MeasuredPoints(TargetPoints):
         """See `Measurement`."""
         return self._with(weight=self.weight / factor)
 
-    def reweight(self, weights: Array) -> Self:
-        """See `Measurement`."""
-        return self._with(weight=self.weight * np.sqrt(weights))
-
     def mask_points(self, points: BoolArray) -> Self:
         """See `Measurement`."""
         return self._with(weight=np.where(points, self.weight, 0.0))

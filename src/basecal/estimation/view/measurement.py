@@ -74,10 +74,6 @@ class Measurement(Protocol):
         """The same as if points (n, p) that are not kept had not been seen; poses stay."""
         ...
 
-    def reweight(self, weights: Array) -> Measurement:
-        """The same with squared residuals of points (n, p) that count so many times; those of poses stay."""
-        ...
-
     def without_sigmas(self) -> Measurement:
         """The same with no sigma stated; how points of a view compare with one another is kept."""
         ...

@@ -67,10 +67,6 @@ class PoseMeasurement:
         """See `Measurement`."""
         return self
 
-    def reweight(self, weights: Array) -> PoseMeasurement:
-        """See `Measurement`."""
-        return self
-
     def without_sigmas(self) -> PoseMeasurement:
         """See `Measurement`."""
         return replace(self, stated=np.zeros_like(self.stated))
