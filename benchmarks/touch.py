@@ -144,6 +144,7 @@ def faulty_lines(rng: np.random.Generator, fault: str) -> tuple[Lines, set[str]]
 def is_named(found: Calibration, about: set[str]) -> bool:
     """Whether a finding or an outlier names it."""
     words = {word for f in found.findings for word in (*f.about, *f.message.replace(".", " ").split())}
+    words |= {word.rpartition("_from_")[2] for word in words}
     outliers = {name for o in found.outliers or () for name in (str(o.sample), o.target, o.camera)}
     return bool(about & (words | outliers))
 

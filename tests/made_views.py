@@ -46,7 +46,7 @@ class Made:
         """Of groups by what differs from a hand's views of a target."""
         rng = np.random.default_rng(0)
         self.groups = [_group(**{"sample": np.arange(count)} | group) for group in groups or ({},)]
-        self.estimated_effects, self.chains, self.targets = {}, {}, ()
+        self.estimated_effects, self.chains, self.targets, self.point_mounts = {}, {}, (), frozenset()
         self.samples, self.times, self.has_times = 10 * np.arange(count), np.arange(count, dtype=float), True
         self.robots, self.frames, self.speeds = ("hand",), ("base",), {"hand": rng.standard_normal((count, 6))}
         self.moves = rng.standard_normal((len(self.groups), 2, count, 6, 6))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
-from tests.touch_cells import BASE, MARKS, TRUTH, recorded, touch_cell, touch_lines
+from tests.touch_cells import BASE, MARKS, TIPS, TRUTH, recorded, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
 
@@ -58,3 +60,27 @@ def test_a_touch_of_the_wrong_mark_is_left_out():
     assert [outlier.sample for outlier in found.outliers] == [11]
     off = (found[BASE].mean.inverse() @ TRUTH).log()
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found[BASE].covariance)))
+
+
+@pytest.mark.parametrize(("seed", "code"), [(1, "base-moved"), (4, "outlier-samples")])
+def test_a_mark_that_moved_is_named(seed, code):
+    """By 5 mm at half time: with its name and how far, as a step or by the touches that were left out."""
+    lines = touch_lines(np.random.default_rng(seed), 36, 2e-4)
+    elsewhere = {**MARKS, "mark_b": MARKS["mark_b"] + [0.0, 3e-3, 4e-3]}
+    later = touch_lines(np.random.default_rng(seed), 36, 2e-4, elsewhere)
+    found = calibrate(touch_cell(), recorded(touch_cell(), lines[:18] + later[18:]))
+    (finding,) = (each for each in found.findings if each.code == code)
+    size_mm = float(re.search(r"mark_b (?:had been )?(?:moved|elsewhere) by ([0-9.]+)", finding.message)[1])
+    assert size_mm == pytest.approx(5.0, abs=0.5)
+    assert "sample 20" in finding.message
+
+
+def test_a_tip_that_was_bent_is_named(monkeypatch):
+    """By 5 mm at half time: it moved from its first touch after that on, and has no rotation."""
+    lines = touch_lines(np.random.default_rng(3), 36, 2e-4)
+    monkeypatch.setitem(TIPS, "hand", TIPS["hand"] + [3e-3, 4e-3, 0.0])
+    later = touch_lines(np.random.default_rng(3), 36, 2e-4)
+    found = calibrate(touch_cell(), recorded(touch_cell(), lines[:18] + later[18:]))
+    (finding,) = (each for each in found.findings if each.code == "base-moved")
+    assert finding.about[0] == "hand_flange_from_hand_tip"
+    assert re.search(r"hand_tip moved by [45]\.[0-9]+ \+/- 0\.[0-9]+ mm at about sample 19", finding.what)

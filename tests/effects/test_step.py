@@ -24,3 +24,12 @@ def test_steps_of_long_recordings_are_looked_for_at_thirty_two_places():
     assert (long.since[0], long.since[-1]) == (30, 970)
     assert set(np.diff(long.since)) == {30, 40}
     assert list(most.since) == list(range(30, 350, 10))
+
+
+def test_a_step_is_looked_for_where_its_frame_was_seen():
+    """Three views of it on either side, whatever else was seen; of a point it has no rotation."""
+    seen = Made(12, {"sample": np.arange(0, 12, 2)}, {"base": "other"}, point_mounts=frozenset({"base"}))
+    (step,) = steps(seen)
+    assert (step.since, step.sizes) == ((60,), 3)
+    moved = seen.frame_jacobian(0, "base")[..., :3]
+    np.testing.assert_array_equal(step.moves[0][:, 0], moved * (np.arange(0, 12, 2) >= 6)[:, None, None])

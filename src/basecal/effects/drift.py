@@ -8,7 +8,7 @@ from basecal.effects.clock_drift import FEWEST_IN_TIME
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, rounded_tangent
-from basecal.effects.faces.views import Views, elapsed_share
+from basecal.effects.faces.views import Views, elapsed_share, frame_moves
 from basecal.geometry import Array
 
 
@@ -19,10 +19,9 @@ def candidates(views: Views) -> Iterator[Candidates]:
     share = elapsed_share(views)
 
     def drift_moves(k: int, name: str) -> Array | None:
-        """How views of a group move, (n, 6, 6)."""
-        if not views.depends(k, name):
-            return None
-        return share[views.rank(views.groups[k])][:, None, None] * views.frame_jacobian(k, name)
+        """How views of a group move, (n, 6, q)."""
+        moves = frame_moves(views, k, name)
+        return None if moves is None else share[views.rank(views.groups[k])][:, None, None] * moves
 
     for name in views.frames:
         yield one_candidate("drift", name, "", tuple(drift_moves(k, name) for k in range(len(views.groups))))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found_effect import AGAIN, FIX, FoundEffect, Words, rounded_tangent
-from basecal.effects.faces.views import Views
+from basecal.effects.faces.views import Views, frame_moves
 from basecal.geometry import Array
 
 CODE = "fixed-contradicted"
@@ -16,8 +16,8 @@ CODE = "fixed-contradicted"
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each fixed base and mount, by any tangent."""
     for name in views.fixed_frames:
-        moves = (views.frame_jacobian(k, name) if views.depends(k, name) else None for k in range(len(views.groups)))
-        yield one_candidate(CODE, name, "", tuple(moves))
+        moves = tuple(frame_moves(views, k, name) for k in range(len(views.groups)))
+        yield one_candidate(CODE, name, "", moves)
 
 
 def words(effect: FoundEffect) -> Words:
@@ -30,8 +30,8 @@ def disagreement(name: str, size: Array, covariance: Array) -> tuple[str, tuple[
 
     Args:
         name: Of the transform.
-        size: (6,) the tangent from where it is stated to where the data have it [m, rad].
-        covariance: (6, 6) of the tangent.
+        size: (6,) the tangent from where it is stated to where the data have it [m, rad]; (3,) of a point [m].
+        covariance: (6, 6) or (3, 3) of the tangent.
     """
     frame = name.rpartition("_from_")[2]
     stated = f"base of {frame.removesuffix('_base')}" if frame.endswith("_base") else f"mount of {frame}"

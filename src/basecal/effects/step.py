@@ -9,38 +9,42 @@ import numpy as np
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.found_effect import FoundEffect, Words, rounded_tangent
-from basecal.effects.faces.views import Views
-from basecal.geometry import Array
+from basecal.effects.faces.views import Views, frame_moves
+from basecal.geometry import Array, IntArray
 
 _MOST_SPLITS = 32  # of a recording in time at which a step is looked for
-_LEAST_SIDE = 3  # samples before and after a step
+_LEAST_SIDE = 3  # samples that see a frame before and after its step
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each base and mount moved at one of the samples, by any tangent."""
-    count = len(views.samples)
-    splits = np.arange(_LEAST_SIDE, count - _LEAST_SIDE + 1)
-    splits = splits[np.unique(np.linspace(0, len(splits) - 1, min(_MOST_SPLITS, len(splits))).astype(int))]
-    if not len(splits):
-        return
-    since = tuple(int(views.samples[s]) for s in splits)
-
-    def step_moves(k: int, name: str) -> Array | None:
-        """How views of a group move, (n, splits, 6, 6)."""
-        if not views.depends(k, name):
-            return None
-        is_after = views.rank(views.groups[k])[:, None] >= splits
-        return np.asarray(is_after[..., None, None] * views.frame_jacobian(k, name)[:, None])
-
     for name in views.frames:
-        moves = tuple(step_moves(k, name) for k in range(len(views.groups)))
-        yield Candidates("base-moved", (name,) * len(splits), since, "", moves)
+        splits = _splits(views, name)
+        if len(splits):
+            since = tuple(map(int, views.samples[splits]))
+            moves = tuple(_step_moves(views, k, name, splits) for k in range(len(views.groups)))
+            yield Candidates("base-moved", (name,) * len(splits), since, "", moves)
+
+
+def _splits(views: Views, name: str) -> IntArray:
+    """Indices in `samples` of those that may be the first to see a frame elsewhere."""
+    seen = np.unique(np.concatenate([views.rank(g) for k, g in enumerate(views.groups) if views.depends(k, name)]))
+    splits = seen[_LEAST_SIDE : len(seen) - _LEAST_SIDE + 1]
+    chosen = np.unique(np.linspace(0, len(splits) - 1, min(_MOST_SPLITS, len(splits))).astype(int))
+    return np.asarray(splits[chosen], dtype=np.int64)
+
+
+def _step_moves(views: Views, k: int, name: str, splits: IntArray) -> Array | None:
+    """How views of a group move, (n, splits, 6, q)."""
+    moves = frame_moves(views, k, name)
+    is_after = views.rank(views.groups[k])[:, None] >= splits
+    return None if moves is None else np.asarray(is_after[..., None, None] * moves[:, None])
 
 
 def words(effect: FoundEffect) -> Words:
     """What moved, by how much and when."""
     what = f"{effect.about} moved by {rounded_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
-    do = "Check what was bumped, loosened or exchanged there.", "Calibrate the parts of the recording separately."
+    do = "Check what was bumped, bent, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)
 
 

@@ -112,7 +112,7 @@ def robust(left_out=(), kept=(), agreeing=(), errors=(), points=(), samples=100)
     """A robust solution that left out these samples, with errors of stops, each that of its own kept sample."""
     numbers = np.array(kept, dtype=np.int64)
     stops = np.arange(len(numbers))
-    group = replace(views(end(), end("hand", stop=stops)), sample=numbers)
+    group = replace(views(end(mount="lens"), end("hand", stop=stops), camera="wrist", target="board"), sample=numbers)
     of_stops = np.zeros((len(numbers), 6))
     of_stops[: len(errors), 2] = errors
     solution = SimpleNamespace(problem=SimpleNamespace(groups=(group,)), state=SimpleNamespace(stop_errors=of_stops))
@@ -142,6 +142,20 @@ def test_what_it_means_that_samples_were_left_out(left_out, kept, words):
     assert ("was left out as an outlier." in finding.message) == (len(left_out) == 1)
     assert f"At sample {left_out[0]}, the robots' poses and the view disagree" in finding.message
     assert finding.about == tuple(map(str, left_out))
+
+
+def test_the_one_thing_that_moved_is_named():
+    """That all outliers depend on, and nothing of the same end that was kept; by how much, if they are points."""
+    case = robust((7, 8, 9), range(7))
+    (group,) = case.solution.problem.groups
+    other = replace(group, target="light", ends=(group.eye, replace(group.hand, mount="flange_from_light")))
+    own = replace(group, ends=(group.eye, replace(group.hand, mount="flange_from_board")))
+    case.solution.problem.groups = (own, replace(other, sample=np.arange(7) + 3))
+    (finding,) = outlier_samples(case)
+    assert "As if after sample 6 board had been moved: the answer" in finding.why
+    points = tuple(LeftOut(7 + k, "wrist", "board", (), 40.0, off_m=off) for k, off in enumerate((4e-3, 5e-3, 9e-3)))
+    (finding,) = outlier_samples(SimpleNamespace(**vars(case) | {"robust": replace(case.robust, outliers=points)}))
+    assert "As if after sample 6 board had been moved by 5.0 mm: the answer" in finding.why
 
 
 @pytest.mark.parametrize(("count", "severity"), [(3, "info"), (4, "warning")])

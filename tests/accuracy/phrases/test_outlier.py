@@ -20,7 +20,7 @@ from basecal.estimation.outliers.left_out import LeftOut
         ),
         (
             LeftOut(3, "depth", "light", (), 12.3, off_m=0.0104),
-            "seen 10 mm from where the rest predicts it by 12 sigma",
+            "light is 10.4 mm from where the rest predicts it by 12 sigma: another point, or one that moved",
         ),
         (LeftOut(3, "wrist", "led", (), math.nan, off_px=math.nan), "seen far from where the rest predicts it: a"),
         (LeftOut(3, "wrist", "board", (4,), 7.2, off_px=1.994), "point is 1.99 px (7 sigma) from where"),

@@ -29,3 +29,8 @@ def test_a_tangent_is_a_shift_and_a_rotation():
     found = FoundEffect("step", "base-moved", "eye", False, False, 3, "", size, covariance, np.zeros(6))
     assert rounded_tangent(size, covariance) == "2.00 +/- 0.10 mm and 0.500 +/- 0.057 deg"
     assert found.sigma == pytest.approx(1e-4)
+
+
+def test_a_point_has_a_shift_alone():
+    """In millimetres."""
+    assert rounded_tangent(np.array([2e-3, 0, 0]), np.diag([1e-8] * 3)) == "2.00 +/- 0.10 mm"

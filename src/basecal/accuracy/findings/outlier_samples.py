@@ -14,8 +14,10 @@ from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 from basecal.errors import sentence
+from basecal.estimation.outliers.left_out import LeftOut
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.problem.problem import Problem
+from basecal.estimation.problem.view_group import ViewGroup
 
 _FEW_SHARE = 0.03  # share of the samples: one that had to go is an event in the cell
 _FAR_SIGMAS = 6.0  # of a stop's error: a chance of 2e-9 each where the stated noise is true
@@ -33,7 +35,7 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     what = f"{list_samples(numbers)} ({len(numbers)} of {total}) {'was' if one else 'were'} left out as {outlier}"
     why = f"At sample {outliers[0].sample}, {outlier_reason(outliers[0])}."
     causes = list(outlier_causes(evidence.recorded, evidence.solution.state, numbers))
-    moved = f" {' '.join(causes)}" if causes else _moved_sentence(numbers, evidence.robust.solution.problem)
+    moved = f" {' '.join(causes)}" if causes else _moved_sentence(outliers, evidence.robust.solution.problem)
     do = f"Look at {'it' if one else 'them'}, and record with arms at rest."
     severity: Severity = "warning" if len(numbers) > _FEW_SHARE * total else "info"
     about = tuple(map(str, numbers))
@@ -41,17 +43,35 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
     return [Finding("outlier-samples", severity, about, sentence(what), (do, cure), f"{why}{moved}")]
 
 
-def _moved_sentence(numbers: Sequence[int], inliers: Problem) -> str:
-    """What it means that all from one sample on, or all up to one, are outliers; nothing if they are others."""
-    kept = [int(number) for group in inliers.groups for number in group.sample]
-    if len(numbers) < _FEWEST_MOVED or not kept:
+def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
+    """What it means that the views of one thing from one sample on, or up to one, are outliers; else nothing."""
+    views = {(o.camera, o.target) for o in outliers}
+    groups = [group for group in inliers.groups if (group.camera, group.target) in views]
+    frames = [name for name in dict.fromkeys(name for g in groups for name in g.frames) if _is_of_all(name, groups)]
+    kept = {name: [int(n) for g in inliers.groups if name in g.frames for n in g.sample] for name in frames}
+    numbers = sorted({o.sample for o in outliers})
+    if len(numbers) < _FEWEST_MOVED or not kept or not all(kept.values()):
         return ""
-    first, last = min(kept), max(kept)
+    fewest = min(kept, key=lambda name: len(kept[name]))
+    first, last = min(kept[fewest]), max(kept[fewest])
+    moved = [name for name in kept if len(kept[name]) == len(kept[fewest])]
+    what = fewest.rpartition("_from_")[2] if len(moved) == 1 else "a base, a mount or the target"
     if numbers[0] > last:
-        return f" As if after sample {last} a base, a mount or the target had been moved: the answer is of before."
+        return f" As if after sample {last} {what} had been moved{_distance_phrase(outliers)}: the answer is of before."
     if numbers[-1] < first:
-        return f" As if before sample {first} a base, a mount or the target had been elsewhere: the answer is of after."
+        way = f"had been elsewhere{_distance_phrase(outliers)}"
+        return f" As if before sample {first} {what} {way}: the answer is of after."
     return ""
+
+
+def _is_of_all(name: str, groups: Sequence[ViewGroup]) -> bool:
+    return all(name in group.frames for group in groups)
+
+
+def _distance_phrase(outliers: Sequence[LeftOut]) -> str:
+    """By how much, of single points."""
+    known = [o.off_m for o in outliers if o.off_m is not None and o.off_rad is None]
+    return f" by {1e3 * float(np.median(known)):.1f} mm" if len(known) == len(outliers) else ""
 
 
 def agreeing_samples(evidence: Evidence) -> list[Finding]:

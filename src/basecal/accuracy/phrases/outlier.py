@@ -27,6 +27,9 @@ def outlier_reason(outlier: LeftOut) -> str:
         off = f"{1e3 * outlier.off_m:.1f} mm and {np.degrees(outlier.off_rad):.2f} deg"
         cause = "a robot bumped or not settled, or poses and view of different instants"
         return f"the robots' poses and the view disagree{by}, {off}: {cause}"
+    if outlier.off_m is not None:
+        cause = "another point, or one that moved; or a robot bumped or not settled"
+        return f"{outlier.target} is {_distance(outlier, 3)} from where the rest predicts it{by}: {cause}"
     place = f"seen {_distance(outlier, 0)} from where the rest predicts it{by}"
     return f"{place}: a reflection, or a robot bumped or not settled"
 

@@ -102,6 +102,11 @@ class Situation:
         """Of `frames` those that are stated as fixed."""
         return tuple(name for name in self.frames if self.problem.unknowns[name].status == "fixed")
 
+    @property
+    def point_mounts(self) -> frozenset[str]:
+        """Of `frames` the mounts of single points, whose rotation has no effect."""
+        return self.problem.point_mounts
+
     @cached_property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets that have a size."""

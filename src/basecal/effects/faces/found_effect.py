@@ -88,7 +88,9 @@ def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
 
 
 def rounded_tangent(size: Array, covariance: Array) -> str:
-    """Shift [mm] and rotation [deg] of a tangent, (6,), with their sigmas."""
+    """Translation [mm] and rotation [deg] of a tangent, (6,), or translation of a point, (3,), with their sigmas."""
     shift = rounded_length(size[:3], covariance[:3, :3], 1e3)
+    if len(size) == 3:
+        return f"{shift} mm"
     turn = rounded_length(size[3:], covariance[3:, 3:], float(np.degrees(1)))
     return f"{shift} mm and {turn} deg"

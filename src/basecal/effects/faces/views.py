@@ -76,6 +76,10 @@ class Views(Protocol):
         """Of `frames` those that are stated as fixed."""
 
     @property
+    def point_mounts(self) -> frozenset[str]:
+        """Of `frames` the mounts of single points, whose rotation has no effect."""
+
+    @property
     def targets(self) -> tuple[str, ...]:
         """Names of the targets that have a size."""
 
@@ -154,6 +158,13 @@ def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Mov
         views.flange_jacobian(k, robot) @ move(downs[k] - about) if k in downs else None
         for k in range(len(views.groups))
     )
+
+
+def frame_moves(views: Views, k: int, name: str) -> Array | None:
+    """How views of a group move with a tangent of a transform, (n, 6, 6), or of a point, (n, 6, 3); None."""
+    if not views.depends(k, name):
+        return None
+    return views.frame_jacobian(k, name)[..., : 3 if name in views.point_mounts else 6]
 
 
 def elapsed_share(views: Views) -> Array:

@@ -12,10 +12,12 @@ from basecal.estimation.outliers.inlier_mask import InlierMask
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.points import PointMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.estimation.view.seen_points import SeenPoints, point_jacobians
 from basecal.estimation.view.view_pose import FEWEST_POINTS, refine_poses
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
+from basecal.geometry.rotation import lengths
 
 _POSE_STEPS = 20  # of the pose of one view, at most
 _FEWEST_3D_POINTS = 3
@@ -86,6 +88,9 @@ def _left_out_view(group: ViewGroup, state: State, predicted_pose: SE3, view: in
     place = int(group.sample[view]), group.camera, group.target
     pose = _single_view_pose(one, state, near)
     if pose is None:
+        if isinstance(one.measurement, PointMeasurement) and one.measurement.noise_field.endswith("_m"):
+            points_off = lengths(one.measurement.residuals(near, None))[one.measurement.seen]
+            return LeftOut(*place, (), sigmas, off_m=float(points_off.max(initial=0.0)))
         if not isinstance(one.measurement, PixelMeasurement):
             return LeftOut(*place, (), sigmas, off_px=np.nan)
         pixels_off = np.linalg.norm(one.measurement.residual_px(near, state.cameras[one.camera]), axis=-1)
