@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.findings.touch_noise import is_touch_noise
 from basecal.accuracy.stated_sigmas import ContradictedSigma
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
@@ -19,7 +20,8 @@ _REPEATABILITY_RAD = 1e-2  # [rad] likewise
 def poor_fit(evidence: Evidence) -> list[Finding]:
     """A warning if residuals are larger than the stated sigmas explain, or any detector's or arm's noise."""
     solution, rms_px = evidence.solution, evidence.residuals.rms_px
-    found = [_stated_finding(each, evidence) for each in evidence.contradicted_sigmas]
+    stated = (each for each in evidence.contradicted_sigmas if not is_touch_noise(each, evidence))
+    found = [_stated_finding(each, evidence) for each in stated]
     if any(f.severity == "warning" for f in found):
         return found
     robots = solution.noise.robots

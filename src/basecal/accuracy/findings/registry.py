@@ -31,6 +31,7 @@ from basecal.accuracy.findings.same_stop import same_stop
 from basecal.accuracy.findings.stated_lens import stated_lens
 from basecal.accuracy.findings.systematic_error import systematic_error
 from basecal.accuracy.findings.too_few_samples import too_few_samples
+from basecal.accuracy.findings.touch_noise import touch_noise
 from basecal.accuracy.findings.two_mounts import two_mounts
 from basecal.accuracy.findings.unobservable_direction import unobservable_directions
 from basecal.accuracy.findings.weak_direction import weak_directions
@@ -45,6 +46,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     robot_model,
     likely_kinematics,
     poor_fit,
+    touch_noise,
     better_optimum,
     noise_not_identifiable,
     unobservable_directions,

@@ -1,0 +1,46 @@
+"""`touch-noise`: touches that scatter more than stated, if nothing else explains it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.stated_sigmas import ContradictedSigma
+from basecal.cell import Finding
+from basecal.estimation.view.points import TouchMeasurement
+
+_LARGEST_M = 3e-3  # [m] per axis, far beyond what people who lead a tip to a mark, and sockets, leave
+
+
+def touch_noise(evidence: Evidence) -> list[Finding]:
+    """An info about each tip whose touches scatter more than stated."""
+    return [_finding(each, evidence) for each in evidence.contradicted_sigmas if is_touch_noise(each, evidence)]
+
+
+def is_touch_noise(sigma: ContradictedSigma, evidence: Evidence) -> bool:
+    """Whether a stated sigma is too small, is that of touches, and no other error is likely."""
+    if sigma.of_robot or not sigma.is_too_small or not _touches(sigma.about, evidence):
+        return False
+    choice, effect = evidence.robot_model, evidence.systematic_error
+    is_modelled = choice is None or choice.chosen.kind == "none"
+    is_other = effect is not None and effect.is_certain
+    return is_modelled and not is_other and sigma.ratio * _stated_sigma(sigma.about, evidence) < _LARGEST_M
+
+
+def _touches(tip: str, evidence: Evidence) -> list[TouchMeasurement]:
+    """Those by a tip; none of what is no tip."""
+    seen = (group.measurement for group in evidence.recorded.groups if group.camera == tip)
+    return [each for each in seen if isinstance(each, TouchMeasurement) and each.noise_field == "touch_m"]
+
+
+def _stated_sigma(tip: str, evidence: Evidence) -> float:
+    """Mean sigma that touches of a tip state [m]."""
+    return float(np.mean([1 / np.mean(touches.stated) for touches in _touches(tip, evidence)]))
+
+
+def _finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
+    stated_m = _stated_sigma(sigma.about, evidence)
+    found = f"{1e3 * sigma.ratio * stated_m:.2g}"
+    what = f"Touches by {sigma.about} scatter by {found} mm per axis, {1e3 * stated_m:.2g} mm is stated."
+    do = f"State `sigma_m: {sigma.ratio * stated_m:.2g}` of these touches, or state none."
+    return Finding("touch-noise", "info", (sigma.about,), what, (do,), "The covariance is that of the larger noise.")
