@@ -1,22 +1,29 @@
 """Two arms that touch: is the covariance true, is the missing direction named, are faults found, does a plan help.
 
-    python -m benchmarks.touch [--seeds 200] [--faults 40] [--cells 30]
+    python -m benchmarks.touch [--seeds 200] [--faults 40] [--cells 30] [--keep FILE] [--only PART]
+
+With `--keep FILE` each trial is a line of that file once it is measured, and is not measured again. The results are
+written if all parts are measured.
 
 Two exact arms, tips of unknown length and three marks of unknown place; 12 to 60 touches with an error of 0.05 to 0.5
 mm per axis that is stated or not. NEES/6 of the base is 1 if the covariance is true. Likewise a part that both hold,
-rigid or a hinge, tips that meet (a ball joint), planes, and edges with two marks, by `solve`. Without the third mark
+rigid or a hinge, tips that meet (a ball joint), planes, and edges with two marks. Without the third mark
 the rotation about the line through the others is open: the axis that is named has to be it, to two decimals. A mark
 that moved by 5 mm, a touch of the wrong mark and a tip bent by 5 mm at half time each count as found if the verdict is
 not good or a touch is left out, and as named if a finding names the mark, the tip or the sample. Plans: after twelve
 touches of two marks of random places, a third mark and twelve touches as planned, or feasible ones at random.
+Recordings of real arms: see `touch_recordings`.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,7 +49,8 @@ from basecal.cell import Calibration, Cell
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.planning.touches import NEXT_MARK, plan_touches
-from benchmarks.common import on_one_core, table, write
+from benchmarks import touch_recordings
+from benchmarks.common import Kept, on_one_core, table, write
 
 SIZES = ((12, 5e-5), (24, 2e-4), (60, 5e-4))
 SIGMA_M, MOVED_M = 2e-4, 5e-3
@@ -50,14 +58,30 @@ PLANES = {"floor": "plane", "wall": "plane", "side": "plane"}
 EDGE = {"wall": "edge", "mark_a": "point", "mark_b": "point"}
 FAULTS = ("moved mark", "wrong mark", "bent tip")
 TASK = np.array([0.6, 0.1, 0.3])
+DRAWS = 5  # of the errors of touches in each cell of a plan
 Lines = list[dict[str, Any]]
 
 CONTACTS: dict[str, tuple[Callable[[], Cell], Callable[[np.random.Generator], Lines]]] = {
-    "rigid part": (lambda: clamp_cell("fixed"), lambda rng: clamp_lines(held_poses(rng, 20))),
-    "hinge": (lambda: clamp_cell("free"), lambda rng: clamp_lines(held_poses(rng, 20, is_hinge=True))),
-    "tips that meet": (lambda: touch_cell(()), lambda rng: touch_lines(rng, 24, SIGMA_M, {})),
-    "three planes": (lambda: surface_cell(PLANES), lambda rng: surface_lines(rng, 60, SIGMA_M, PLANES)),
-    "an edge and two marks": (lambda: surface_cell(EDGE), lambda rng: surface_lines(rng, 48, SIGMA_M, EDGE)),
+    "rigid part": (
+        lambda: clamp_cell("fixed"),
+        lambda rng: clamp_lines(held_poses(rng, 20)),
+    ),
+    "hinge": (
+        lambda: clamp_cell("free"),
+        lambda rng: clamp_lines(held_poses(rng, 20, is_hinge=True)),
+    ),
+    "tips that meet": (
+        lambda: touch_cell(()),
+        lambda rng: touch_lines(rng, 24, SIGMA_M, {}),
+    ),
+    "three planes": (
+        lambda: surface_cell(PLANES),
+        lambda rng: surface_lines(rng, 60, SIGMA_M, PLANES),
+    ),
+    "an edge and two marks": (
+        lambda: surface_cell(EDGE),
+        lambda rng: surface_lines(rng, 48, SIGMA_M, EDGE),
+    ),
 }
 
 
@@ -67,55 +91,81 @@ def square(found: PoseEstimate) -> float:
     return float(off @ np.linalg.solve(found.covariance, off) / 6)
 
 
-def consistency(seeds: int, is_stated: bool) -> dict[str, Any]:
-    """NEES of the base over all sizes in turn, and verdicts."""
-    cell, squares, verdicts = touch_cell(), [], Counter[str]()
-    for seed in range(seeds):
+def marks(kept: Kept, seeds: int, noise: str) -> dict[str, Any]:
+    """NEES of the base over all sizes in turn, noise `stated` or `unstated`."""
+    cell = touch_cell()
+
+    def lines(seed: int) -> Lines:
+        """Of the sizes in turn."""
         count, sigma_m = SIZES[seed % len(SIZES)]
-        lines = touch_lines(np.random.default_rng(seed), count, sigma_m, MARKS, is_stated)
-        found = calibrate(cell, recorded(cell, lines))
-        verdicts[found.verdict] += 1
-        if BASE in found.transforms:
-            squares.append(square(found[BASE]))
-    return {**_of_squares(squares), "verdicts": dict(verdicts)}
+        return touch_lines(np.random.default_rng(seed), count, sigma_m, MARKS, noise == "stated")
+
+    return _squares([kept.of(f"{noise} {seed}", partial(_judged, cell, lines(seed))) for seed in range(seeds)])
 
 
-def contact(seeds: int, kind: str) -> dict[str, Any]:
+def contact(kept: Kept, seeds: int, kind: str) -> dict[str, Any]:
     """NEES of the base by contacts of a kind, noise unstated."""
-    make, lines_of = CONTACTS[kind]
+    make, lines = CONTACTS[kind]
     cell = make()
-    lines = (lines_of(np.random.default_rng(seed)) for seed in range(seeds))
-    return _of_squares([square(solve(cell, recorded(cell, each)).transforms[BASE]) for each in lines])
+    draws = ((seed, lines(np.random.default_rng(seed))) for seed in range(seeds))
+    return _squares([kept.of(f"{kind} {seed}", partial(_judged, cell, each)) for seed, each in draws])
 
 
-def _of_squares(squares: list[float]) -> dict[str, Any]:
+def _judged(cell: Cell, lines: Lines) -> tuple[str, float | None]:
+    """The verdict, and NEES/6 of the base if it is known."""
+    found = calibrate(cell, recorded(cell, lines))
+    return found.verdict, square(found[BASE]) if BASE in found.transforms else None
+
+
+def _squares(judged: list[tuple[str, float | None]]) -> dict[str, Any]:
+    squares = [each for _, each in judged if each is not None]
     error = float(np.std(squares) / np.sqrt(len(squares)))
-    return {"nees": float(np.mean(squares)), "error": error, "trials": len(squares)}
+    verdicts = dict(Counter(verdict for verdict, _ in judged))
+    return {
+        "nees": float(np.mean(squares)),
+        "error": error,
+        "trials": len(judged),
+        "verdicts": verdicts,
+    }
 
 
-def missing_mark(seeds: int) -> dict[str, int]:
+def missing_mark(kept: Kept, seeds: int) -> dict[str, int]:
     """How often it is refused with the line through both marks as the axis."""
-    marks = {name: MARKS[name] for name in ("mark_a", "mark_b")}
-    line = marks["mark_b"] - marks["mark_a"]
+    two = {name: MARKS[name] for name in ("mark_a", "mark_b")}
+    line = two["mark_b"] - two["mark_a"]
     words = "({:.2f}, {:.2f}, {:.2f})".format(*(line / np.linalg.norm(line)))
-    cell, right = touch_cell(list(marks)), 0
-    for seed in range(seeds):
-        found = calibrate(cell, recorded(cell, touch_lines(np.random.default_rng(seed), 24, SIGMA_M, marks)))
+    cell = touch_cell(list(two))
+
+    def is_right(seed: int) -> bool:
+        """Of one recording."""
+        found = calibrate(
+            cell,
+            recorded(cell, touch_lines(np.random.default_rng(seed), 24, SIGMA_M, two)),
+        )
         named = any(f.code == "unobservable-direction" and words in f.what for f in found.findings)
-        right += found.verdict == "refused" and named
-    return {"right": right, "trials": seeds}
+        return found.verdict == "refused" and named
+
+    return {
+        "right": sum(kept.of(f"two marks {k}", partial(is_right, k)) for k in range(seeds)),
+        "trials": seeds,
+    }
 
 
-def faults(seeds: int, fault: str) -> dict[str, Any]:
+def faults(kept: Kept, seeds: int, fault: str) -> dict[str, Any]:
     """How often a fault is found, and named."""
-    cell, found_count, named_count, codes = touch_cell(), 0, 0, Counter[str]()
-    for seed in range(seeds):
-        lines, about = faulty_lines(np.random.default_rng(seed), fault)
-        found = calibrate(cell, recorded(cell, lines))
-        found_count += found.verdict != "good" or bool(found.outliers)
-        named_count += is_named(found, about)
-        codes.update({f.code for f in found.findings})
-    return {"found": found_count, "named": named_count, "trials": seeds, "codes": dict(codes)}
+    tried = [kept.of(f"{fault} {seed}", partial(_fault, fault, seed)) for seed in range(seeds)]
+    found, named, codes = zip(*tried, strict=True)
+    counted = dict(Counter(code for each in codes for code in each))
+    return {"found": sum(found), "named": sum(named), "trials": seeds, "codes": counted}
+
+
+def _fault(fault: str, seed: int) -> tuple[bool, bool, list[str]]:
+    """Whether a fault is found, whether it is named, and the codes of findings."""
+    lines, about = faulty_lines(np.random.default_rng(seed), fault)
+    cell = touch_cell()
+    found = calibrate(cell, recorded(cell, lines))
+    is_found = found.verdict != "good" or bool(found.outliers)
+    return is_found, is_named(found, about), sorted({f.code for f in found.findings})
 
 
 def faulty_lines(rng: np.random.Generator, fault: str) -> tuple[Lines, set[str]]:
@@ -149,15 +199,21 @@ def is_named(found: Calibration, about: set[str]) -> bool:
     return bool(about & (words | outliers))
 
 
-def plans(cells: int) -> dict[str, Any]:
-    """Errors at the task [m] after planned and after random touches, by cell."""
-    both = [planned_and_random(np.random.default_rng([seed, 5])) for seed in range(cells)]
-    medians = np.median(both, axis=0)
-    return {"planned_m": medians[0], "random_m": medians[1], "ratio": medians[0] / medians[1], "trials": cells}
+def plans(kept: Kept, cells: int) -> dict[str, Any]:
+    """Errors at the task [m] after planned and after random touches, of all cells and draws."""
+    draws = ((seed, np.random.default_rng([seed, 5])) for seed in range(cells))
+    both = [kept.of(f"plan {seed}", partial(planned_and_random, rng)) for seed, rng in draws]
+    medians = np.median(np.concatenate(both), axis=0).tolist()
+    return {
+        "planned_m": medians[0],
+        "random_m": medians[1],
+        "ratio": medians[0] / medians[1],
+        "trials": cells,
+    }
 
 
-def planned_and_random(rng: np.random.Generator) -> tuple[float, float]:
-    """Of one cell: two marks at random places, a base that is known to some centimetres and degrees."""
+def planned_and_random(rng: np.random.Generator) -> list[tuple[float, float]]:
+    """Errors of one cell [m], by draws of the touches to come: two marks at random places, a base roughly known."""
     two = {name: np.array([0.5, 0.0, 0.2]) + rng.uniform(-0.25, 0.25, 3) for name in ("mark_a", "mark_b")}
     lines = touch_lines(rng, 12, SIGMA_M, two)
     cell = _guessed_cell(list(two), rng)
@@ -165,6 +221,17 @@ def planned_and_random(rng: np.random.Generator) -> tuple[float, float]:
     plan = plan_touches(cell, known, calibrate(cell, known), TASK[None], count=12)
     marks = {**two, **plan.marks}
     chosen = [(seen.tip, seen.mark, s.robots) for s in plan.samples for seen in s.observations]
+    return [
+        (
+            _task_error(cell, lines, _planned_lines(rng, chosen, marks), rng),
+            _task_error(cell, lines, _random_lines(rng, two), rng),
+        )
+        for _ in range(DRAWS)
+    ]
+
+
+def _planned_lines(rng: np.random.Generator, chosen: list[Any], marks: dict[str, Array]) -> Lines:
+    """Touches of tips, marks and robots as planned, with their errors."""
     more = []
     for tip, mark, robots in chosen:
         ((robot, planned),) = robots.items()
@@ -172,10 +239,19 @@ def planned_and_random(rng: np.random.Generator) -> tuple[float, float]:
         rotation = planned.base_from_flange.rotation  # a person leads the tip there, turned as planned
         base = SE3.identity() if robot == "eye" else TRUTH
         flange = SE3(rotation, base.inverse() @ place - rotation @ TIPS[robot])
-        more.append({"robots": {robot: state(flange)}, "observations": [{"touch": mark, "tip": tip}]})
+        more.append(
+            {
+                "robots": {robot: state(flange)},
+                "observations": [{"touch": mark, "tip": tip}],
+            }
+        )
+    return more
+
+
+def _random_lines(rng: np.random.Generator, two: dict[str, Array]) -> Lines:
+    """Twelve touches of two marks and a third one anywhere."""
     third = {**two, NEXT_MARK: _random_place(rng, two)}
-    drawn = touch_lines(rng, 12, SIGMA_M, {name: third[name] for name in rng.permutation(list(third))})
-    return _task_error(cell, lines, more, rng), _task_error(cell, lines, drawn, rng)
+    return touch_lines(rng, 12, SIGMA_M, {name: third[name] for name in rng.permutation(list(third))})
 
 
 def _random_place(rng: np.random.Generator, two: dict[str, Array]) -> Array:
@@ -192,7 +268,10 @@ def _random_place(rng: np.random.Generator, two: dict[str, Array]) -> Array:
 def _guessed_cell(names: list[str], rng: np.random.Generator) -> Cell:
     guess = TRUTH @ SE3.exp(rng.normal(0, 0.03, 6))
     pose = {"t_m": guess.translation.tolist(), "q_xyzw": guess.quaternion.tolist()}
-    return touch_cell(names, bases={"hand": {"status": "prior", **pose, "sigma_t_m": 0.05, "sigma_r_rad": 0.1}})
+    return touch_cell(
+        names,
+        bases={"hand": {"status": "prior", **pose, "sigma_t_m": 0.05, "sigma_r_rad": 0.1}},
+    )
 
 
 def _task_error(cell: Cell, lines: Lines, more: Lines, rng: np.random.Generator) -> float:
@@ -206,7 +285,12 @@ def _task_error(cell: Cell, lines: Lines, more: Lines, rng: np.random.Generator)
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     rows = [
-        (name, f"{of['nees']:.2f} ± {of['error']:.2f}", of["trials"], of.get("verdicts", {}).get("good", ""))
+        (
+            name,
+            f"{of['nees']:.2f} ± {of['error']:.2f}",
+            of["trials"],
+            of.get("verdicts", {}).get("good", ""),
+        )
         for name, of in result["consistency"].items()
     ]
     named = [(name, of["found"], of["named"], of["trials"]) for name, of in result["faults"].items()]
@@ -224,7 +308,7 @@ time:
 
 A third mark and twelve touches as `plan --touches` has them leave {1e3 * plan["planned_m"]:.2f} mm at the task, random
 ones {1e3 * plan["random_m"]:.2f} mm (medians of {plan["trials"]} cells): {plan["ratio"]:.2f} times as much."""
-    return about
+    return "\n\n".join([about, *touch_recordings.section(result.get("recordings", {}))])
 
 
 def main(arguments: list[str]) -> None:
@@ -233,17 +317,35 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--faults", type=int, default=40)
     parser.add_argument("--cells", type=int, default=30)
+    parser.add_argument("--keep", type=Path, help="file of what was measured")
+    parser.add_argument("--only", nargs="+", help="parts whose names begin so")
     given = parser.parse_args(arguments)
     on_one_core()
-    found = {
-        "plan": plans(given.cells),
-        "consistency": {kind: contact(given.seeds, kind) for kind in CONTACTS}
-        | {f"marks, noise {name}": consistency(given.seeds, name == "stated") for name in ("stated", "unstated")},
-        "two_marks": missing_mark(given.seeds // 2),
-        "faults": {fault: faults(given.faults, fault) for fault in FAULTS},
+    kept, seeds, found = Kept(given.keep), given.seeds, dict[str, dict[str, Any]]()
+    parts: dict[tuple[str, ...], Callable[[], dict[str, Any]]] = {
+        ("plan",): partial(plans, kept, given.cells),
+        **{("consistency", kind): partial(contact, kept, seeds, kind) for kind in CONTACTS},
+        **{
+            ("consistency", f"marks, noise {noise}"): partial(marks, kept, seeds, noise)
+            for noise in ("stated", "unstated")
+        },
+        ("two_marks",): partial(missing_mark, kept, seeds // 2),
+        **{("faults", fault): partial(faults, kept, given.faults, fault) for fault in FAULTS},
+        ("recordings",): _recordings,
     }
-    print(section(found))
-    write("touch", found)
+    for (part, *kind), measure in parts.items():
+        if given.only is None or any(" ".join([part, *kind]).startswith(each) for each in given.only):
+            measured = measure()
+            print(part, *kind, measured, flush=True)
+            found.setdefault(part, {}).update({kind[0]: measured} if kind else measured)
+    if given.only is None:
+        print(section(found))
+        write("touch", found)
+
+
+def _recordings() -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        return touch_recordings.recordings(Path(folder))
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ _PLACES = 8  # of the next mark that are tried, far from one another and from wh
 _DRAWS = 400  # of places, before those out of reach are left out
 _AWAY_M = 0.6  # [m] of the next mark from the middle of what was touched
 _FARTHER = 1.05  # than any touch from the base: as far as an arm is known to reach
-_TURN_RAD = 0.8  # [rad] of a tip from a rotation that was recorded
-_TOUCHES = 8  # of each mark by each tip that are tried
+_TURN_RAD = 1.6  # [rad] of a tip from a rotation that was recorded
+_TOUCHES = 16  # of each mark by each tip that are tried
 
 
 def plan_touches(
