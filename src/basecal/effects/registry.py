@@ -23,6 +23,7 @@ from basecal.effects import (
     principal_point,
     row_time,
     smooth,
+    smooth_by_place,
     step,
     stretch,
     target_shape,
@@ -38,6 +39,7 @@ EFFECTS: Mapping[str, Effect] = {
     module.EFFECT.name: module.EFFECT
     for module in (
         smooth,
+        smooth_by_place,
         joint_offsets,
         link_parameters,
         deflection,

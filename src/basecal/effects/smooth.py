@@ -6,15 +6,18 @@ it varies slowly, so that a dozen describe it. Source: Rasmussen & Williams 2006
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.effect import Effect, Face
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.numerics.spectral import spectrum
+
+Kernel = Callable[[SE3, SE3], Array]
 
 # Errors of real arms correlate over 0.5 to 1.3 m, with an arm of 1 m for angles.
 LENGTH_M = 0.7
@@ -29,22 +32,23 @@ class Modes(NamedTuple):
 
     recorded: SE3
     weights: Array
+    kernel: Kernel
 
     @classmethod
-    def from_poses(cls, poses: SE3) -> Modes:
-        """The strongest modes at recorded poses, (n,)."""
+    def from_poses(cls, poses: SE3, kernel: Kernel) -> Modes:
+        """The strongest modes of a kernel at recorded poses, (n,)."""
         few = poses[:: -(-len(poses) // _MOST_STOPS)]
         of = spectrum(kernel(few, few), _LEAST_MODE)
-        return cls(few, of.inverse_root[:, of.held][:, -_MOST_MODES:])
+        return cls(few, of.inverse_root[:, of.held][:, -_MOST_MODES:], kernel)
 
     def sizes(self, poses: SE3) -> Array:
         """Of a unit error of each mode the size at poses, (n,), equal in every coordinate, (n, k)."""
-        return np.asarray(kernel(poses, self.recorded) @ self.weights)
+        return np.asarray(self.kernel(poses, self.recorded) @ self.weights)
 
 
 def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
     """Errors of each coordinate by modes, at recorded poses."""
-    found = Modes.from_poses(poses[np.flatnonzero(is_visible)]).sizes(poses)
+    found = Modes.from_poses(poses[np.flatnonzero(is_visible)], kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
 
 
@@ -58,7 +62,19 @@ def kernel(first: SE3, second: SE3) -> Array:
     return np.asarray(np.exp(-0.5 * squared / LENGTH_M**2))
 
 
+FIGURES = {"length_m": LENGTH_M}
+"""What `calibration.json` holds beside the sigmas of smooth errors."""
+
 _EVERY_ARM = "a stand-in for the effects of joints and links on arms that record poses alone"
+
+ABSENT: dict[Face, str] = {
+    "statement": _EVERY_ARM,
+    "unknown": "a function of the pose, not a number",
+    "candidate": "its sigma is estimated, and no value of it can be",
+    "map": "the error map takes its variance, as it has no values at joints",
+    "fault": "joint-offsets, link-errors and sag make such errors",
+}
+"""Faces that smooth errors have not."""
 
 EFFECT = Effect(
     "smooth",
@@ -66,13 +82,7 @@ EFFECT = Effect(
         SharedPrior((2.5, 2.0), "assumed: larger than what differs between neighbouring stops"),
         "smooth over {length_m:g} m",
         by_poses=errors,
-        figures={"length_m": LENGTH_M},
+        figures=FIGURES,
     ),
-    absent={
-        "statement": _EVERY_ARM,
-        "unknown": "a function of the pose, not a number",
-        "candidate": "its sigma is estimated, and no value of it can be",
-        "map": "the error map takes its variance, as it has no values at joints",
-        "fault": "joint-offsets, link-errors and sag make such errors",
-    },
+    absent=ABSENT,
 )

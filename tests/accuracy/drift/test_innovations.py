@@ -176,7 +176,7 @@ def test_noise_is_known_by_the_fewest_freedoms() -> None:
 
 
 def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
-    """Each pair of views by the kernel of its robot's poses, through both derivatives, in sigmas."""
+    """Each pair of views by the kernel of its robot's poses, but for its small modes, through both derivatives."""
     made = later()
     robots = made.calibration.noise["robots"]
     sigma = np.array([1e-3, 2e-3, 0.0, 1e-3, 0.0, 3e-3])
@@ -194,7 +194,7 @@ def test_smooth_errors_are_alike_at_poses_near_one_another() -> None:
         for j in range(len(moved)):
             wanted = alike[i, j] * moved[i] @ moved[j].T
             np.testing.assert_allclose(
-                added[6 * i : 6 * i + 6, 6 * j : 6 * j + 6], wanted, atol=1e-8 * np.abs(added).max()
+                added[6 * i : 6 * i + 6, 6 * j : 6 * j + 6], wanted, atol=0.02 * np.abs(added).max()
             )
     assert len(set(stands.tolist())) == len(stands) == 6
     recorded = [s.robots["hand"].base_from_flange.matrix for s in made.recording.samples]

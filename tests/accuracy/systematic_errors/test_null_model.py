@@ -97,7 +97,7 @@ def bent():
 def test_single_stops_do_not_absorb_what_stops_share(bent):
     """Their errors are smaller in the null model, and a drift is told better."""
     problem, solution = bent
-    assert list(solution.noise.common) == ["smooth"]
+    assert list(solution.noise.common) == ["smooth_by_place"]
     assert np.all(solution.noise.beside_common.robots["hand"] < solution.noise.robots["hand"])
     of = Situation(solution.noise.hold_sigmas(solution.problem), solution.state, problem, {}, solution.noise)
     drift = candidate(of.flange_jacobian(0, "hand")[..., :1] * np.arange(40)[:, None, None] / 40)

@@ -18,10 +18,10 @@ import numpy as np
 from basecal.accuracy.residuals.evaluation import known_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Calibration, Cell, Recording
+from basecal.effects import smooth
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.effects.smooth import kernel
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.build import recorded_by_joints
@@ -184,33 +184,26 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
         known = calibration.noise.get("robots", {}).get(robot, {})
         by_flange = innovations.flange_jacobian(robot)
         poses, stand = innovations.stands(robot)
-        parts = [(_sigmas(known), stand[:, None] == stand[None])]
+        each = innovations.root.mT @ (by_flange * _sigmas(known))
+        out += np.einsum("iar,ij,jbr->iajb", each, stand[:, None] == stand[None], each).reshape(out.shape)
         for name in (name for name in RANDOM_EFFECTS if name in known):
-            errors = _view_jacobian(innovations, robot, RANDOM_EFFECTS[name], known[name])
-            if errors is None:
-                # Errors of joints and links vary with the pose, too: nearly as those do that are smooth in it.
-                parts.append((np.array(known[name]["sigma"]), kernel(poses, poses)))
-            else:
-                moved = innovations.whiten(by_flange @ errors)
-                out += moved @ moved.T
-        for sigma, alike in parts:
-            each = innovations.root.mT @ (by_flange * sigma)
-            out += np.einsum("iar,ij,jbr->iajb", each, alike, each).reshape(out.shape)
+            errors = _flange_tangents(innovations.posture(robot), poses, RANDOM_EFFECTS[name], known[name])
+            moved = innovations.whiten(by_flange @ errors)
+            out += moved @ moved.T
     return out
 
 
-def _view_jacobian(
-    innovations: Innovations, robot: str, effect: RandomEffect, sigmas: Mapping[str, Any]
-) -> Array | None:
-    """How a robot's flange moves with errors of its joints and links, in sigmas, (n, 6, k) in all views.
+def _flange_tangents(at: Posture | None, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]) -> Array:
+    """How a robot's flange moves with errors that its stops share, in sigmas, (n, 6, k) in all views.
 
-    None if the effect does not go by joints, these were not recorded, or each error's sigma is not known.
+    Errors of joints and links whose joints were not recorded, or of which each sigma is not known, vary with the pose
+    nearly as those do that are smooth in it.
     """
-    at = innovations.posture(robot)
     errors = None if at is None or effect.by_joints is None else effect.by_joints(at)
-    if errors is None or "shift_m" not in sigmas:
-        return None
-    return np.asarray(errors.by_stop * np.where(errors.is_turn, sigmas["turn_rad"], sigmas["shift_m"]))
+    if errors is not None and "shift_m" in sigmas:
+        return np.asarray(errors.by_stop * np.where(errors.is_turn, sigmas["turn_rad"], sigmas["shift_m"]))
+    shared = (effect.by_poses or smooth.errors)(poses, np.ones(len(poses), dtype=bool))
+    return np.zeros((len(poses), 6, 0)) if shared is None else shared.by_stop * np.array(sigmas["sigma"])[:, None]
 
 
 def _sigmas(sigmas: Mapping[str, Any]) -> Array:

@@ -1,7 +1,7 @@
-"""Fields of errors of arms that record poses alone: smooth in the pose, beside the repeatability.
+"""Fields of errors of arms that record poses alone: smooth in the place, beside the repeatability.
 
-A stated repeatability says nothing of accuracy. Errors of an arm that is not calibrated are those of `effects.smooth`,
-by its modes at the recorded poses; what lies beyond these poses has errors of its own, of the same variance.
+A stated repeatability says nothing of accuracy. Errors of an arm that is not calibrated are those of
+`effects.smooth_by_place`, by its modes at recorded poses; what lies beyond has errors of its own, of the same variance.
 Source: docs/mathematics.md (11.4).
 """
 
@@ -17,6 +17,7 @@ from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.faces.views import Views, robot_moves
 from basecal.effects.smooth import Modes
+from basecal.effects.smooth_by_place import kernel
 from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.geometry import SE3, Array
 
@@ -40,7 +41,7 @@ class PoseField(NamedTuple):
 
     def flange_tangents(self, poses: SE3) -> Array:
         """How a flange at poses, (n,), moves with each error, (n, 6, k), right tangents."""
-        shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses))
+        shared = SharedErrors.repeat_coordinates(self.modes.sizes(poses)).along_base(poses)
         tangents: Array = shared.by_stop / np.where(shared.is_turn, _LEVER_M, 1.0)
         return tangents
 
@@ -78,4 +79,4 @@ def pose_field(situation: Situation, robot: str) -> PoseField | None:
     if has_joints or count_stops(problem, robot) < _FEWEST_STOPS or any(robot in of for of in common.values()):
         return None
     poses, seen = stands(problem, robot)
-    return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)]))
+    return PoseField(robot, Modes.from_poses(poses[np.flatnonzero(seen)], kernel))

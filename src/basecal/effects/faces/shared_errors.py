@@ -80,6 +80,10 @@ class SharedErrors:
         left = flat - by_frames @ (pseudo_inverse(by_frames) @ flat)
         return replace(self, by_stop=left.reshape(self.by_stop.shape) / units[:, None])
 
+    def along_base(self, poses: SE3) -> SharedErrors:
+        """The same along the axes of the base, not of the flange at poses, (stops,)."""
+        return replace(self, by_stop=np.kron(np.eye(2), poses.rotation.mT) @ self.by_stop)
+
     @classmethod
     def repeat_coordinates(cls, modes: Array) -> SharedErrors:
         """Errors of each coordinate by modes, (stops, j): what a unit error of each is at each stop."""

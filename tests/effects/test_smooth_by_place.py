@@ -1,0 +1,53 @@
+"""Errors that are smooth in the place of a flange, along the axes of its base."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import Recording, RobotState
+from basecal.effects.smooth import LENGTH_M
+from basecal.effects.smooth_by_place import errors, kernel
+from basecal.estimation.noise.joint_estimate import estimate_jointly, integrate_sigmas
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import State
+from basecal.geometry import SE3
+from basecal.simulation import Scenario, simulate
+
+
+def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
+    """In the base: covariances of all coordinates are the kernel, and turns of a flange change nothing but its axes."""
+    rng = np.random.default_rng(0)
+    poses = SE3.exp(rng.uniform(-0.6, 0.6, (12, 6)))
+    found = errors(poses, np.ones(12, dtype=bool))
+    in_base = np.kron(np.eye(2), poses.rotation) @ found.by_stop
+    alike = np.einsum("iak,jbk->abij", in_base, in_base)
+    expected = kernel(poses, poses)
+    for a in range(6):
+        for b in range(6):
+            np.testing.assert_allclose(alike[a, b], expected * (a == b), atol=0.05)
+    turned = SE3(SE3.exp(rng.uniform(-1, 1, (12, 6))).rotation, poses.translation)
+    np.testing.assert_allclose(kernel(poses, turned), expected)
+    apart = np.linalg.norm(poses.translation[0] - poses.translation[1])
+    assert np.isclose(expected[0, 1], np.exp(-0.5 * (apart / LENGTH_M) ** 2))
+
+
+def test_what_a_base_takes_up_of_such_errors_is_in_its_covariance():
+    """Of 2 mm and 2 mrad: they shift the base by millimetres, and their change over the samples shows that."""
+    made = simulate(Scenario(samples=30, position_m=0.15, state_robot_noise=False, robot_noise=(3e-5, 5e-5)), 1)
+    name, weights = "eye_base_from_hand_base", 2e-3 * np.random.default_rng(0).standard_normal((6, 3))
+    samples = []
+    for sample in made.recording.samples:
+        pose = sample.robots["hand"].base_from_flange
+        shift, turn = np.split(weights @ np.sin(4 * pose.translation), 2)
+        wrong = SE3(SE3.exp(np.append(0 * turn, turn)).rotation @ pose.rotation, pose.translation + shift)
+        samples.append(replace(sample, robots={**sample.robots, "hand": RobotState(wrong)}))
+    problem, _ = build_problem(made.cell, Recording(tuple(samples)))
+    used, end, noise = estimate_jointly(problem, State(made.truth, made.cameras, np.zeros((0, 6))), 100)
+    found = integrate_sigmas(used, end.state, noise)
+    assert list(found.common) == ["smooth_by_place"]
+    base = used.columns[name]
+    error = (end.state.transforms[name].inverse() @ made.truth[name]).log()
+    assert error @ np.linalg.solve(found.covariance[base, base], error) < 20
+    assert error @ np.linalg.solve(np.linalg.inv(end.normal.hessian)[base, base], error) > 50
