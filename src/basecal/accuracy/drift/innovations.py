@@ -193,13 +193,13 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
     return out
 
 
-def _flange_tangents(at: Posture | None, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]) -> Array:
+def _flange_tangents(posture: Posture | None, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]) -> Array:
     """How a robot's flange moves with errors that its stops share, in sigmas, (n, 6, k) in all views.
 
     Errors of joints and links whose joints were not recorded, or of which each sigma is not known, vary with the pose
     nearly as those do that are smooth in it.
     """
-    errors = None if at is None or effect.by_joints is None else effect.by_joints(at)
+    errors = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
     if errors is not None and "shift_m" in sigmas:
         return np.asarray(errors.by_stop * np.where(errors.is_turn, sigmas["turn_rad"], sigmas["shift_m"]))
     shared = (effect.by_poses or smooth.errors)(poses, np.ones(len(poses), dtype=bool))
