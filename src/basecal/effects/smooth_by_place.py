@@ -19,7 +19,7 @@ from basecal.geometry import SE3, Array, BoolArray
 def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
     """Errors along each axis by modes, at recorded poses."""
     found = smooth.Modes.from_poses(poses[np.flatnonzero(is_visible)], kernel).sizes(poses)
-    return SharedErrors.repeat_coordinates(found).along_base(poses) if found.shape[1] else None
+    return SharedErrors.repeat_coordinates(found).rotate_to_base(poses) if found.shape[1] else None
 
 
 def kernel(first: SE3, second: SE3) -> Array:
