@@ -53,7 +53,7 @@ def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
 
 
 def kernel(first: SE3, second: SE3) -> Array:
-    """How alike errors are at poses of a flange, (n,) and (m,) to (n, m): 1 at the same."""
+    """Correlation of errors at poses of a flange, (n,) and (m,) to (n, m): 1 at one pose."""
     apart = first.translation[:, None] - second.translation[None]
     # The trace of R' S, 1 + 2 cos of the angle between them, is the sum of the products of their entries.
     traces = first.rotation.reshape(-1, 9) @ second.rotation.reshape(-1, 9).T

@@ -1,8 +1,8 @@
 """Errors of an arm that are smooth in the place of its flange, along the axes of its base.
 
-An axis or a link that is too long, and an arm that yields under its weight, shift poses that are near one another
-nearly equally. A base takes up most of such an error, and little of it shows. Of twelve recordings of arms that record
-poses six have more evidence for it than for `smooth`, three have less.
+A long axis, a long link or an arm that yields shifts poses that are near one another nearly equally. A base takes up
+most of such an error, and little of it shows. Of twelve recordings of arms that record poses six have more evidence
+for it than for `smooth`, three have less.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
 
 
 def kernel(first: SE3, second: SE3) -> Array:
-    """How alike errors are at poses of a flange, (n,) and (m,) to (n, m): 1 at the same place."""
+    """Correlation of errors at poses of a flange, (n,) and (m,) to (n, m): 1 at one place."""
     apart = first.translation[:, None] - second.translation[None]
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, -1) / smooth.LENGTH_M**2))
 

@@ -196,8 +196,7 @@ def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Arr
 def _flange_tangents(posture: Posture | None, poses: SE3, effect: RandomEffect, sigmas: Mapping[str, Any]) -> Array:
     """How a robot's flange moves with errors that its stops share, in sigmas, (n, 6, k) in all views.
 
-    Errors of joints and links whose joints were not recorded, or of which each sigma is not known, vary with the pose
-    nearly as those do that are smooth in it.
+    Without joints, or the sigma of each error, errors of joints and links count as smooth in the pose.
     """
     errors = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
     if errors is not None and "shift_m" in sigmas:
