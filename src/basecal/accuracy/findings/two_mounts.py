@@ -43,10 +43,13 @@ class _Shifts(NamedTuple):
         weighted = (self.information @ self.shift_m[..., None]).sum(0)
         return np.asarray(np.linalg.solve(self.information.sum(0), weighted)[:, 0])
 
-    def square(self) -> float:
-        """Squared sigmas about the mean."""
+    def squares(self) -> Array:
+        """Squared sigmas of the first k about their own mean, (n,), for k of 1 to n."""
         off = self.shift_m - self.mean()
-        return float(np.einsum("ni,nij,nj->", off, self.information, off))
+        weighted = (self.information @ off[..., None])[..., 0]
+        total, force = np.cumsum(self.information, 0), np.cumsum(weighted, 0)[..., None]
+        of_means = np.sum(force * np.linalg.solve(total, force), (1, 2))
+        return np.asarray(np.cumsum(np.sum(off * weighted, 1)) - of_means)
 
 
 class _Split(NamedTuple):
@@ -98,11 +101,12 @@ def _splits(evidence: Evidence) -> Iterator[_Split]:
         root = spectrum(shifts.information.mean(0)).root
         whitened = (shifts.shift_m - shifts.mean()) @ root
         order = np.argsort(whitened @ principal_axes(whitened).axes[:, 0])
-        ends = range(_LEAST_SIDE, len(order) - _LEAST_SIDE + 1)
-        halves = [(shifts.take(order[:end]), shifts.take(order[end:])) for end in ends]
-        sides = min(halves, key=lambda pair: pair[0].square() + pair[1].square())
-        ratio = (sides[0].square() + sides[1].square()) / max(shifts.square(), 1e-300)
-        yield _Split(mount, sides, compare_split(mount, ratio, len(order), 3))
+        ends = np.arange(_LEAST_SIDE, len(order) - _LEAST_SIDE + 1)
+        first, last = (shifts.take(each).squares() for each in (order, order[::-1]))
+        squares = first[ends - 1] + last[len(order) - ends - 1]
+        end = ends[np.argmin(squares)]
+        compared = compare_split(mount, float(squares.min() / max(first[-1], 1e-300)), len(order), 3)
+        yield _Split(mount, (shifts.take(order[:end]), shifts.take(order[end:])), compared)
 
 
 def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
