@@ -14,10 +14,11 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import IO, Any
 
-from basecal.errors import BasecalError, InputError
+from basecal.errors import BasecalError, InputError, UsageError
 
 _MEMORY_BYTES = 3 * 2**28  # 768 MiB beyond what libraries have mapped
 _LEAST_S, _BYTES_PER_S = 20, 4e6  # of the processor: for any file, and how slowly a large one may be read
@@ -28,13 +29,18 @@ Frame = tuple[Any, bytes]
 """Plain data, as JSON has it, and bytes."""
 
 
-def frames(module: str, words: Sequence[str], size: int) -> Iterator[Frame]:
+class BoxError(InputError):
+    """The process in the box took more than it may, or crashed; without the name of what it read."""
+
+
+def frames(module: str, words: Sequence[str], size: int, ending_s: float = 0.0) -> Iterator[Frame]:
     """What a module's `read_frames` gives, one frame after another.
 
     Args:
         module: Its full name.
         words: What it is told.
         size: Of the files that it reads [bytes]: time and bytes that it may take grow with it.
+        ending_s: That it has to end after an interrupt, before it is killed [s].
 
     Raises:
         InputError: if it cannot read them, or takes more than it may; without the name of the file.
@@ -52,11 +58,20 @@ def frames(module: str, words: Sequence[str], size: int) -> Iterator[Frame]:
                 yield frame
             code = process.wait()
         finally:
-            process.kill()
+            _end(process, ending_s)
     if code == -getattr(signal, "SIGXCPU", 0):
-        raise InputError(f"takes more than {seconds} s to read, no such file does")
+        raise BoxError(f"takes more than {seconds} s to read, no such file does")
     if code:
-        raise InputError(f"ends the process that reads it ({code})")
+        raise BoxError(f"ends the process that reads it ({code})")
+
+
+def _end(process: subprocess.Popen[bytes], ending_s: float) -> None:
+    """Interrupt a process that has time to end, then kill it."""
+    if ending_s and process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(ending_s)
+    process.kill()
 
 
 def _read(stream: IO[bytes]) -> Frame | None:
@@ -71,7 +86,7 @@ def _read(stream: IO[bytes]) -> Frame | None:
     first, second = _LENGTHS.unpack(lengths)
     data, content = json.loads(stream.read(first)), stream.read(second)
     if isinstance(data, dict) and "refused" in data:
-        raise InputError(data["refused"])
+        raise (UsageError if data.get("code") == UsageError.exit_code else InputError)(data["refused"])
     return data, content
 
 
@@ -129,7 +144,7 @@ def main() -> None:
     except MemoryError:
         _write(({"refused": "needs more memory than such a file does"}, b""), out)
     except BasecalError as error:
-        _write(({"refused": str(error)}, b""), out)
+        _write(({"refused": str(error), "code": error.exit_code}, b""), out)
     except Exception as error:
         _write(({"refused": " ".join(f"{type(error).__name__} {error}".split())}, b""), out)
 

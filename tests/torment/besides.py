@@ -138,7 +138,7 @@ def hear_damaged(chance: Random, folder: Path) -> str:
         def ask(self, **request: Any) -> dict[str, Any]:
             return said
 
-    line = Line("", None, None)  # type: ignore[arg-type]
+    line = Line("", None)  # type: ignore[arg-type]
 
     def hear() -> None:
         if "png_base64" in answer:

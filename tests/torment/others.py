@@ -24,6 +24,7 @@ from torment.besides import example
 from torment.cells import KINDS, made, write
 from torment.damage import HOSTILE_TEXTS, at, damaged, places, torn_bytes
 from torment.outcome import Fell, of_command, of_reader
+from torment.verbs import files
 
 _WAIT_S = 0.01  # for a picture that does not come
 
@@ -141,6 +142,25 @@ def folder_damaged(chance: Random, folder: Path) -> str:
     return of_reader(read)
 
 
+def hostile_demo(chance: Random, folder: Path) -> str:
+    """A folder that says that a demo made it, and leads elsewhere by a link: nothing there is written or removed."""
+    outside, cell = folder / "outside", folder / "cell"
+    cell.mkdir()
+    (outside / "images").mkdir(parents=True)
+    for name in ("samples.jsonl", "plan.jsonl", "cell.yaml"):
+        (outside / name).write_text("precious")
+    before = files(outside)
+    if chance.random() < 0.8:
+        (cell / ".made-by-basecal-demo").touch()
+    name = chance.choice(["recording", "runs", "derived", "cell.yaml", "truth.yaml", "recording/images"])
+    (cell / name).parent.mkdir(exist_ok=True)
+    (cell / name).symlink_to(outside / name if name == "cell.yaml" else outside)
+    what = of_command(["demo", str(cell), *chance.choice(([], ["--led"], ["--json"]))])[0]
+    if files(outside) != before:
+        raise Fell(f"the demo follows the link {name}")
+    return what
+
+
 def _check(reading: Reading) -> None:
     state: RobotState = reading.state
     numbers = state.joints_rad if state.base_from_flange is None else state.base_from_flange.matrix
@@ -151,6 +171,7 @@ def _check(reading: Reading) -> None:
 OTHERS = {
     "merge": merge_damaged,
     "fix": fix_damaged,
+    "demo": hostile_demo,
     "view": hostile_view,
     "driver replay": replay_damaged,
     "driver typed": typed_damaged,

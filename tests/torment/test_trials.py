@@ -14,6 +14,7 @@ from torment.damage import at, damaged, places
 from torment.outcome import Fell, of_command, of_reader, time_limit
 from torment.readers import READERS
 from torment.run import TRIALS, counts_table, torment, tried
+from torment.sessions import SESSIONS
 
 # Seeds that once fell
 FOUND = (
@@ -47,7 +48,7 @@ def test_what_fell_stands(name: str, seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", sorted(TRIALS.keys() - READERS.keys()))
+@pytest.mark.parametrize("name", sorted(TRIALS.keys() - READERS.keys() - SESSIONS.keys()))
 def test_the_whole_stands(name: str) -> None:
     """Commands on damaged cells, with hostile words, and cut off at their writes."""
     assert Counter(tried(name, seed) for seed in range(25)).total() == 25

@@ -28,6 +28,7 @@ from torment.foreign import read_damaged_tables
 from torment.numbers import calibrate_strange
 from torment.others import OTHERS
 from torment.outcome import Fell, of_command, of_reader
+from torment.sessions import SESSIONS
 from torment.writes import write_fault
 
 Trial = Callable[[Random, Path], str]
@@ -243,5 +244,6 @@ WHOLE: dict[str, Trial] = {
     "plan": plan_damaged,
     "study, run": study_damaged,
     **OTHERS,
+    **SESSIONS,
     **EXPORTS,
 }

@@ -20,7 +20,8 @@ _MARK = ".made-by-basecal-demo"
 _BASE = "eye_base_from_hand_base"
 _SAMPLES = {"poses": 25, "shifts": 35}  # by pattern; of shifts five stations of seven
 _SPEED_DEG_S = 120.0  # as fast as simulated arms go without a person near them
-_JOURNALS = ("samples", "plan", "given_up")
+_FILES = ("cell.yaml", "truth.yaml", *(f"recording/{name}.jsonl" for name in ("samples", "plan", "given_up")))
+_FOLDERS = ("recording/images", "derived", "runs")
 _UNIT = {"t": (1e3, "mm"), "r": (57.29577951308232, "deg")}
 
 
@@ -91,10 +92,19 @@ def _capture(folder: Path, pattern: str, quiet: bool) -> None:
 
 
 def _prepare(folder: Path) -> None:
-    """Make the folder, or clear what an earlier demo wrote there; anything else is left alone."""
+    """Make the folder, or clear what an earlier demo wrote there; anything else is left alone.
+
+    Raises:
+        DatasetError: if the folder leads out of itself by a link.
+        InputError: if it holds a cell that no demo made.
+    """
+    from basecal.cell.format.paths import own_file
+
+    for name in (*_FILES, *_FOLDERS):
+        own_file(folder, name)
     if (folder / _MARK).exists():
-        for path in ("cell.yaml", "truth.yaml", *(f"recording/{name}.jsonl" for name in _JOURNALS)):
-            (folder / path).unlink(missing_ok=True)
+        for name in _FILES:
+            (folder / name).unlink(missing_ok=True)
     refuse_existing(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / _MARK).touch()

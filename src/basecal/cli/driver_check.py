@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,13 +9,10 @@ from cyclopts import Parameter
 
 from basecal.cli.connecting import ASKING, Connecting, allow_drivers
 from basecal.cli.terminal import print_json, say
-from basecal.errors import InputError, UsageError, nearest
+from basecal.errors import UsageError
 
 if TYPE_CHECKING:
-    from basecal.acquisition.driver import Place
     from basecal.acquisition.driver_check.promises import Promise
-
-_CUT_S = 20.0  # that a person has to cut a connection and to restore it
 
 
 def driver_check(
@@ -58,47 +54,20 @@ def driver_check(
         connecting: What the cell may reach.
         json: Print the measurements as JSON.
     """
-    if (Path(device) / "cell.yaml").is_file():
+    from basecal.acquisition.driver_check.check_process import DriverCheck, check_place, measured_promises
+
+    options = dict(_option(each) for each in option or [])
+    check = DriverCheck(device, name, options, camera, go, cut, connecting.allow_plaintext)
+    place = check_place(check)
+    if check.is_in_cell:
         if option or camera:
             raise UsageError("--option and --camera go with the name of a driver; the cell states its own options")
-        place = _place_in_cell(Path(device), name, connecting)
-    else:
-        place = _place_of_kind(device, option or [], camera)
-    promises = _measure(place, go, cut, quiet=json)
+        allow_drivers(place.cell, Path(device), connecting, name)
+    promises = [_print(each, quiet=json) for each in measured_promises(check)]
+    measured = [each for each in promises if not isinstance(each, str)]
     if json:
-        print_json({"name": place.name, "promises": [vars(each) for each in promises]})
-    return 1 if any(each.holds is False for each in promises) else 0
-
-
-def _place_in_cell(folder: Path, name: str, connecting: Connecting) -> Place:
-    from basecal.acquisition.driver import Place
-    from basecal.cell.files import read_cell
-
-    cell = read_cell(folder)
-    things = {each: robot.driver for each, robot in cell.robots.items() if robot.driver}
-    things |= {each: camera.driver for each, camera in cell.cameras.items() if camera.driver}
-    if name not in things:
-        known = ", ".join(things) or "none"
-        raise UsageError(f"no robot or camera {name!r} with a driver{nearest(name, things)}; there are: {known}")
-    allow_drivers(cell, folder, connecting, name)
-    return Place(name, cell, folder, things[name].options, connecting.allow_plaintext)
-
-
-def _place_of_kind(kind: str, options: list[str], is_camera: bool) -> Place:
-    from basecal.acquisition.driver import Place
-    from basecal.acquisition.drivers.registry import driver_names
-    from basecal.cell import Cell, CellCamera, Driver, Robot
-
-    known = driver_names()
-    if kind not in known:
-        hint = nearest(kind, known)
-        raise InputError(f"no driver and no cell {kind!r}{hint}; drivers are: {', '.join(known)}")
-    driver = Driver(kind, dict(_option(each) for each in options))
-    if is_camera:
-        cameras = {"camera": CellCamera("camera", "world", driver=driver)}
-        cell = Cell("robot", {"robot": Robot("robot")}, cameras=cameras)
-        return Place("camera", cell, Path("."), driver.options)
-    return Place("robot", Cell("robot", {"robot": Robot("robot", driver=driver)}), Path("."), driver.options)
+        print_json({"name": place.name, "promises": [vars(each) for each in measured]})
+    return 1 if any(each.holds is False for each in measured) else 0
 
 
 def _option(text: str) -> tuple[str, Any]:
@@ -113,29 +82,11 @@ def _option(text: str) -> tuple[str, Any]:
         return key, value
 
 
-def _measure(place: Place, go: bool, cut: bool, quiet: bool) -> list[Promise]:
-    """Promises, each printed when it is measured."""
-    from basecal.acquisition.driver_check.promises import camera_promises, reconnection_promise, robot_promises
-    from basecal.acquisition.drivers.registry import driver_kind
-
-    is_robot = place.name in place.cell.robots
-    driver = (place.cell.robots if is_robot else place.cell.cameras)[place.name].driver
-    kind = None if driver is None else driver_kind(driver.kind)
-    if kind is None or (kind.open_robot if is_robot else kind.open_camera) is None:
-        raise InputError(f"no driver of that name is for {'robots' if is_robot else 'cameras'}")
-    if not is_robot:
-        with closing(kind.camera(place)) as camera:
-            return [_print_promise(each, quiet) for each in camera_promises(camera)]
-    with closing(kind.robot(place)) as robot:
-        found = [_print_promise(each, quiet) for each in robot_promises(place.name, robot, kind.stop_guarantee, go)]
-        if cut:
-            say(f"Cut the connection of {place.name} now, for three seconds, and restore it.")
-            found.append(_print_promise(reconnection_promise(place.name, robot, _CUT_S), quiet))
-        return found
-
-
-def _print_promise(promise: Promise, quiet: bool) -> Promise:
-    if not quiet:
+def _print(promise: Promise | str, quiet: bool) -> Promise | str:
+    """A promise, or what a person is to do, once it is printed."""
+    if isinstance(promise, str):
+        say(promise)
+    elif not quiet:
         verdict = {True: "holds", False: "FAILS", None: "-"}[promise.holds]
         say(f"{verdict:<6} {promise.promise:<44} {promise.measured}")
     return promise

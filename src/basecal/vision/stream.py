@@ -12,6 +12,7 @@ import numpy as np
 
 from basecal.vision.detection import Image
 
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # else it prints what strangers' servers say
 _STAMPED_BACKEND = "V4L2"
 _TIMEOUT_MS = 5000  # without a picture; OpenCV waits 30 s
 _TIMEOUTS = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS]
@@ -46,6 +47,7 @@ class Stream:
 
 def open_stream(source: int | str | Path) -> Stream | None:
     """The camera of that number, the film or device of that path, or the address; None if OpenCV cannot open it."""
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture()
     if isinstance(source, int):
         is_open = capture.open(source)

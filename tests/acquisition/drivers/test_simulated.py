@@ -76,7 +76,7 @@ class Impostor(Connection):
 
 def test_what_else_answers_is_told(monkeypatch):
     """Whatever listens at the port: its answers are numbers and pictures, or an error that says so."""
-    line = Impostor("token", None, None)
+    line = Impostor("token", None)
     for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).picture):
         with pytest.raises(DriverError, match=r"is no simulated cell \(\w+"):
             ask()

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import secrets
 import socket
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from pydantic import Field, ValidationError
 
@@ -31,7 +32,10 @@ LONGEST_LINE = 2**24
 MOST_JOINTS = 100
 """Of an arm, which bounds what is asked and answered."""
 
-_ANSWER_TIMEOUT_S = 60.0  # for an answer: of a picture that is drawn on a busy machine
+_PICTURE_TIMEOUT_S = 60.0  # for a picture that is drawn on a busy machine
+_ANSWER_TIMEOUT_S = 10.0  # for any other answer, and to connect
+_LEAST_TIMEOUT_S = 1e-3  # a socket without any would wait for ever
+_RECEIVED_BYTES = 2**16  # at once
 _TOKEN_BYTES = 24
 _LARGEST_ADDRESS = 2**16  # bytes
 
@@ -112,7 +116,6 @@ class Connection:
 
     token: str
     line: socket.socket
-    stream: BinaryIO
 
     def ask(self, **request: Any) -> dict[str, Any]:
         """The answer to a request, without its `ok`.
@@ -120,19 +123,35 @@ class Connection:
         Raises:
             DriverError: if the cell refuses, or does not answer any more.
         """
+        wait_s = _PICTURE_TIMEOUT_S if request.get("do") == "picture" else _ANSWER_TIMEOUT_S
         try:
-            self.line.sendall(encode({"token": self.token, **request}))
-            answer = decode(self.stream.readline(LONGEST_LINE))
+            answer = decode(self._exchange_lines(encode({"token": self.token, **request}), time.monotonic() + wait_s))
         except (OSError, InputError) as error:
             raise DriverError(f"the simulated cell does not answer any more ({error or 'it has ended'})") from None
         if answer.pop("ok", False) is not True:
             raise DriverError(f"the simulated cell refuses {request.get('do')!r}: {answer.get('error')}")
         return answer
 
+    def _exchange_lines(self, request: bytes, deadline_s: float) -> bytes:
+        """The line that answers a line; what came until the deadline [s], or until the other end hung up, if none did.
+
+        Raises:
+            OSError: if the line is broken.
+        """
+        answer = bytearray()
+        self.line.settimeout(_ANSWER_TIMEOUT_S)
+        self.line.sendall(request)
+        while not answer.endswith(b"\n") and len(answer) < LONGEST_LINE:
+            self.line.settimeout(max(deadline_s - time.monotonic(), _LEAST_TIMEOUT_S))
+            received = self.line.recv(_RECEIVED_BYTES)
+            if not received:
+                break
+            answer += received
+        return bytes(answer)
+
     def close(self) -> None:
         """Hang up."""
         with suppress(OSError):
-            self.stream.close()
             self.line.close()
 
 
@@ -149,4 +168,4 @@ def connect(address: Address) -> Connection:
             f"no simulated cell listens on port {address.port} ({error.strerror}): start it again"
         ) from None
     line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return Connection(address.token, line, line.makefile("rb"))
+    return Connection(address.token, line)
