@@ -81,10 +81,6 @@ class NotObservable(BasecalError):
 
     exit_code = 4
 
-    def __init__(self, message: str, directions: Sequence[str] = ()) -> None:
-        self.directions = tuple(directions)
-        super().__init__(message)
-
 
 class RefusedCalibration(BasecalError):
     """A calibration that is refused was to be used; the message says why it is."""

@@ -17,4 +17,4 @@ def test_a_sample_counts_while_one_view_of_it_does():
     )
     recording = Recording(tuple(map(Sample, range(4))))
     calibration = Calibration("good", residuals=Residuals(per_sample=views), outliers=outliers)
-    assert sample_use(recording, calibration) == SampleUse(used=2, recorded=4, views_used=3, views=6)
+    assert sample_use(recording, calibration) == SampleUse(used=2, recorded=4, views=6)

@@ -9,11 +9,10 @@ from basecal.cell import Calibration, Recording, SampleResidual
 
 @dataclass(frozen=True)
 class SampleUse:
-    """Samples of which at least one view was used, of those recorded; and views likewise."""
+    """Samples of which at least one view was used, of those recorded; and how many views there were."""
 
     used: int
     recorded: int
-    views_used: int
     views: int
 
 
@@ -21,7 +20,7 @@ def sample_use(recording: Recording, calibration: Calibration) -> SampleUse:
     """What a calibration used of a recording: a view is left out whole, or it counts."""
     views, left_out = calibration.residuals.per_sample, outlier_views(calibration)
     used = [view for view in views if view not in left_out]
-    return SampleUse(len({view.sample for view in used}), len(recording.samples), len(used), len(views))
+    return SampleUse(len({view.sample for view in used}), len(recording.samples), len(views))
 
 
 def outlier_views(calibration: Calibration) -> frozenset[SampleResidual]:

@@ -32,8 +32,8 @@ class Split:
     folds: tuple[Samples, ...]
 
 
-def splits(problem: Problem, count: int = FOLDS) -> Iterator[Split]:
-    """Ways to split the samples into at most `count` folds to be held out one after another, the most severe first.
+def splits(problem: Problem) -> Iterator[Split]:
+    """Ways to split the samples into at most five folds to be held out one after another, the most severe first.
 
     Each keeps together what stands in one place: of every robot that moves, of one robot, or of nothing but repeated
     instants. A way whose largest part is more than two fifths of the samples is left out.
@@ -41,7 +41,7 @@ def splits(problem: Problem, count: int = FOLDS) -> Iterator[Split]:
     places, samples = _places(problem), _samples(problem)
     found: list[Split] = []
     for parts in _ways(samples, places):
-        split = _split(parts, len(samples), count)
+        split = _split(parts, len(samples), FOLDS)
         if split is not None and all(split.folds != other.folds for other in found):
             found.append(split)
             yield split

@@ -132,13 +132,12 @@ def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
 
 
-def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (_TURN, _AIM)) -> Iterator[Finding]:
+def direction_findings(name: str, covariance: Array) -> Iterator[Finding]:
     """Whether a transform is known in all directions.
 
     Args:
         name: Of the transform.
         covariance: (6, 6) [m, rad].
-        advice: What to do.
     """
     shift, turn = (float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1])) for part in (slice(3), slice(3, 6)))
     how = f"{1e3 * shift:.2g} mm and {np.degrees(turn):.2g} deg along an axis (1 sigma)"
@@ -149,7 +148,7 @@ def direction_findings(name: str, covariance: Array, advice: tuple[str, ...] = (
         code, severity = "weak-direction", "warning"
     else:
         return
-    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", advice)
+    yield Finding(code, severity, (name,), f"{name} is known to {how} only.", (_TURN, _AIM))
 
 
 def count_points(fit: SceneFit) -> Finding:

@@ -93,7 +93,7 @@ def base_of_station(eye_base_from_camera: SE3, camera_from_light: SE3, hand_base
     return eye_base_from_camera @ camera_from_light @ hand_base_from_light.inverse()
 
 
-def orthonormalise(rows: Array, start: Array | None = None) -> Array:
+def orthonormalise(rows: Array) -> Array:
     """The rotation nearest to three rows, by Newton's iteration on eqs. (14)-(16).
 
     The unknowns are r1, r2 and the three multipliers; r3 = r1 x r2. We differ: where the paper prints the derivative of
@@ -101,12 +101,11 @@ def orthonormalise(rows: Array, start: Array | None = None) -> Array:
 
     Args:
         rows: (3, 3), k1, k2, k3 of eq. (11).
-        start: (3, 3) rotation to begin at; Gram-Schmidt of k1 and k2 where None.
 
     Raises:
         NotConverged: with the last rotation.
     """
-    r = _gram_schmidt(rows) if start is None else start
+    r = _gram_schmidt(rows)
     x = np.concatenate([r[0], r[1], np.zeros(3)])
     for _ in range(_NEWTON_STEPS):
         step = np.linalg.solve(_newton_matrix(x, rows), -_stationarity(x, rows))

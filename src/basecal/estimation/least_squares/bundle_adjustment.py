@@ -118,7 +118,6 @@ def bundle_adjust_batch(
     dof: float | Array,
     iterations: int = 100,
     weights: Sequence[Array] | None = None,
-    sigmas: float = CONVERGED_SIGMAS,
 ) -> OptimumBatch:
     """The optima downhill of a batch of states (b,), each alone.
 
@@ -128,9 +127,8 @@ def bundle_adjust_batch(
         dof: Residuals less unknowns, a number or (b,).
         iterations: At most.
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
-        sigmas: What may be left to go.
     """
-    optima = _optimise(problem, states, weights, Stop(iterations, dof, sigmas))
+    optima = _optimise(problem, states, weights, Stop(iterations, dof))
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 

@@ -63,17 +63,14 @@ def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> L
     return LeaveOneOut(problem, state, tuple(weights), normal, spread)
 
 
-def studentize_views(
-    problem: Problem, state: State, weights: Sequence[Array] | None = None
-) -> tuple[MahalanobisSquared, ...]:
+def studentize_views(problem: Problem, state: State) -> tuple[MahalanobisSquared, ...]:
     """By group, (..., n): how far each view is from a state itself, as if that were exact; infinite behind its camera.
 
     Args:
         problem: The problem.
         state: The state, or a batch of them.
-        weights: By group, (..., n): what each view counts towards shared stops; 1 where None.
     """
-    normal = linearise(problem, state, weights)
+    normal = linearise(problem, state)
     return tuple(_misfits(g, of, state, problem) for g, of in zip(problem.groups, normal.views, strict=True))
 
 
