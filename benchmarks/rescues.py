@@ -28,6 +28,7 @@ from tests.shared.mutate import Mutation, lines_of, mutations, recording_of
 from tests.shared.start_trial import trial as start_trial
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.cell.targets.chessboard import chessboard_target
 from basecal.estimation.outliers.inlier_mask import all_inliers
 from basecal.simulation import Scenario
 from benchmarks import mutations as mix_ups
@@ -36,12 +37,14 @@ from benchmarks.common import on_one_core, table, write
 from benchmarks.reference.answers import answer, differences
 from benchmarks.reference.cases import cases
 
-RING = "ring of ten robots"
+RING, FAR = "ring of ten robots", "a small board far away"
 OVER_ORACLE = 2.0  # times the oracle's error: beyond, the answer is another one
 FIRST_SEED = 30000  # of outliers: none that anything was set by
 _START, _OUTLIERS = "basecal.estimation.start.", "basecal.estimation.outliers."
 _CHECKS, _STAGES = "basecal.accuracy.input_check.", "basecal.accuracy.stages."
 KINDS.setdefault(RING, replace(Scenario(layout="chain"), robots=10))
+KINDS.setdefault(FAR, Scenario(target="chessboard", board=chessboard_target((4, 4), 0.03), distance_m=(1.5, 2.5),
+                               pixel_px=1.5, spread_rad=0.4, robot_noise=(1e-4, 2e-4)))  # fmt: skip
 
 Answer = Any
 Before = tuple[Answer, list[str]]
