@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from basecal.effects import (
@@ -84,6 +85,12 @@ CONTAINED = tuple(
     name for name, effect in EFFECTS.items() if effect.expected is not None and not effect.expected.is_stated
 )
 """Effects that every answer contains, as large as they are expected to be, given the data."""
+
+
+def largest_sigma(name: str) -> float:
+    """The widest sigma that is expected of the sizes of an effect; infinite if nothing is expected of them."""
+    expected = EFFECTS[name].expected if name in CONTAINED else None
+    return math.inf if expected is None else float(expected.sigmas.max())
 
 
 def describe_effect(effect: FoundEffect) -> Words:

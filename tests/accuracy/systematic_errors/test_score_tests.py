@@ -1,6 +1,7 @@
 """Score tests against solving for what they test."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -48,6 +49,18 @@ def mount_freed(of):
     return Candidates(
         "", (MOUNT,), (None,), "", tuple(of.frame_jacobian(k, MOUNT)[:, None] for k in range(len(of.links)))
     )
+
+
+def test_what_is_seen_badly_is_not_found_larger_than_it_is_expected():
+    """Of two sizes one is seen well, and is what the data show; the other is a tenth of the largest at most."""
+    model = SimpleNamespace(step=np.zeros(1), inverse=np.eye(1))
+    sums = Sums(np.array([[-2e6, -3.0]]), np.zeros((1, 2, 1)), np.diag([1e6, 1.0])[None])
+    plain, bounded = score_from_sums(model, sums), score_from_sums(model, sums, 0.1)
+    np.testing.assert_allclose(plain.size, [[2.0, 3.0]])
+    np.testing.assert_allclose(bounded.size, [[2e6 / (1e6 + 100), 3 / 101]])
+    assert plain.statistic[0] == pytest.approx(4e6 + 9)
+    assert bounded.statistic[0] == pytest.approx(4e12 / (1e6 + 100) + 9 / 101)
+    assert bounded.freedoms[0] == plain.freedoms[0] == 2
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])

@@ -260,7 +260,7 @@ def suspected(monkeypatch, *kinds):
     """Suspects among candidates with such logarithms of chances; sizes are numbered, each with two freedoms."""
     chances = {id(kind): np.array(logs) for kind, logs in kinds}
 
-    def scored(_, kind):
+    def scored(_, kind, largest):
         """As `score`."""
         logs = chances[id(kind)]
         return SimpleNamespace(
@@ -393,7 +393,7 @@ def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_
     """Its size corrected by what is left of it, its covariance the inverse of its information."""
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
     monkeypatch.setattr(search, "linearise_views", lambda problem, state: (problem, state))
-    monkeypatch.setattr(search, "score", lambda about, kind: again if about == ("held problem", "state") else None)
+    monkeypatch.setattr(search, "score", lambda about, *of: again if about == ("held problem", "state") else None)
     monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after.state))
     after = SimpleNamespace(
         noise=SimpleNamespace(hold_sigmas=lambda problem: f"held {problem}"), problem="problem", state="state"

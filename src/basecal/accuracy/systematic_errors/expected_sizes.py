@@ -28,7 +28,6 @@ from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, BoolArray
 
-_NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
 _MOST_ARMS = 2  # with fields: of more, each goes alone
 _MOST_TOGETHER = 60  # sizes: of more, those of each mount and target go alone, which bounds the time
 
@@ -192,9 +191,8 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
         effect = EFFECTS[name]
         assert effect.expected is not None
         assert effect.candidates is not None
-        sigmas = effect.expected.sigma * effect.expected.factor**_NODES
         loaded = (each for each in effect.candidates(situation) if each.about[0] not in tools)
-        yield from (Expected(name, candidate, sigmas) for candidate in loaded)
+        yield from (Expected(name, candidate, effect.expected.sigmas) for candidate in loaded)
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])

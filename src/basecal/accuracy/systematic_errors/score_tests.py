@@ -190,12 +190,18 @@ def _sum_views(problem: Problem, state: State, views: tuple[LinearisedViews, ...
     return Linearised(problem, state, views, gradient, hessian, system)
 
 
-def score(model: Linearised, candidates: Candidates) -> Score:
-    """The score tests of errors of one kind."""
-    return score_from_sums(model, sums(model, candidates))
+def score(model: Linearised, candidates: Candidates, largest: float = np.inf) -> Score:
+    """The score tests of errors of one kind.
+
+    Args:
+        model: The null model.
+        candidates: The errors.
+        largest: Sigma that is expected of their sizes at most; infinite if nothing is expected.
+    """
+    return score_from_sums(model, sums(model, candidates), largest)
 
 
-def score_from_sums(model: Linearised, sums: Sums) -> Score:
+def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> Score:
     """As `score`, from sums that are known."""
     gradient, across, information = sums
     tied = np.flatnonzero(across.any((0, 1)))  # of a hundred robots an error meets the columns of a few
@@ -205,8 +211,10 @@ def score_from_sums(model: Linearised, sums: Sums) -> Score:
     left = 0.5 * (left + left.mT)
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     seen = scaled_spectrum(left, _HIDDEN, np.where(size > 0, size, 1.0))
-    sizes = -(seen.inverse @ gradient[..., None])[..., 0]
-    return Score(gradient, left, seen.squared_mahalanobis(gradient), seen.rank, sizes)
+    # (P + S^-1)^-1 = (I + P^+ S^-1)^-1 P^+ along the directions that are seen.
+    inverse = np.linalg.solve(np.eye(left.shape[-1]) + seen.inverse / largest**2, seen.inverse)
+    sizes = -(inverse @ gradient[..., None])[..., 0]
+    return Score(gradient, left, -np.vecdot(gradient, sizes), seen.rank, sizes)
 
 
 def sums(model: Linearised, candidates: Candidates) -> Sums:

@@ -26,7 +26,7 @@ from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found_effect import FoundEffect
-from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS
+from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
 from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
 from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.robot_noise import without_errors
@@ -220,11 +220,11 @@ def _suspects(situation: Situation) -> list[_Suspect]:
     unlikely = []
     for name, kind in _candidates(situation):
         tests[kind.code] += len(kind.about)
-        null = situation.null_model(name, kind.about[0])
-        scores = score(null, kind)
+        null, largest = situation.null_model(name, kind.about[0]), largest_sigma(name)
+        scores = score(null, kind, largest)
         chances = screened = scores.log_chance
         if null is not situation.linearisation:
-            screened = np.minimum(chances, score(situation.linearisation, kind).log_chance)
+            screened = np.minimum(chances, score(situation.linearisation, kind, largest).log_chance)
         for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED))):
             found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
             unlikely.append(_Suspect(name, kind.single(b), scores.size[b], *found, 0.0))
@@ -344,6 +344,7 @@ def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corre
     again = score(
         linearise_views(corrected_solution.noise.hold_sigmas(corrected_solution.problem), corrected_solution.state),
         suspect.candidate,
+        largest_sigma(suspect.effect),
     )
     null = _null_model(situation, suspect)
     known = again if null is situation.linearisation else score(null, suspect.candidate)
@@ -358,7 +359,7 @@ def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corre
 
 def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
     """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
-    found = score(_null_model(situation, suspect), suspect.candidate)
+    found = score(_null_model(situation, suspect), suspect.candidate, largest_sigma(suspect.effect))
     across = sums(situation.linearisation, suspect.candidate).across[0]
     return _make_effect(
         situation,

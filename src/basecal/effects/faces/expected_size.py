@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from basecal.geometry import Array
+
+_NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
+
 
 class ExpectedSize(NamedTuple):
     """What is expected of the sizes of a candidate.
@@ -20,3 +26,8 @@ class ExpectedSize(NamedTuple):
     factor: float
     source: str
     is_stated: bool = False
+
+    @property
+    def sigmas(self) -> Array:
+        """What their sigma may be, equally likely, (5,)."""
+        return np.asarray(self.sigma * self.factor**_NODES)
