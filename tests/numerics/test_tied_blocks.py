@@ -26,6 +26,14 @@ def test_what_pairs_lead_to_is_one_block():
     assert len({of.block[0], of.block[1], of.block[2]}) == 3
 
 
+def test_a_long_chain_in_any_order_is_one_block(rng):
+    """Two chains whose nodes are numbered at random."""
+    node = rng.permutation(600)
+    of = tied_blocks(np.stack([np.delete(node[:-1], 299), np.delete(node[1:], 299)], axis=1), 600, 300)
+    assert of.hubs == []
+    assert [set(of.block[half].tolist()) for half in (node[:300], node[300:])] in ([{0}, {1}], [{1}, {0}])
+
+
 @pytest.mark.parametrize("most", [1, 2, 4])
 def test_hubs_are_taken_out(most):
     """A star and a long chain fall apart into blocks that are small enough; what is small anyhow keeps its nodes."""

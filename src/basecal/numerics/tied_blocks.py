@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import scipy  # its parts are loaded when they are first used
 
 from basecal.geometry import IntArray
 
@@ -50,11 +49,14 @@ def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequen
 
 
 def _components(pairs: IntArray, count: int) -> IntArray:
-    """A number for each of so many nodes, that of all that pairs lead to, (count,)."""
-    if not len(pairs):
-        return np.arange(count)
-    graph = scipy.sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(scipy.sparse.csgraph.connected_components(graph)[1], dtype=np.int64)
+    """The lowest node that pairs lead to from each of so many nodes, (count,)."""
+    label, previous = np.arange(count), None
+    while not np.array_equal(label, previous):
+        previous, label = label, label.copy()
+        ends = previous[pairs]
+        np.minimum.at(label, ends, ends.min(axis=1, keepdims=True))
+        label = label[label]
+    return label
 
 
 def _separator_nodes(pairs: IntArray, block_size: int) -> list[int]:

@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial.distance import cdist
+import scipy  # its parts are loaded when they are first used
 
 from basecal.cell import CellCamera, CellTarget, KeepOut, Sample
 from basecal.errors import InputError
@@ -160,7 +160,7 @@ def _swept_capsules(sketch: Sketch, start: Sample, end: Sample, robot: str) -> A
 def _arms_gap(capsule: Array, other_capsule: Array) -> float:
     """Least distance of capsules, (n, 7) and (m, 7)."""
     (middles, reach), (other_middles, other_reach) = _balls(capsule), _balls(other_capsule)
-    bound = cdist(middles, other_middles) - reach[:, None] - other_reach
+    bound = scipy.spatial.distance.cdist(middles, other_middles) - reach[:, None] - other_reach
     return _least_gap(bound, lambda rows, columns: _gaps(capsule[rows], other_capsule[columns]))
 
 

@@ -49,7 +49,7 @@ class Sketch:
         """The camera's lens.
 
         Raises:
-            InputError: if the cell states none.
+            InputError: if the cell has none.
         """
         lens = None if self.camera.intrinsics is None else self.camera.intrinsics.camera
         if lens is None:

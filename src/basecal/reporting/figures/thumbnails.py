@@ -13,8 +13,6 @@ from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.geometry import Array, BoolArray
 from basecal.reporting.svg import dots, drawing, element, nice_ceiling, segments
-from basecal.vision.image_file import read_bytes
-from basecal.vision.thumbnail import thumbnail
 
 _MOST_USED, _MOST_LEFT_OUT = 18, 6  # pictures of views that were used, and of those left out: some rows of each
 _WIDTH = 360  # [px]: twice what a picture takes on the page, for screens that are fine
@@ -129,6 +127,9 @@ def sample_pictures(
 
 
 def _jpeg(path: Path, size_px: tuple[int, int] | None, width: int) -> bytes | None:
+    from basecal.vision.image_file import read_bytes
+    from basecal.vision.thumbnail import thumbnail
+
     data = read_bytes(path)
     return None if isinstance(data, str) or size_px is None else thumbnail(data, size_px, width)
 
