@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 
-def numbers(values: Iterable[float], digits: int = 9) -> str:
+def numbers(values: Iterable[float]) -> str:
     """Numbers to paste: fixed point, a space between, no negative zero."""
-    return " ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
+    return " ".join(f"{round(float(value), 9) + 0.0:.9f}" for value in values)
 
 
 def origin_line(parent_from_child: SE3) -> str:

@@ -9,7 +9,7 @@ from basecal.reporting.figures.heat_map import heat_map
 
 def test_larger_numbers_are_darker() -> None:
     """The least faintest, the greatest strongest; what is missing has no shade."""
-    svg = heat_map("error", ("samples", [5, 10]), ("board", ["a", "b"]), [[1.0, 2.0], [None, 4.0]], "mm").svg
+    svg = heat_map("error", ("samples", [5, 10]), ("board", ["a", "b"]), [[1.0, 2.0], [None, 4.0]]).svg
     shades = [float(share) for share in re.findall(r'fill-opacity="([\d.]+)"', svg)]
     assert shades == sorted(shades)
     assert len(set(shades)) == 3
@@ -18,6 +18,6 @@ def test_larger_numbers_are_darker() -> None:
 
 def test_long_labels_are_cut_and_told_whole() -> None:
     """As the label's own title."""
-    svg = heat_map("error", ("samples", [5]), ("board", ["w" * 50]), [[0.0]], "mm").svg
+    svg = heat_map("error", ("samples", [5]), ("board", ["w" * 50]), [[0.0]]).svg
     assert f"<title>{'w' * 50}</title>" in svg
     assert f">{'w' * 31}…<" in svg

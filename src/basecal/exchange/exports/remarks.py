@@ -1,4 +1,4 @@
-"""What an export says of itself in comments: from which run and data it is, and whether that is doubtful."""
+"""What comments of an export say: from which run and data it is, and whether that is doubtful."""
 
 from __future__ import annotations
 
@@ -39,6 +39,6 @@ def describe_transform(transform: NamedTransform, units: str) -> str:
     return f"{transform.name}: the pose of {child} in {parent}, {units}; {known}"
 
 
-def comments(lines: Iterable[str], mark: str, end: str = "") -> list[str]:
+def comments(lines: Iterable[str], mark: str) -> list[str]:
     """Lines of comments that hold nothing but one line each."""
-    return [f"{mark} {' '.join(printable(line).split())}{end}" for line in lines]
+    return [f"{mark} {' '.join(printable(line).split())}" for line in lines]

@@ -19,7 +19,6 @@ def heat_map(
     columns: tuple[str, Sequence[object]],
     rows: tuple[str, Sequence[object]],
     values: Sequence[Sequence[float | None]],
-    unit: str,
 ) -> Figure:
     """Numbers on tiles, shaded by their logarithm.
 
@@ -28,7 +27,6 @@ def heat_map(
         columns: Name and values of the axis across.
         rows: Likewise of the axis downwards.
         values: By row, then by column; None if there is no answer.
-        unit: Of the numbers.
     """
     logs = [math.log10(value) for row in values for value in row if value is not None and value > 0]
     shades = (min(logs), max(logs)) if logs else (0.0, 0.0)
@@ -43,7 +41,7 @@ def heat_map(
         *(_label(_LEFT + (i + 0.5) * _TILE_WIDTH, bottom + 17, value, "middle") for i, value in enumerate(columns[1])),
     ]
     svg = drawing(_LEFT + len(columns[1]) * _TILE_WIDTH + 8, bottom + _EDGE, title, *tiles, *labels)
-    return Figure(title, svg, f"{columns[0]} across, {rows[0]} downwards; median error of the trials [{unit}].")
+    return Figure(title, svg, f"{columns[0]} across, {rows[0]} downwards; median error of the trials [mm].")
 
 
 def _tile(x: float, y: float, value: float | None, shades: tuple[float, float]) -> str:

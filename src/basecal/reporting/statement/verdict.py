@@ -101,12 +101,6 @@ def error_text(length_m: float, angle_rad: float | None) -> str:
     return f"{two_digits(1e3 * length_m)} mm{angle}"
 
 
-def sigma_norms(estimate: PoseEstimate) -> tuple[float, float]:
-    """Root of the trace of both halves of the covariance, [mm] and [deg]."""
-    sigma_m, sigma_rad = estimate.sigma_norms
-    return sigma_m * 1e3, float(np.degrees(sigma_rad))
-
-
 def held_out_errors(validation: Validation | None) -> list[str]:
     """How far off held-out samples are predicted: at the target, and in the image."""
     if validation is None:

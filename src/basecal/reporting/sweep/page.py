@@ -87,5 +87,5 @@ def _maps(summary: Mapping[str, Any]) -> list[Figure]:
                 for d in summary["axes"][down]
             ]
             title = f"error of the translation{f', {_value_text(at)}' if at else ''}"
-            maps.append(heat_map(title, (across, summary["axes"][across]), (down, summary["axes"][down]), values, "mm"))
+            maps.append(heat_map(title, (across, summary["axes"][across]), (down, summary["axes"][down]), values))
     return maps[:_MOST_MAPS]
