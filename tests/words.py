@@ -190,13 +190,14 @@ def literal(node: ast.expr) -> str:
 
 
 def docstrings() -> Iterator[Text]:
-    """Docstrings of the package."""
+    """Docstrings of the package, without commands that they give as examples."""
     for path in sources():
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 text = ast.get_docstring(node)
                 if text:
-                    yield Text("docstring", str(path.relative_to(ROOT)), getattr(node, "lineno", 1), text)
+                    prose = re.sub(r"^ +basecal .*", "", text, flags=re.MULTILINE)
+                    yield Text("docstring", str(path.relative_to(ROOT)), getattr(node, "lineno", 1), prose)
 
 
 def messages() -> Iterator[Text]:

@@ -176,7 +176,7 @@ class _Captured:
         self._check.add(sample)
 
     def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
-        """What there is to tell once a sample is taken, or is not and why."""
+        """What to report once a sample is taken, or why it is not."""
         waits = is_last or self._by.settings.waits_for_check
         covered, checked = measure_coverage(self._by.sketch, self.taken), self._check.collect(waits)
         return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)

@@ -68,7 +68,7 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What a driver is told when it is opened.
+    """What a driver is given when it is opened.
 
     Attributes:
         name: The robot or camera, by its name in the cell.
@@ -139,10 +139,10 @@ class ChecksGoals(Protocol):
 
 @runtime_checkable
 class HasWatchdog(Protocol):
-    """What a robot has whose controller stops it unless it is told again and again that this computer is well."""
+    """What a robot has whose controller stops it unless this computer reports again and again that it is well."""
 
     def keep_alive(self) -> None:
-        """Tell the controller that this computer is well; called every 20 ms by a thread of its own.
+        """Report to the controller that this computer is well; called every 20 ms by a thread of its own.
 
         Raises:
             DriverError: if the controller no longer listens.
@@ -169,7 +169,7 @@ class Camera(Protocol):
 
     @property
     def is_live(self) -> bool:
-        """Whether pictures come by themselves, one after another."""
+        """Whether pictures come without a request, one after another."""
 
     def picture(self) -> Picture:
         """Wait for a picture newer than the last one given.

@@ -43,7 +43,7 @@ def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE
 class Waits:
     """How long states are waited for: one outage is forgiven, a rate that stays too low is not.
 
-    Whoever asks seldom waits less, and is never told that states are too few.
+    Rare requests wait less, and never fail because states are too few.
     """
 
     def __init__(self, name: str) -> None:

@@ -296,7 +296,7 @@ class Calibration:
         The covariance (6, 6) [m, rad] is as of `between`.
 
         Raises:
-            FrameNotFound: if there is no such frame, or where it stands was not found.
+            FrameNotFound: if there is no such frame, or its pose was not found.
             InputError: if the frames move against each other, or one is a single point, which has no rotation.
         """
         placed = {name: estimate for name, estimate in self.transforms.items() if name not in self.points}

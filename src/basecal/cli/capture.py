@@ -291,7 +291,7 @@ def _take_samples(
     view: CaptureView,
     stops: bool = False,
 ) -> list[Step]:
-    """What becomes of each sample of a plan, or of so many that a person leads the arms to; told when it is done."""
+    """What becomes of each sample of a plan, or of so many that a person leads the arms to; called when it is done."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.capture import capture_led
 

@@ -1,4 +1,4 @@
-"""What an import says of conventions at its end, where the cell has all that it takes to tell."""
+"""What an import reports of conventions at its end, if the cell is complete."""
 
 from __future__ import annotations
 

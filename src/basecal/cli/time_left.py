@@ -1,4 +1,4 @@
-"""How long a calibration takes still, told from the stages it has gone through."""
+"""How long a calibration takes still, predicted from the stages it has gone through."""
 
 from __future__ import annotations
 

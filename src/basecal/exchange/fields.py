@@ -1,4 +1,4 @@
-"""YAML and JSON of other programs, requested by the names of their fields; an error tells path, line and field."""
+"""YAML and JSON of other programs, requested by the names of their fields; an error names path, line and field."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _SHOWN_SAMPLES = 6  # numbers of samples in a line
 
 
 def verification_dict(verification: Verification) -> dict[str, Any]:
-    """One JSON object; lengths in mm, angles in degrees, null where nothing can be told."""
+    """One JSON object; lengths in mm, angles in degrees, null if nothing can be determined."""
     shift = verification.shift
     return {
         "moved": verification.moved,

@@ -27,7 +27,7 @@ _EMPTY_ANSWER = "no transform is asked for and observable."
 
 
 def summary(cell: Cell, calibration: Calibration) -> str:
-    """Lines of at most `LINE_WIDTH` characters, joined by newlines; `text_report` tells all else.
+    """Lines of at most `LINE_WIDTH` characters, joined by newlines; `text_report` prints all else.
 
     Args:
         cell: What was calibrated: it says which transforms are requested.

@@ -107,7 +107,7 @@ def as_point(pose: SE3, target: Target) -> SE3:
 def _place_body(
     name: str, world_from_thing: SE3, scene: Scene, flanges: dict[str, SE3], world_mounts: dict[str, SE3]
 ) -> None:
-    """Put a camera or target there: by its carrier's flange, or by its mount where it stands on the world."""
+    """Put a camera or target there: by its carrier's flange, or by its mount if that is on the world."""
     carrier = scene.layout.carrier(name)
     target = scene.shapes.get(name)
     if carrier != WORLD:

@@ -54,8 +54,8 @@ def decode(data: bytes) -> Decoded:
 def _is_out_of_step(data: bytes, pixels: NDArray[Any]) -> bool:
     """Whether a lossy WebP was decoded without its end, as one is whose bytes were changed on the way.
 
-    It has no checksum, but all that follows a changed byte is read otherwise, so that a decoder is done before the end
-    or asks for more; the latter it tells itself. Source: RFC 6386 (7).
+    It has no checksum, but all that follows a changed byte is read otherwise. A decoder is then done before the end or
+    asks for more; the latter it reports itself. Source: RFC 6386 (7).
     """
     cut = _without_end(data)
     try:

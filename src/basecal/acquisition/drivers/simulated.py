@@ -40,7 +40,7 @@ class SimulatedOptions(Entry):
 
 
 class _State(Entry):
-    """What it answers when asked for a state."""
+    """Its answer to a request of a state."""
 
     stamp_s: Number
     joints_rad: Annotated[list[Number], Field(min_length=1, max_length=MOST_JOINTS)]
@@ -87,7 +87,7 @@ class SimulatedRobot:
         """Send it to joints.
 
         Raises:
-            DriverError: if they are beyond its limits, or a pose is asked for.
+            DriverError: if they are beyond its limits, or a pose is requested.
         """
         if to.joints_rad is None:
             raise DriverError(f"{self._name} goes to joints, not to poses of its flange")

@@ -1,7 +1,7 @@
 """Topics of ROS 2 over DDS, by cyclonedds: which there are, what comes on them, and what is sent.
 
 ROS 2 writes the topic `/joint_states` as `rt/joint_states`, its type as `sensor_msgs::msg::dds_::JointState_`, and the
-hash of the type into the user data of what sends it. A reader asks for the reliability and the durability that is
+hash of the type into the sender's user data. A reader asks for the reliability and the durability that is
 offered, so that whatever a driver chose, the two agree.
 """
 
@@ -185,7 +185,7 @@ class Listener:
 
 
 def _publisher_process(participants: Any, endpoint: Any) -> str:
-    """The process of a publisher, as CycloneDDS states it of itself; its GUID if it is of another DDS."""
+    """The process of a publisher, as CycloneDDS states its own; its GUID if it is of another DDS."""
     for each in participants.read(_AT_MOST):
         if each.key == endpoint.participant_key:
             said = {policy.key: policy.value for policy in each.qos if hasattr(policy, "key")}

@@ -1,7 +1,7 @@
 """The running check: each sample against what the samples before it predict.
 
 A sample that disagrees is held back until the next one. If that one agrees, the picture of the first belongs to another
-pose. If both disagree alike, something moved. Causes that last for the whole recording, such as a joint that is off,
+pose. If both disagree equally, something moved. Causes that last for the whole recording, such as a joint that is off,
 are those of the systematic errors; they are reported when two checks in a row find them.
 """
 
@@ -77,7 +77,7 @@ class RunningCheck:
         return self._judge_pending(alone)
 
     def _judge_pending(self, disagreement: Disagreement) -> tuple[Doubt, ...]:
-        """What several samples in a row that disagree have in common."""
+        """What several disagreeing samples in a row share."""
         held, self._pending = self._pending, []
         both = self._test(self.estimate, held)
         if both is None or both.chance_left < _EXPLAINED:
@@ -123,12 +123,12 @@ class RunningCheck:
 
 
 def _name(error: FoundEffect | None) -> tuple[str, ...]:
-    """Kind of finding and what has it: effects of one arm take turns while few samples tell them apart."""
+    """Kind of finding and what has it: effects of one arm take turns while few samples distinguish them."""
     return () if error is None else (describe_effect(error).code, error.about)
 
 
 def _first(sample: Sample, single: Disagreement) -> Doubt:
-    """A sample that disagrees, before another tells why."""
+    """A sample that disagrees, before another shows why."""
     message = (
         f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its picture and "
         f"its pose do not belong together, or {cause_of_shifts(single.causes, sample.sample)}"

@@ -166,7 +166,7 @@ class Arms:
             raise DriverError(self._reason)
 
     def _listen(self) -> None:
-        """Take what the supervisor sends until it ends, and tell it that this process runs."""
+        """Take what the supervisor sends until it ends, and report to it that this process runs."""
         beat_s = time.monotonic()
         heard_s = beat_s + START_S
         while True:
@@ -218,7 +218,7 @@ class Arms:
 
 
 def stop_report(reason: str, names: list[str], missing_arms: list[str]) -> str:
-    """Why all arms were stopped, which of them were told, and what to do."""
+    """Why all arms were stopped, which of them got the order, and what to do."""
     told = [name for name in names if name not in missing_arms]
     words = [f"{reason.rstrip('.')}."]
     words += [f"{_join_names(told)} told to stop."] if told else []

@@ -1,4 +1,4 @@
-"""Signals during a capture: the system tells the supervisor at once, and the main thread leaves what it waits for."""
+"""Signals during a capture: the system informs the supervisor at once, and the main thread leaves what it waits for."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """The supervisor: a process that starts one process for each arm, and stops all arms at once.
 
 It imports nothing but the standard library and computes nothing, so that nothing delays it. It stops all arms when one
-of them reports trouble, hangs or ends, when the capture ends or hangs while an arm moves, and at SIGINT, SIGTERM and
-SIGHUP of the capture, whose numbers the system itself writes into a pipe. After that no request reaches an arm.
+of them reports trouble, hangs or ends, and when the capture ends or hangs while an arm moves. It also does at SIGINT,
+SIGTERM and SIGHUP of the capture, whose numbers the system itself writes into a pipe. After that no request reaches an
+arm.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def yaml_fault(text: str, error: MarkedYAMLError) -> Fault:
 
 
 def _key_fault(lines: list[str], line: int) -> Fault:
-    """A key stands where the value of the line before it, or of itself, was expected."""
+    """A key stands where its own value, or that of the line before it, was expected."""
     above = next((number for number in range(line - 1, 0, -1) if _content(lines[number - 1])), None)
     for number in (above, line):
         if number is not None and _NO_SPACE.match(lines[number - 1]):

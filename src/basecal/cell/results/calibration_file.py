@@ -94,7 +94,7 @@ def _refuse(constant: str) -> None:
 def latest_run(folder: str | Path) -> Path | None:
     """Folder of the run of a cell whose `calibration.json` was written last; None if there is none.
 
-    Names of runs are by the clock, which may have been wrong; they tell runs apart that were written at once.
+    Names of runs are by the clock, which may have been wrong; they distinguish runs that were written at once.
     """
     runs = _runs_by_time(folder)
     return runs[0] if runs else None

@@ -2,7 +2,7 @@
 
 As Kalibr has it: tag 0 is at the lower left of the upright print, numbers run along the rows of tags and rows count
 upwards; a tag's corners go round from its lower left against the clock. The frame is Kalibr's too: the origin at the
-lower left corner of tag 0, x along columns, y up along rows, z = x cross y, out of the print towards who reads it.
+lower left corner of tag 0, x along columns, y up along rows, z out of the print.
 Source: Kalibr's documentation of calibration targets and its printed boards, whose tags have two cells of black border.
 """
 

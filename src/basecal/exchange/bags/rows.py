@@ -1,4 +1,4 @@
-"""Rows of a recording from what a bag tells: one for each stop, or one for each message."""
+"""Rows of a recording from a bag: one for each stop, or one for each message."""
 
 from __future__ import annotations
 

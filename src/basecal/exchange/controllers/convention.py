@@ -1,4 +1,4 @@
-"""A controller's convention: the numbers it writes a pose with, in their order and units; read and written alike."""
+"""A controller's convention: the numbers it writes a pose with, in their order and units; one for both ways."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers with the digits that their sigma justifies: two of the sigma, on every surface alike."""
+"""Numbers with the digits that their sigma justifies: two of the sigma, the same on every surface."""
 
 from __future__ import annotations
 

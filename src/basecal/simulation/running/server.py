@@ -110,7 +110,7 @@ class CellServer(socketserver.ThreadingTCPServer):
                 self.plant.stop(robot)
 
     def service_actions(self) -> None:
-        """Have all arms come to rest if nobody asked for a while, as the watchdog of a controller does."""
+        """Have all arms come to rest if no request came for a while, as the watchdog of a controller does."""
         is_busy = self._one_at_a_time.locked()
         if self.plant.is_real_time and not is_busy and time.monotonic() - self._asked_s > _SILENCE_LIMIT_S:
             self.stop()

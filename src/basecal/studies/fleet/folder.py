@@ -1,4 +1,4 @@
-"""The cells in a folder, and what tells whether one has changed."""
+"""The cells in a folder, and what shows whether one has changed."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Row:
         said: The worst of them in words, or why there is no calibration.
         samples: How many its recording has.
         transform: Which transform of those requested the following is: the first that was found.
-        x_m: Where it stands [m]; y_m, z_m likewise.
+        x_m: Its position [m]; y_m, z_m likewise.
         y_m: See x_m.
         z_m: See x_m.
         qx: Its rotation as a quaternion, scalar last; qy, qz, qw likewise.

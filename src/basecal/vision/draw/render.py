@@ -1,7 +1,7 @@
 """Images of printed targets through a lens, with blur and noise: exact edges, no GPU.
 
-The outlines of what is black are projected through the lens and the area they cover of each pixel is computed, so
-that an edge's place is right to a thousandth of a pixel. Then come the point spread, the noise and the grey levels.
+The outlines of what is black are projected through the lens. The area they cover of each pixel is computed, so that an
+edge's place is right to a thousandth of a pixel. Then come the point spread, the noise and the grey levels.
 """
 
 from __future__ import annotations

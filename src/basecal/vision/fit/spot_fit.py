@@ -96,7 +96,7 @@ def _inverse(matrix: Array) -> Array | None:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A piece whose usable pixels weigh alike, a batch of one, as Levenberg-Marquardt knows it; see `System`."""
+    """A piece whose usable pixels weigh the same, a batch of one, as Levenberg-Marquardt knows it; see `System`."""
 
     levels: Array
     weights: Array

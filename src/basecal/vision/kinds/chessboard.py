@@ -1,8 +1,8 @@
 """Chessboards: OpenCV finds the grid, each corner is then fitted in the image.
 
-A board looks alike after half a turn where its numbers of inner corners are both even or both odd (after a quarter
-turn too where they are equal): ids may then count from either end, which only all views of a recording together can
-tell. Otherwise ids count from the corner whose outer square is black.
+A board looks the same after half a turn if its numbers of inner corners are both even or both odd, and after a quarter
+turn if they are equal: ids may then count from either end, which only all views of a recording together
+determine. Otherwise ids count from the corner whose outer square is black.
 """
 
 from __future__ import annotations
