@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from source_trees import nodes_of, parsed
+from tests.source_trees import nodes_of, parsed
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 FILES = sorted(SOURCE.rglob("*.py"))

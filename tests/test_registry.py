@@ -18,7 +18,7 @@ from basecal.exchange.motions.registry import MOTIONS
 from basecal.geometry.lenses.registry import LENSES
 from basecal.planning.patterns import PATTERNS
 from basecal.studies.solvers.registry import SOLVERS
-from source_trees import nodes_of, parsed
+from tests.source_trees import nodes_of, parsed
 
 SOURCE = Path(__file__).parents[1] / "src" / "basecal"
 NAMES = {*TARGETS, *LENSES}

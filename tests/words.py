@@ -16,9 +16,10 @@ import ast
 import random
 import re
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
+
+from tests.source_trees import nodes_of, parsed
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "basecal"
@@ -99,12 +100,6 @@ class Text(NamedTuple):
     text: str
 
 
-@cache
-def parsed(path: Path) -> ast.Module:
-    """The tree of a file."""
-    return ast.parse(path.read_text(encoding="utf-8"))
-
-
 def sources() -> list[Path]:
     """All files of the package."""
     return sorted(SOURCE.rglob("*.py"))
@@ -116,7 +111,7 @@ def names() -> Iterator[Name]:
         place = str(path.relative_to(ROOT))
         if path.stem not in ("__init__", "__main__"):
             yield Name("module", place, 1, path.stem, path.parent.name == "drivers" or path.stem in PUBLIC)
-        for node in ast.walk(parsed(path)):
+        for node in nodes_of(parsed(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 is_finding = place.startswith("src/basecal/accuracy/findings/") and node.name == path.stem
                 yield Name("function", place, node.lineno, node.name, is_finding or node.name in PUBLIC)
@@ -192,7 +187,7 @@ def literal(node: ast.expr) -> str:
 def docstrings() -> Iterator[Text]:
     """Docstrings of the package, without commands that they give as examples."""
     for path in sources():
-        for node in ast.walk(parsed(path)):
+        for node in nodes_of(parsed(path)):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
                 text = ast.get_docstring(node)
                 if text:
@@ -203,12 +198,12 @@ def docstrings() -> Iterator[Text]:
 def messages() -> Iterator[Text]:
     """Strings of the package with at least four words that are no docstrings: messages, help and reports."""
     for path in sources():
-        tree = parsed(path)
-        inner = {id(part) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
-        bare = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
-            is_whole = isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and id(node) not in inner)
-            text = literal(node) if is_whole and isinstance(node, ast.expr) and id(node) not in bare else ""
+        nodes = nodes_of(parsed(path))
+        inner = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in ast.walk(node)}
+        bare = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+        for node in (node for node in nodes if isinstance(node, ast.JoinedStr | ast.Constant)):
+            is_whole = isinstance(node, ast.JoinedStr) or id(node) not in inner
+            text = literal(node) if is_whole and id(node) not in bare else ""
             if len(re.findall(r"[A-Za-z]{2,}", text)) >= 4 and not re.search(r"[<>{}\\^]|\(\?|https?:", text):
                 yield Text("message", str(path.relative_to(ROOT)), node.lineno, text)
 

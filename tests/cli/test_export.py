@@ -49,12 +49,14 @@ def test_a_corrected_urdf_stands_where_the_calibration_says(off: Path, tmp_path:
     np.testing.assert_allclose(corrected.matrix, chain.forward(joints + offsets).matrix, atol=1e-13)
 
 
-def test_it_says_what_is_missing(off: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """No run yet, no such robot, no offsets in the run: one line each, exit code 3, nothing written."""
-    words = ["export", str(off), "-o", str(tmp_path / "x.urdf"), "--to", "urdf", "--robot"]
+    cell = str(tmp_path / "cell")
+    assert main(["simulate", cell, "--joints", "--samples", "12"]) == 0
+    words = ["export", cell, "-o", str(tmp_path / "x.urdf"), "--to", "urdf", "--robot"]
     assert main([*words, "hand"]) != 0
     assert "has no run yet" in capsys.readouterr().err
-    main(["calibrate", str(off), "--robot-noise", "stated"])
+    main(["calibrate", cell, "--robot-noise", "stated"])
     capsys.readouterr()
     assert main([*words, "hand"]) != 0
     assert "no joint offsets of 'hand'" in capsys.readouterr().err

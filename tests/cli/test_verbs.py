@@ -125,7 +125,7 @@ def test_new_explains_every_transform(tmp_path: Path) -> None:
 def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`new`, `simulate` and `demo` refuse a folder that holds a cell; a table of whole rows joins what is recorded."""
     folder = str(tmp_path / "c")
-    assert main(["simulate", folder, "--samples", "3"]) == 0
+    assert main(["simulate", folder, "--samples", "1"]) == 0
     before = {path: path.read_bytes() for path in Path(folder).rglob("*") if path.is_file()}
     capsys.readouterr()
     for words in (["new", folder], ["simulate", folder], ["demo", folder]):
@@ -135,7 +135,7 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     importing = ["import", "poses", folder, *options(pose_files(tmp_path)), "--length-unit", "m"]
     assert main(importing) == 0
     count = len(read_recording(folder).samples)
-    assert count == 7
+    assert count == 5
     assert main(importing) == 3
     assert "is recorded already" in capsys.readouterr().err
     assert len(read_recording(folder).samples) == count
