@@ -50,7 +50,8 @@ def tied_blocks(pairs: IntArray, count: int, block_size: int, known_hubs: Sequen
 
 def _components(pairs: IntArray, count: int) -> IntArray:
     """The lowest node that pairs lead to from each of so many nodes, (count,)."""
-    label, previous = np.arange(count), None
+    label = np.arange(count)
+    previous = label - 1
     while not np.array_equal(label, previous):
         previous, label = label, label.copy()
         ends = previous[pairs]
