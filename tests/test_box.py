@@ -25,6 +25,8 @@ def read_frames(words):
         bytearray(4 * 2**30)
     if kind == "time":
         while True: pass
+    if kind == "sleep":
+        import time; time.sleep(60)
     if kind == "bytes":
         while True: yield 0, bytes(2**20)
     if kind == "file":
@@ -72,6 +74,14 @@ def test_what_takes_too_much_is_ended(tmp_path: Path, kind: str, message: str) -
     assert next(found) == ([kind, 1.5], b"first")
     with pytest.raises(InputError, match=message):
         list(found)
+
+
+def test_what_is_silent_is_ended() -> None:
+    """Long before the limit of the processor's time, which waiting does not use."""
+    found = box.frames("boxed_tasks", ["sleep"], 10**9, silence_s=1.5)
+    assert next(found) == (["sleep", 1.5], b"first")
+    with pytest.raises(box.BoxError, match=r"gave no answer within 1\.5 s"):
+        next(found)
 
 
 def processes(word: Path) -> bytes:

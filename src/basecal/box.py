@@ -8,11 +8,13 @@ Ctrl-C.
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import struct
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
@@ -33,7 +35,9 @@ class BoxError(InputError):
     """The process in the box took more than it may, or crashed; without the name of what it read."""
 
 
-def frames(module: str, words: Sequence[str], size: int, ending_s: float = 0.0) -> Iterator[Frame]:
+def frames(
+    module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
+) -> Iterator[Frame]:
     """What a module's `read_frames` gives, one frame after another.
 
     Args:
@@ -41,6 +45,7 @@ def frames(module: str, words: Sequence[str], size: int, ending_s: float = 0.0) 
         words: What it is told.
         size: Of the files that it reads [bytes]: time and bytes that it may take grow with it.
         ending_s: That it has to end after an interrupt, before it is killed [s].
+        silence_s: After which it is ended if it gives no frame [s].
 
     Raises:
         InputError: if it cannot read them, or takes more than it may; without the name of the file.
@@ -54,7 +59,7 @@ def frames(module: str, words: Sequence[str], size: int, ending_s: float = 0.0) 
     ) as process:
         assert process.stdout is not None
         try:
-            while (frame := _read(process.stdout)) is not None:
+            while (frame := _read_in_time(process, process.stdout, silence_s)) is not None:
                 yield frame
             code = process.wait()
         finally:
@@ -63,6 +68,34 @@ def frames(module: str, words: Sequence[str], size: int, ending_s: float = 0.0) 
         raise BoxError(f"takes more than {seconds} s to read, no such file does")
     if code:
         raise BoxError(f"ends the process that reads it ({code})")
+
+
+def _read_in_time(process: subprocess.Popen[bytes], stream: IO[bytes], silence_s: float) -> Frame | None:
+    """The next frame; None at the end.
+
+    Raises:
+        BoxError: if it does not come in time.
+        InputError: with the reason, if it could not be read.
+    """
+    if math.isinf(silence_s):
+        return _read(stream)
+    is_late = threading.Event()
+
+    def end() -> None:
+        """Kill what is silent, which ends its stream."""
+        is_late.set()
+        process.kill()
+
+    timer = threading.Timer(silence_s, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        frame = _read(stream)
+    finally:
+        timer.cancel()
+    if frame is None and is_late.is_set():
+        raise BoxError(f"gave no answer within {silence_s:g} s")
+    return frame
 
 
 def _end(process: subprocess.Popen[bytes], ending_s: float) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, GetPydanticSchema, Strict
 from pydantic_core import core_schema
 
-from basecal.fields.values import LARGEST_VALUE
 from basecal.geometry import SE3, Array, read_only
 
 _FARTHEST = 1e9  # [m, px]: a thousand times what a cell may hold; squares of it are far from overflow
@@ -73,7 +72,7 @@ Real = Annotated[float, Strict()]
 Number = Annotated[float, Strict(), Field(ge=-_FARTHEST, le=_FARTHEST)]
 Length = Annotated[float, Strict(), Field(ge=0, le=_FARTHEST)]
 Seconds = Annotated[float, Strict(), Field(ge=-FARTHEST_S, le=FARTHEST_S)]
-Sigma = Annotated[float, Strict(), Field(ge=0, le=LARGEST_VALUE)]
+Sigma = Annotated[float, Strict(), Field(ge=0, le=LARGEST_NUMBER)]
 # An error of a fit; None where nothing defines it.
 Error = Annotated[float, Strict(), Field(ge=0, le=LARGEST_NUMBER)] | None
 ErrorInMm = Annotated[float | None, number_form(Error, 1e3)]

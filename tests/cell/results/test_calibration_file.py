@@ -169,11 +169,17 @@ def test_round_trip(tmp_path: Path) -> None:
 
 
 def test_what_could_not_be_read_back_is_not_written(tmp_path: Path) -> None:
-    """Such as a noise beyond all pixels: the field is named, and no run is made."""
-    calibration = Calibration("refused", noise={"cameras": {"wrist": {"pixel_px": 2e6}}})
-    with pytest.raises(InputError, match=r"^nothing was written.*wrist\.pixel_px"):
+    """Such as a noise below zero: the field is named, and no run is made."""
+    calibration = Calibration("refused", noise={"pixel_px": -1.0})
+    with pytest.raises(InputError, match=r"^nothing was written.*noise\.pixel_px"):
         write_calibration(calibration, tmp_path)
     assert run_names(tmp_path) == ()
+
+
+def test_noise_beyond_any_picture_reads_back(tmp_path: Path) -> None:
+    """A recording that fits nothing has such noise: its refusal is written with it."""
+    calibration = Calibration("refused", noise={"pixel_px": 2e9})
+    assert read_calibration(write_calibration(calibration, tmp_path)).noise == calibration.noise
 
 
 def test_runs_are_kept_apart(tmp_path: Path) -> None:
