@@ -62,6 +62,7 @@ from benchmarks import (
 )
 from benchmarks.common import RESULTS, table
 from benchmarks.peers import tables as peers
+from benchmarks.slips import trial
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
@@ -508,6 +509,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "sag": ("Sag", sag.section),
     "arrays": ("Arrays of poses", arrays.section),
     "journeys": ("Newcomers with what they have", journeys.section),
+    "slips": ("Slips", trial.section),
     "target_poses": ("Poses of targets by PnP", target_poses.section),
     "touch": ("Touches", touch.section),
     "capture": ("Captures", capture.section),

@@ -16,7 +16,7 @@ from basecal.cell.targets.led import led_target
 from basecal.geometry import SE3, Camera
 from basecal.vision.detectors import describe_other_targets, find
 from basecal.vision.draw.render import render
-from basecal.vision.survey import describe_blur
+from basecal.vision.survey import describe_blur, unlike_print
 from quick import quick
 from vision_scenes import STRAIGHT, TARGETS, scene, shrunk
 
@@ -103,6 +103,14 @@ def test_markers_where_none_are_stated(kind: str) -> None:
     words = describe_other_targets(images, TARGETS[kind])
     assert words is not None
     assert words.startswith("DICT_4X4_50 has 17 markers here: write kind: charuco")
+
+
+def test_markers_of_a_print_that_is_said_to_have_none():
+    """They are named where the board is missed in some images, although it was found in others."""
+    images = [shrunk(scene(TARGETS["charuco"]), 2)]
+    assert "write kind: charuco" in (unlike_print(images, TARGETS["chessboard"]) or "")
+    assert unlike_print([shrunk(scene(TARGETS["chessboard"]), 2)], TARGETS["chessboard"]) is None
+    assert unlike_print(images, TARGETS["charuco"]) is None
 
 
 @pytest.mark.parametrize("blur_px", [6.0, 12.0])

@@ -135,7 +135,7 @@ def read_pose_rows(path: str, reading: Reading, is_stream: bool = False) -> Pose
 
 def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     how = reading.convention
-    if reading.name == "matrix" and _is_stacked(path) and not _has_keys(path):
+    if reading.name == "matrix" and _is_stacked(path):
         stream = read_poses(path, "m")
         poses = SE3(stream.poses.rotation, stream.poses.translation * how.length)
         stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
@@ -159,18 +159,9 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
     return PoseRows(SE3.stack(found), tuple(keyed_rows(table)))
 
 
-def _has_keys(path: str) -> bool:
-    """Whether a table names pictures or samples beside m00 ... m23."""
-    if not path.lower().endswith(".csv"):
-        return False
-    first = next(iter(read_table_text(path, "a table of poses").splitlines()), "")
-    names = {plain_column(cell.strip("# \"'")) for cell in re.split("[,;\t]", first)}
-    return "m00" in names and bool(names & {*_KEYS["image"], *_KEYS["sample"]})
-
-
 def _is_stacked(path: str) -> bool:
-    """Whether a file is an archive, has m00 ... m23 by name, or has the four rows of a matrix one below the other."""
-    if ".npz" in path.lower() or path.lower().endswith((".npy", ".csv")):
+    """Whether a file is an archive, or has the four rows of a matrix one below the other."""
+    if ".npz" in path.lower() or path.lower().endswith(".npy"):
         return True
     lines = (line.split("#")[0].replace(",", " ").split() for line in read_table_text(path, "matrices").splitlines())
     return len(next(filter(None, lines), [])) == _ROW
@@ -292,7 +283,7 @@ def _other_controllers(numbers: Array, convention: Convention, reading: Reading)
         return ""
     names = [name for name, each in CONTROLLERS.items() if _units(each) == units]
     words = "millimetres and degrees" if units[1] == DEGREE else "metres and radians"
-    return f"they look like {words}, as of {list_names(names)}: give --format"
+    return f"they look like {words}: give --format {', '.join(names[:-1])}{' or ' if names[1:] else ''}{names[-1]}"
 
 
 def _units(convention: AnyConvention) -> tuple[float, float] | None:

@@ -13,7 +13,7 @@ from basecal.vision.detection import eight_bit
 from basecal.vision.detectors import describe_other_targets
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.kinds.ways import Grey
-from basecal.vision.survey import seen_twice
+from basecal.vision.survey import unlike_print
 
 _MANY_SHARE = 1 / 3  # of a camera's images without any target: targets leave the view now and then, but not that often
 _MOST_SHARE = 1 / 2  # of them: then another target than the one stated may be in all of them
@@ -74,8 +74,11 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
             where = [image for image in images if name in image.missed]
             samples = _list_samples([image.sample for image in where])
             what = f"{name!r} is not found in {len(where)} images of {camera!r}: samples {samples}."
-            twice = seen_twice(_read_images(where[:_SURVEYED_IMAGES], folder), targets[name])
-            yield Finding("dropped-sample", "info", (camera, name), what, why="" if twice is None else sentence(twice))
+            print_error = unlike_print(_read_images(where[:_SURVEYED_IMAGES], folder), targets[name])
+            if print_error is None:
+                yield Finding("dropped-sample", "info", (camera, name), what)
+            else:
+                yield Finding("dropped-sample", "warning", (camera, name), what, why=sentence(print_error))
 
 
 def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:

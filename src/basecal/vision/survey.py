@@ -20,6 +20,7 @@ from basecal.vision.kinds.ways import Grey, Way, best_result
 
 _LISTED_IDS = 5  # ids in a sentence
 _LEAST_MARKERS = 4  # markers in an image: of a thousand codes of 16 cells, clutter now and then looks like one
+_ENOUGH_IMAGES = 2  # in which all dictionaries are looked for where the target is in others
 _FEWEST_OF_BOARD = 3  # markers by which a dictionary is named: one or two may be clutter
 _WAYS = (Way(), Way(stretched=True))  # each is tried with every dictionary
 _SMALLEST_BOARD = 3  # corners each way of a chessboard that OpenCV begins with, and adds to
@@ -63,9 +64,21 @@ def _edge_px(image: Grey) -> float | None:
     return float(np.sqrt(max(blur**2 - _DENOISED_PX**2, 0.0)))
 
 
+def unlike_print(images: list[Grey], target: Target) -> str | None:
+    """That a target without markers has some, or that most markers of a target are in an image twice."""
+    if target.is_point or _dictionary_name(target) is not None:
+        return seen_twice(images, target)
+    return markers_instead(images[:_ENOUGH_IMAGES])
+
+
+def _dictionary_name(target: Target) -> str | None:
+    name: str | None = target.options.get("dictionary") if target.tags is None else target.tags.family
+    return name
+
+
 def seen_twice(images: list[Grey], target: Target) -> str | None:
     """That most markers of a target are in an image twice."""
-    name = target.options.get("dictionary") if target.tags is None else target.tags.family
+    name = _dictionary_name(target)
     if name is None:
         return None
     detector = cv2.aruco.ArucoDetector(dictionary(name))

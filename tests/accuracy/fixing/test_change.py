@@ -133,3 +133,13 @@ def test_pixels_are_of_images() -> None:
     reading = declared(BOARD.cell, BOARD.recording)
     (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "pixels-swapped")
     assert change_of_hypothesis(BOARD.recording, reading, hypothesis) is None
+
+
+def test_a_target_is_put_on_the_arm_that_carries_it() -> None:
+    """In `cell.yaml`, with a free mount; the recording stays."""
+    on_world = replace(BOARD.cell, targets={n: replace(t, on="world") for n, t in BOARD.cell.targets.items()})
+    reading = declared(on_world, BOARD.recording)
+    (hypothesis,) = (each for each in rare_hypotheses(reading) if each.code == "wrong-carrier")
+    change = change_of_hypothesis(BOARD.recording, reading, hypothesis)
+    assert change.samples is None
+    assert change.cell == {("targets", "board", "on"): "hand", ("targets", "board", "mount"): {"status": "free"}}

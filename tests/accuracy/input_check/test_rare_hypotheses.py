@@ -54,14 +54,17 @@ def read_as(recording, listed, read):
 
 
 def test_how_many_there_are():
-    """Of each stream the reverse order, two by name and shifts by 3 to 5 both ways; of each subset of arms 43 lists."""
+    """Of each stream the reverse order, two by name and shifts by 3 to 5 both ways; of each subset of arms 43 lists,
+    and inches for millimetres and for metres; of the target the world instead of an arm.
+    """
     assert Counter(h.code for h in rare_hypotheses(declared(MADE.cell, MADE.recording))) == {
         "pairing-shifted": 3 * (1 + 2 + 6), "matrix-transposed": 3, "euler-order": 3 * (5 + 10 * 3 + 4 * 2),
-        "pixels-swapped": 1, "position-axes": 3 * 6,
+        "pixels-swapped": 1, "position-axes": 3 * 6, "length-unit": 3 * 2, "wrong-carrier": 1,
     }  # fmt: skip
     poses = simulate(Scenario(samples=8, target="pose", layout="eye_in_hand"), 1)
     assert Counter(h.code for h in rare_hypotheses(declared(poses.cell, poses.recording))) == {
         "pairing-shifted": 1, "matrix-transposed": 2, "euler-order": 2 * 43, "position-axes": 2 * 6,
+        "length-unit": 2,
     }  # fmt: skip
 
 
@@ -257,3 +260,25 @@ def test_axes_of_positions_are_put_right():
     track = hypothesis.reread(declared(MADE.cell, swapped)).tracks["hand"]
     expected = declared(MADE.cell, MADE.recording).tracks["hand"].pose.matrix
     np.testing.assert_array_equal(track.pose.matrix, expected)
+
+
+def test_a_target_on_the_world_is_put_on_its_arm():
+    """The reading with the arm that carries it has the same views and ends as the cell that states that arm."""
+    told = replace(MADE.cell, targets={n: replace(t, on="world") for n, t in MADE.cell.targets.items()})
+    read = declared(told, MADE.recording)
+    (hypothesis,) = (h for h in rare_hypotheses(read) if h.code == "wrong-carrier")
+    assert hypothesis.words == "board is on hand, not on world"
+    found, expected = hypothesis.reread(read).problem, declared(MADE.cell, MADE.recording).problem
+    assert found.columns == expected.columns
+    np.testing.assert_array_equal(
+        found.groups[0].hand.base_from_flange.matrix, expected.groups[0].hand.base_from_flange.matrix
+    )
+
+
+def test_inches_that_were_read_as_millimetres():
+    """Poses that are 25.4 times too small are undone."""
+    small = with_robots(MADE.recording, {"hand": lambda p: SE3(p.rotation, p.translation / 25.4)})
+    found = [h for h in hypotheses(MADE, "length-unit") if h.about == ("hand",) and "millimetres" in h.words]
+    (track,) = (h.reread(declared(MADE.cell, small)).tracks["hand"] for h in found)
+    expected = declared(MADE.cell, MADE.recording).tracks["hand"].pose.matrix
+    np.testing.assert_allclose(track.pose.matrix, expected, atol=1e-12)

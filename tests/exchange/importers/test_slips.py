@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -35,8 +36,8 @@ def rows_of(matrices: list[np.ndarray]) -> str:
 @pytest.mark.parametrize(
     ("text", "form", "told"),
     [
-        (KUKA, "ur", "they look like millimetres and degrees, as of .*kuka"),
-        (UR, "kuka", "they look like metres and radians, as of .*ur"),
+        (KUKA, "ur", "they look like millimetres and degrees: give --format kuka, .* or xarm"),
+        (UR, "kuka", "they look like metres and radians: give --format ur"),
         (rows_of(MATRICES), "franka", "it is written by rows, give --format matrix"),
         ("x y z rx ry rz\n1,234.5 0 0 0 0 0\n", "ur", "thousands separators"),
         ("x,y,z,rx,ry,rz\n0,1,0,2,0,3,0,0,0,5,1\n", "ur", "decimal commas need another separator"),
@@ -48,10 +49,12 @@ def test_tables(tmp_path: Path, text: str, form: str, told: str) -> None:
         read_poses(tmp_path, table(tmp_path, text, "poses.txt"), robot="arm", format=form)
 
 
-def test_transposed_matrices(tmp_path: Path) -> None:
-    """The last column of a matrix by rows is 0 0 0 1."""
-    text = "image," + ",".join(f"m{i}{j}" for i in range(4) for j in range(4)) + "\n"
-    text += "".join(f"{k}.png,{row}\n" for k, row in enumerate(rows_of([m.T for m in MATRICES]).splitlines()))
+@pytest.mark.parametrize("image", ["image", ""])
+def test_transposed_matrices(tmp_path: Path, image: str) -> None:
+    """The last column of a matrix by rows is 0 0 0 1, beside pictures and without them."""
+    text = ",".join(([image] if image else []) + [f"m{i}{j}" for i in range(4) for j in range(4)]) + "\n"
+    for k, row in enumerate(rows_of([m.T for m in MATRICES]).splitlines()):
+        text += f"{k}.png,{row}\n" if image else f"{row}\n"
     with pytest.raises(InputError, match="it is transposed, give --format franka"):
         read_poses(tmp_path, table(tmp_path, text), robot="arm", format="matrix")
 
@@ -122,3 +125,29 @@ def test_a_lens_of_numbers_by_name(tmp_path: Path) -> None:
     found = read_opencv(tmp_path / "cell", table(tmp_path, text, "camera.yaml"), camera="wrist", on="arm")
     lens = found.cell["cameras"]["wrist"]["intrinsics"]
     assert (lens["fx"], lens["cy"], lens["distortion"][0]) == (600.0, 240.0, -0.1)
+
+
+def test_detections_of_one_stop_are_all_used(tmp_path: Path) -> None:
+    """Each makes a sample of its own, in which the robot stands as in the first."""
+    cell = str(tmp_path / "cell")
+    poses = ["import", "poses", cell, "--robot", "arm", table(tmp_path, UR, "arm.txt"), "--format", "ur"]
+    assert main(poses) == 0
+    text = "sample,x,y,z,qx,qy,qz,qw\n"
+    text += "".join(f"{sample},0,0,0.{k + 3},0,0,0,1\n" for sample in range(5) for k in range(3))
+    seen = ["import", "poses", cell, table(tmp_path, text, "tag.csv"), "--camera", "wrist", "--target", "tag"]
+    assert main([*seen, "--on", "arm", "--format", "ros"]) in (0, 1)
+    samples = read_recording(cell, read_cell(cell)).samples
+    assert [len(sample.observations) for sample in samples] == [1] * 15
+    stands = [sample.robots["arm"].base_from_flange.matrix for sample in samples]
+    np.testing.assert_allclose(stands[5:], np.repeat(POSES.matrix, 2, axis=0), atol=1e-12)
+
+
+def test_a_picture_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By its number, where pictures are fewer than rows."""
+    cell, photos = str(tmp_path / "cell"), tmp_path / "photos"
+    photos.mkdir()
+    for k in (1, 2, 4, 5):
+        cv2.imwrite(str(photos / f"IMG_{k:03d}.png"), np.zeros((48, 64), np.uint8))
+    assert main(["import", "poses", cell, "--robot", "arm", table(tmp_path, UR, "arm.txt"), "--format", "ur"]) == 0
+    assert main(["import", "images", cell, str(photos), "--camera", "wrist"]) == 3
+    assert "003 missing in the numbering of its pictures" in capsys.readouterr().err

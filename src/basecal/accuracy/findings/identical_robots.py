@@ -22,7 +22,7 @@ def identical_robots(inputs: Input) -> list[Finding]:
             "error",
             (first, second),
             f"{first} and {second} have identical poses.",
-            (f"Import the poses of {second} from its own file, with --replace.",),
+            (f"Import the poses of {first} or {second} again from its own file, with --replace.",),
             "One file was probably imported for both.",
         )
         for first, second in combinations(poses, 2)

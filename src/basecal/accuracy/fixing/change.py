@@ -128,8 +128,8 @@ def _cell_changes(reading: Cell, result: Cell) -> dict[Loc, Any] | None:
     """Values of `cell.yaml` that differ; None if one cannot be written."""
     found: dict[Loc, Any] = {}
     for name, new in result.transforms.items():
-        old = reading.transforms[name]
-        if new is not old and (new.status != old.status or not _is_same(new, old)):
+        old = reading.transforms.get(name)
+        if old is not None and new is not old and (new.status != old.status or not _is_same(new, old)):
             if new.status == "prior":
                 return None
             found[transform_place(reading, name)] = _unknown_value(new)
@@ -138,6 +138,8 @@ def _cell_changes(reading: Cell, result: Cell) -> dict[Loc, Any] | None:
         if lens is not None and known is not None and lens.status != known.status:
             found |= free_lens(reading, name)
     for name, target in result.targets.items():
+        if target.on != reading.targets[name].on:
+            found |= {("targets", name, "on"): target.on, ("targets", name, "mount"): {"status": "free"}}
         known_shape, shape = reading.targets[name].target, target.target
         if shape is not None and known_shape is not None and shape is not known_shape:
             factor = float(np.linalg.norm(shape.points) / np.linalg.norm(known_shape.points))

@@ -90,7 +90,7 @@ def _few_far(robot: str, numbers: list[int], distances: Array) -> list[str]:
     if not far.any() or np.median(distances) > _REACH_M[1]:
         return []
     few = ", ".join(str(number) for number, is_far in zip(numbers, far, strict=True) if is_far)
-    return [f"samples {few} of {robot} look like millimetres among metres"]
+    return [f"samples {few} of {robot} look like millimetres among metres: divide their lengths by 1000"]
 
 
 def _joint_faults(name: str, joints: Array, lower: Array, upper: Array) -> list[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
 
 import numpy as np
@@ -20,12 +21,13 @@ from basecal.accuracy.input_check.hypotheses import (
     join_names,
     map_robot_poses,
     map_target_poses,
+    scale_translations,
     shift,
     streams,
     subsets,
 )
 from basecal.accuracy.readings.reading import PoseMap, Reading, Track
-from basecal.cell import Cell, Unknown
+from basecal.cell import WORLD, Cell, Unknown
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
@@ -34,6 +36,7 @@ from basecal.geometry.rotation import lengths
 _FAR_SHIFTS = tuple(by for far in (3, 4, 5, 6) for by in (far, -far))  # samples; up to two are usual slips
 _RADIANS_AS_DEGREES_RAD = np.radians(2 * np.pi)  # of three angles up to half a turn each, read as degrees
 _CENTRES = 20  # rotations of which one is in the middle of most
+_INCH_M = 0.0254
 _NO_TURN_RAD = 1e-9  # [rad] below which a rotation vector has no direction
 # How controllers list three numbers of a rotation, by SciPy's names: capitals are axes that turn with the flange.
 _LISTINGS = {
@@ -72,6 +75,8 @@ def rare_hypotheses(baseline: Reading) -> list[ConventionHypothesis]:
             [name for name in robots if _turns_rad(baseline.tracks[name]) < _RADIANS_AS_DEGREES_RAD]
         ),
         *_stated_transform_hypotheses(cell),
+        *_carrier_hypotheses(baseline),
+        *_inch_hypotheses(robots),
         *(_pixel_hypotheses() if baseline.shows(PixelMeasurement) else ()),
     ]
 
@@ -142,6 +147,40 @@ def with_stated_inverted(cell: Cell, name: str) -> Cell:
 
 def _other_way(unknown: Unknown) -> Unknown:
     return unknown if unknown.mean is None else replace(unknown, mean=unknown.mean.inverse())
+
+
+def _inch_hypotheses(robots: list[str]) -> Iterator[ConventionHypothesis]:
+    """Inches that were read in the unit of a controller."""
+    for unit, length_m in (("millimetres", 1e-3), ("metres", 1.0)):
+        for names in subsets(robots):
+            who = join_names(names)
+            yield ConventionHypothesis(
+                "length-unit",
+                names,
+                f"the poses of {who} are in inches that were read as {unit}",
+                f"import {who} again with --length-unit inch --replace",
+                "give the size of something known, such as the target's points or a prior of a mount",
+                map_robot_poses(names, scale_translations(_INCH_M / length_m)),
+            )
+
+
+def _carrier_hypotheses(baseline: Reading) -> Iterator[ConventionHypothesis]:
+    """A target on another robot that moves, or on the world, than is stated."""
+    cell = baseline.cell
+    moving = [name for name, track in baseline.tracks.items() if track.moves]
+    eyes = {group.target: group.eye.robot for group in baseline.problem.groups}
+    for target, eye in eyes.items():
+        stated = cell.targets[target].on
+        for carrier in (WORLD, *moving):
+            if carrier not in (stated, eye) and (carrier != WORLD or eye is not None):
+                yield ConventionHypothesis(
+                    "wrong-carrier",
+                    (target,),
+                    f"{target} is on {carrier}, not on {stated}",
+                    f"write on: {carrier} of {target} in cell.yaml",
+                    "turn every arm further about two axes between samples",
+                    partial(Reading.with_carrier, target=target, carrier=carrier),
+                )
 
 
 def _pixel_hypotheses() -> Iterator[ConventionHypothesis]:

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from basecal.cell import Cell, Recording, RobotState
+from basecal.cell import WORLD, Cell, Recording, RobotState, Unknown
 from basecal.estimation.problem.build import canonical_order, recorded_states, restate
 from basecal.estimation.problem.correspondence import half_turn
 from basecal.estimation.problem.problem import Problem, Stops
@@ -139,6 +139,23 @@ class Reading:
         other = {first: second, second: first}
         moved = {name: self._robot_track(name, self.tracks[other[name]]) for name in other}
         return self._with_tracks({**self.tracks, **moved})
+
+    def with_carrier(self, target: str, carrier: str) -> Reading:
+        """A target on the flange of a robot or on the world, its mount free."""
+        other = replace(self.cell.targets[target], on=carrier, mount=Unknown())
+        cell = replace(self.cell, targets={**self.cell.targets, target: other})
+        robot = None if carrier == WORLD else carrier
+        base = None if carrier in (WORLD, cell.reference) else cell.base_name(carrier)
+
+        def carried(group: ViewGroup) -> ViewGroup:
+            """Views of the target with its other end."""
+            if group.target != target:
+                return group
+            nowhere = np.full(len(group), -1, dtype=np.int64)
+            end = End(robot, cell.mount_name(target), base, SE3.identity((len(group),)), nowhere, nowhere)
+            return replace(group, ends=(group.eye, end))
+
+        return self.with_seen(carried)._with_tracks(self.tracks).restate(cell)
 
     def shift(self, stream: str | None, count: int, start: int = 0) -> Reading:
         """One stream paired anew: what stands at position i - `count` moves to position i.

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as dataclass_replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,7 @@ def add_to_cell(
         cell = cell_from_dict(parse_yaml(text, str(path)).data, str(path), folder)
         recorded = read_recording(folder, cell) if journal_path.exists() else Recording(folder=str(folder))
         imports = _repeat_row(imports, recorded) if imports.is_still else imports
+        imports = _give_samples(imports, recorded)
         if not (replace or imports.by) and recorded.samples and len(imports.rows) != len(recorded.samples):
             imports = dataclass_replace(imports, is_session=imports.is_session or _is_whole(imports.rows, cell))
         names = _names(folder)
@@ -123,6 +125,21 @@ def _repeat_row(imports: Imported, recording: Recording) -> Imported:
     waiting = open_samples(imports.rows, recording.samples) or recording.samples
     rows = tuple(dataclass_replace(imports.rows[0], sample=sample.sample) for sample in waiting)
     return dataclass_replace(imports, rows=rows, by="sample")
+
+
+def _give_samples(imports: Imported, recording: Recording) -> Imported:
+    """The same with further views of one sample as samples of their own, in which its robots stand as in it."""
+    if not all(row.sample is not None and row.observations and not row.robots for row in imports.rows):
+        return imports
+    known = {sample.sample: sample for sample in recording.samples}
+    free = count(max((*known, *(row.sample or 0 for row in imports.rows)), default=-1) + 1)
+    taken: set[int | None] = set()
+    rows = []
+    for row in imports.rows:
+        first = known.get(-1 if row.sample is None else row.sample) if row.sample in taken else None
+        taken.add(row.sample)
+        rows.append(row if first is None else dataclass_replace(row, sample=next(free), robots=first.robots))
+    return dataclass_replace(imports, rows=tuple(rows))
 
 
 def _is_whole(rows: Sequence[Row], cell: Cell) -> bool:

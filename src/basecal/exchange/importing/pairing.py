@@ -11,6 +11,7 @@ import numpy as np
 from basecal.cell import RobotState, Sample
 from basecal.errors import InputError, list_names
 from basecal.exchange.importing.imported import By, Imported, Row
+from basecal.exchange.pictures import missing_numbers
 from basecal.geometry import Array
 
 _ROBOT = "robot"
@@ -184,6 +185,8 @@ def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name:
 def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | None]:
     if len(imports.rows) != len(samples):
         counts = f"{imports.source} holds {len(imports.rows)}, the recording has {len(samples)} samples"
+        gaps = missing_numbers([row.image for row in imports.rows if row.image is not None])
+        counts = f"{list_names(gaps)} missing in the numbering of its pictures; {counts}" if gaps else counts
         raise InputError(
             f"{counts} without it: row i belongs to sample i; where it does not, a column `image` or `sample` of a "
             "table says so, and --by name of pictures; --session if it was recorded apart, --still for one row"

@@ -1,0 +1,1 @@
+"""Slips that people make with their files, played through the command line."""
