@@ -27,6 +27,7 @@ pytestmark = pytest.mark.slow
 pyarrow = pytest.importorskip("pyarrow", reason="LeRobot's datasets are parquet, by the extra lerobot")
 NAME = "leader_base_from_follower_base"
 OFFSET_DEG = 2.0
+STEP_DEG = 360 / 4096  # of the magnetic encoders in the servos of such arms
 LINKS = "--base-link base_link --flange-link tool0"
 
 
@@ -46,7 +47,8 @@ def dataset(made: SimulatedCell, robot: str, folder: Path) -> None:
     (folder / "meta" / "info.json").write_text(json.dumps(info))
     rows = []
     for i, sample in enumerate(made.recording.samples):
-        degrees = [*np.degrees(sample.robots[robot].joints_rad), 12.5]  # type: ignore[arg-type]
+        exact = np.degrees(sample.robots[robot].joints_rad)  # type: ignore[arg-type]
+        degrees = [*STEP_DEG * np.round(exact / STEP_DEG), 12.5]
         rows.append({"observation.state": degrees, "timestamp": float(i), "frame_index": 30 * i, "episode_index": 0})
     path = folder / "data" / "chunk-000" / "episode_000000.parquet"
     path.parent.mkdir(parents=True)

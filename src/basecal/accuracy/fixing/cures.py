@@ -10,7 +10,8 @@ from typing import Any
 from basecal.accuracy.fixing.change import Change, change_of_hypothesis, free_lens, transform_place
 from basecal.accuracy.input_check.conventions import every_hypothesis
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
-from basecal.accuracy.readings.reading import as_recorded
+from basecal.accuracy.input_check.hypothesis_fit import fit_hypothesis
+from basecal.accuracy.readings.reading import Reading, as_recorded
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.cell.format.yaml_text import parse_yaml
 from basecal.errors import BasecalError, sentence
@@ -21,6 +22,7 @@ from basecal.fields.problems import Loc
 
 _OFFERED = re.compile(r"[Ww]rite (?P<line>[a-z_]+: .+?)\.?$")
 """A line of `cell.yaml` at the end of a sentence."""
+_FITTED = 40  # samples that tell hypotheses of one claim apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +71,19 @@ def _convention_cures(
         return {}
     found: dict[Finding, tuple[Cure, ...]] = {}
     for finding in findings:
-        for hypothesis in known:
-            if hypothesis.code == finding.code and finding.what.startswith(_claim(hypothesis)):
-                change = change_of_hypothesis(recording, declared, hypothesis)
-                cure = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
-                found[finding] = cure
-                break
+        named = [each for each in known if each.code == finding.code and finding.what.startswith(_claim(each))]
+        if named:
+            hypothesis = named[0] if len(named) == 1 else min(named, key=lambda each: _misfit(declared, each))
+            change = change_of_hypothesis(recording, declared, hypothesis)
+            found[finding] = () if change is None else (Cure(finding, f"Undo: {hypothesis.words}.", change),)
     return found
+
+
+def _misfit(declared: Reading, hypothesis: ConventionHypothesis) -> float:
+    """The error that a hypothesis leaves: of one claim there are several where a rotation has two lists of angles."""
+    reading = hypothesis.reread(declared).thin(_FITTED)
+    fit = fit_hypothesis(reading.cell, reading.problem, STATED)
+    return float("inf") if fit is None else fit.core
 
 
 def _claim(hypothesis: ConventionHypothesis) -> str:
