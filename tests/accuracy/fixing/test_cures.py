@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from basecal.accuracy.fixing.cures import find_cures
 from basecal.cell import Calibration, Finding, Outlier, RobotState, Unknown
 from basecal.geometry import SE3
@@ -31,6 +33,25 @@ def test_convention_is_undone() -> None:
     what = "The poses of eye are in millimetres: a flange is 782 m from its base."
     (cure,) = cures_of(Finding("length-unit", "error", ("eye",), what), recording=recording)
     assert cure.words == "Undo: the poses of eye are in millimetres."
+
+
+def test_of_two_lists_of_angles_the_one_that_fits_is_taken() -> None:
+    """Roll, pitch and yaw beyond half a turn in all, read as a rotation vector: the longer vector is meant."""
+    turn = SE3.from_rpy([2.9, 0.4, -2.8], np.zeros(3))
+    samples, meant = [], []
+    for sample in BOARD.recording.samples:
+        pose = turn @ sample.robots["eye"].base_from_flange
+        meant.append(pose.rotation)
+        read = SE3.from_rotvec(pose.rpy, pose.translation)
+        samples.append(replace(sample, robots={**sample.robots, "eye": RobotState(read)}))
+    recording = replace(BOARD.recording, samples=tuple(samples))
+    what = (
+        "The rotations of eye are roll, pitch, yaw about fixed axes x, y, z (ROS, FANUC) that were read as a rotation "
+        "vector (Universal Robots)."
+    )
+    (cure,) = cures_of(Finding("euler-order", "error", ("eye",), what), recording=recording)
+    found = [sample.robots["eye"].base_from_flange.rotation for sample in cure.change.samples]
+    np.testing.assert_allclose(found, meant, atol=1e-9)
 
 
 def test_outliers_lens_and_offered_lines() -> None:

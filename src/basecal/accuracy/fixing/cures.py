@@ -79,9 +79,9 @@ def _convention_cures(
     return found
 
 
-def _misfit(declared: Reading, hypothesis: ConventionHypothesis) -> float:
+def _misfit(baseline: Reading, hypothesis: ConventionHypothesis) -> float:
     """The error that a hypothesis leaves: of one claim there are several where a rotation has two lists of angles."""
-    reading = hypothesis.reread(declared).thin(_FITTED)
+    reading = hypothesis.reread(baseline).thin(_FITTED)
     fit = fit_hypothesis(reading.cell, reading.problem, STATED)
     return float("inf") if fit is None else fit.core
 

@@ -147,7 +147,7 @@ class Reading:
         robot = None if carrier == WORLD else carrier
         base = None if carrier in (WORLD, cell.reference) else cell.base_name(carrier)
 
-        def carried(group: ViewGroup) -> ViewGroup:
+        def set_carrier(group: ViewGroup) -> ViewGroup:
             """Views of the target with its other end."""
             if group.target != target:
                 return group
@@ -155,7 +155,7 @@ class Reading:
             end = End(robot, cell.mount_name(target), base, SE3.identity((len(group),)), nowhere, nowhere)
             return replace(group, ends=(group.eye, end))
 
-        return self.with_seen(carried)._with_tracks(self.tracks).restate(cell)
+        return self.with_seen(set_carrier)._with_tracks(self.tracks).restate(cell)
 
     def shift(self, stream: str | None, count: int, start: int = 0) -> Reading:
         """One stream paired anew: what stands at position i - `count` moves to position i.
