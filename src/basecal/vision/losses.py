@@ -78,7 +78,8 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
             if print_error is None:
                 yield Finding("dropped-sample", "info", (camera, name), what)
             else:
-                yield Finding("dropped-sample", "warning", (camera, name), what, why=sentence(print_error))
+                why, _, do = print_error.partition(": ")
+                yield Finding("dropped-sample", "warning", (camera,), what, (sentence(do),), sentence(why))
 
 
 def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
