@@ -78,8 +78,8 @@ def lost_images(searches: Sequence[Searched], targets: Mapping[str, Target], fol
             if print_error is None:
                 yield Finding("dropped-sample", "info", (camera, name), what)
             else:
-                why, _, do = print_error.partition(": ")
-                yield Finding("dropped-sample", "warning", (camera,), what, (sentence(do),), sentence(why))
+                cause, _, cure = print_error.partition(": ")
+                yield Finding("dropped-sample", "warning", (camera,), what, (sentence(cure),), sentence(cause))
 
 
 def explain_no_target(searches: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> str:
