@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.estimation.view import view_pose
 from basecal.estimation.view.bearings import BearingMeasurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.view_pose import ViewPoses, refine_poses, view_poses
@@ -67,6 +68,14 @@ def test_a_plane_is_turned_about_its_normal_and_then_about_the_line_of_sight():
     about_normal, about_sight = (rotation_exp(np.pi * axis) for axis in (pose.rotation[..., 2], sight))
     np.testing.assert_allclose(second.rotation, about_sight @ about_normal @ pose.rotation, atol=1e-7)
     np.testing.assert_allclose(np.stack([each @ middle for each in second]), at, atol=1e-8)
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e-170, 3.8e-14, 1e-12, 1e-9])
+def test_the_mirrored_pose_of_a_plane_at_the_camera_is_a_rotation(distance):
+    toward = np.array([[-0.07, -0.27, 0.96]]) / np.linalg.norm([-0.07, -0.27, 0.96])
+    pose = SE3(rotation_exp(np.array([[0.3, 1.2, -0.4]])), distance * toward)
+    mirrored = view_pose._mirror_normal(pose).rotation
+    assert np.allclose(mirrored.mT @ mirrored, np.eye(3), atol=1e-12)
 
 
 @pytest.mark.parametrize("steps", [0, 3])

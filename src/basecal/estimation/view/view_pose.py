@@ -126,9 +126,11 @@ def _mirror_normal(camera_from_plane: SE3) -> SE3:
     """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens.
 
     A half turn about the normal n and then one about the line of sight s, (2 s s' - I) (2 n n' - I), turn it there.
+    A plane at the camera's centre has no line of sight: its pose is kept.
     """
     normal, at = camera_from_plane.rotation[..., 2], camera_from_plane.translation
-    sight = at / np.maximum(lengths(at), 1e-12)[..., None]
+    length = lengths(at)[..., None]
+    sight = np.divide(at, length, out=normal.copy(), where=length > 1e-12)
     away = 2 * np.einsum("...i,...i->...", normal, sight)[..., None] * sight - normal
     turn = 2 * (away[..., :, None] * normal[..., None, :] - sight[..., :, None] * sight[..., None, :])
     return SE3.adopt(with_identity(turn, np.ones(len(turn))) @ camera_from_plane.rotation, at)
