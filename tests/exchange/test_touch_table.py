@@ -27,6 +27,14 @@ def test_rows_of_a_robot(tmp_path):
         touch_names(table, rows, "third", None)
 
 
+def test_a_row_without_its_mark_is_an_error_with_its_line(tmp_path):
+    """A pose in brackets has no other cells than its numbers."""
+    (tmp_path / "a.csv").write_text("mark,x\nA,1\n[2]\n")
+    table = TouchTable(str(tmp_path / "a.csv"), ("x",))
+    with pytest.raises(DatasetError, match=r":3: has no mark but x"):
+        touch_names(table, [Row(), Row()], "left", None)
+
+
 def test_new_rows_count_on(tmp_path: Path):
     """From the first number that is free; numbers that rows have stay."""
     assert [row.sample for row in new_rows(tmp_path, None, [Row(), Row(sample=7), Row()])] == [0, 7, 2]

@@ -74,4 +74,4 @@ def _targets(table: TextTable, by_name: dict[str, str]) -> tuple[str, ...]:
     column = next(
         (by_name[name] for name in ("target", "reflector", "point", "marker", "name") if name in by_name), None
     )
-    return () if column is None else tuple(as_name(row.cells[column]) for row in table.rows)
+    return () if column is None else tuple(as_name(table.cell(row, column)) for row in table.rows)

@@ -32,7 +32,7 @@ class TouchTable:
         """The cells of the first of these columns that there is, as names of a cell; None if there is none."""
         header = {column.strip().lower(): column for column in self.table.header or ()}
         found = next((header[name] for name in names if name in header), None)
-        return None if found is None else [as_name(row.cells[found]) for row in self.table.rows]
+        return None if found is None else [as_name(self.table.cell(row, found)) for row in self.table.rows]
 
 
 def as_name(text: str) -> str:

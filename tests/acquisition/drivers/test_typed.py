@@ -53,12 +53,13 @@ def test_notations(notation, text, rotation):
 
 
 def test_what_cannot_be_read_is_asked_for_again(capsys):
-    """Too few numbers and a quaternion that is none are told, and the next line counts."""
-    robot = TypedRobot(place(), "abb", io.StringIO("1 2 3\n1 2 3 9 9 9 9\n0 0 0 1 0 0 0\n"))
+    """Too few numbers, endless ones and a quaternion that is none are told, and the next line counts."""
+    robot = TypedRobot(place(), "abb", io.StringIO("1 2 3\n1 2 3 9 9 9 9\n1e999 0 0 1 0 0 0\n0 0 0 1 0 0 0\n"))
     assert np.array_equal(robot.state().state.base_from_flange.rotation, SE3.identity().rotation)
     said = capsys.readouterr().err
     assert "3 numbers, expected 7" in said
-    assert said.count("arm, abb: ") == 3
+    assert "a number is beyond" in said
+    assert said.count("arm, abb: ") == 4
 
 
 def test_joints_need_a_chain(capsys):

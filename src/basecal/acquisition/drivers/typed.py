@@ -13,7 +13,7 @@ from basecal.acquisition.driver import Place, Reading, checked_options
 from basecal.cell import RobotState
 from basecal.errors import DriverError, InputError
 from basecal.exchange.controllers.registry import CONTROLLERS
-from basecal.fields.values import Entry, known_names
+from basecal.fields.values import LARGEST_VALUE, Entry, known_names
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _JOINTS = {"joints_deg": np.radians(1.0), "joints_rad": 1.0}  # [rad] of what is typed
@@ -58,6 +58,8 @@ class TypedRobot:
     def _read(self, line: str) -> RobotState:
         numbers = np.array([float(each) for each in _NUMBER.findall(line)])
         names = self._names()
+        if not np.all(np.abs(numbers) <= LARGEST_VALUE):
+            raise InputError(f"a number is beyond {LARGEST_VALUE:g}")
         if len(numbers) != len(names):
             raise InputError(f"{len(numbers)} numbers, expected {len(names)}: {' '.join(names)}")
         if self._notation in _JOINTS:

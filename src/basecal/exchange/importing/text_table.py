@@ -43,6 +43,16 @@ class TextTable:
     header: tuple[str, ...] | None
     rows: tuple[TextRow, ...]
 
+    def cell(self, row: TextRow, column: str) -> str:
+        """What stands in a column of a row.
+
+        Raises:
+            DatasetError: if nothing does: the row holds a pose in brackets alone.
+        """
+        if column not in row.cells:
+            raise DatasetError(self.path, f"has no {column} but {', '.join(row.cells)}", row.line)
+        return row.cells[column]
+
 
 def read_text_table(text: str, path: str, names: Sequence[str]) -> TextTable:
     """The table in a text.
@@ -176,7 +186,4 @@ def rows_of_numbers(table: TextTable, columns: Sequence[str]) -> Iterator[list[f
         DatasetError: if a cell is not a number, or a row has not these names.
     """
     for row in table.rows:
-        missing = [name for name in columns if name not in row.cells]
-        if missing:
-            raise DatasetError(table.path, f"has no {', '.join(missing)} but {', '.join(row.cells)}", row.line)
-        yield [parse_number(row.cells[name], table.path, row.line, name) for name in columns]
+        yield [parse_number(table.cell(row, name), table.path, row.line, name) for name in columns]
