@@ -59,7 +59,7 @@ def frames(
     ) as process:
         assert process.stdout is not None
         try:
-            while (frame := _read_in_time(process, process.stdout, silence_s)) is not None:
+            while (frame := _read_in_time(process, process.stdout, silence_s, ending_s)) is not None:
                 yield frame
             code = process.wait()
         finally:
@@ -70,7 +70,9 @@ def frames(
         raise BoxError(f"ends the process that reads it ({code})")
 
 
-def _read_in_time(process: subprocess.Popen[bytes], stream: IO[bytes], silence_s: float) -> Frame | None:
+def _read_in_time(
+    process: subprocess.Popen[bytes], stream: IO[bytes], silence_s: float, ending_s: float
+) -> Frame | None:
     """The next frame; None at the end.
 
     Raises:
@@ -82,9 +84,9 @@ def _read_in_time(process: subprocess.Popen[bytes], stream: IO[bytes], silence_s
     is_late = threading.Event()
 
     def end() -> None:
-        """Kill what is silent, which ends its stream."""
+        """End what is silent, and its stream with it: an arm is stopped first."""
         is_late.set()
-        process.kill()
+        _end(process, ending_s)
 
     timer = threading.Timer(silence_s, end)
     timer.daemon = True
