@@ -25,6 +25,12 @@ def read_frames(words):
         bytearray(4 * 2**30)
     if kind == "time":
         while True: pass
+    if kind == "arm":
+        import time
+        try:
+            time.sleep(60)
+        finally:
+            open(words[1], "w").write("stopped")
     if kind == "sleep":
         import time; time.sleep(60)
     if kind == "bytes":
@@ -117,3 +123,31 @@ def test_ctrl_c_ends_it(tmp_path: Path) -> None:
         process.wait(10)
         assert time.monotonic() - began_s < 2
     assert not processes(tmp_path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize("number", ["SIGKILL", "SIGTERM"])
+def test_what_moves_is_stopped_if_the_parent_is_killed(tmp_path: Path, number: str) -> None:
+    """Nobody is left who could interrupt the process: it sees that its parent has ended."""
+    stopped, source = tmp_path / "stopped", str(Path(box.__file__).parents[1])
+    text = (
+        f"from basecal import box\nfor _ in box.frames('boxed_tasks', ['arm', {str(stopped)!r}], 0): print(flush=True)"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), source))}
+    parent = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, env=environment)
+    assert parent.stdout is not None
+    parent.stdout.readline()
+    parent.send_signal(getattr(signal, number))
+    parent.communicate()
+    until = time.monotonic() + 10
+    while not stopped.exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    assert stopped.exists()
+
+
+def test_what_is_silent_is_interrupted_before_it_is_killed(tmp_path: Path) -> None:
+    """So that it can stop what it moves."""
+    stopped = tmp_path / "stopped"
+    with pytest.raises(InputError, match=r"gave no answer within 0\.5 s"):
+        list(box.frames("boxed_tasks", ["arm", str(stopped)], 0, ending_s=5.0, silence_s=0.5))
+    assert stopped.exists()

@@ -15,6 +15,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from importlib import import_module
@@ -23,6 +24,7 @@ from typing import IO, Any
 from basecal.errors import BasecalError, InputError, UsageError
 
 _MEMORY_BYTES = 3 * 2**28  # 768 MiB beyond what libraries have mapped
+_ORPHAN_S = 1.0  # that a process has to end after its parent
 _LEAST_S, _BYTES_PER_S = 20, 4e6  # of the processor: for any file, and how slowly a large one may be read
 _LEAST_BYTES, _TIMES = 2**30, 50  # that may come of a file: 1 GiB, or so many times its own
 _LENGTHS = struct.Struct("<II")
@@ -55,7 +57,7 @@ def frames(
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
     none = subprocess.DEVNULL
     with subprocess.Popen(
-        command, stdin=none, stdout=subprocess.PIPE, stderr=none, env=environment, start_new_session=True
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=none, env=environment, start_new_session=True
     ) as process:
         assert process.stdout is not None
         try:
@@ -169,11 +171,20 @@ def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], outpu
             raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
 
 
+def _end_with_parent() -> None:
+    """Interrupt this process once its parent has ended, however it did: an arm that moves is stopped."""
+    os.read(0, 1)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(_ORPHAN_S)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
 def main() -> None:
     """Run the task that the words of this process name; what libraries print goes nowhere."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     module, seconds, most_bytes, *words = sys.argv[1:]
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         _run(module, int(seconds), int(most_bytes), words, out)
     except MemoryError:
