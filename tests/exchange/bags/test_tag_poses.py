@@ -132,6 +132,14 @@ def test_a_target_without_tags_is_the_only_detection(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[0].matrix, SEEN.matrix, atol=1e-12)
 
 
+def test_a_far_and_small_tag_has_a_rotation() -> None:
+    """Corners that differ by a few thousand roundings still give a rotation to 1e-12."""
+    text = CELL.replace("0.08, t_m: [0, 0, 0]", "1e-6, t_m: [1e6, 1e6, 3e5]").replace("0.04", "1e-6")
+    shape = cell_from_dict(parse_yaml(text, "cell.yaml").data).targets["cube"].target
+    for frame in frames_of_tags(shape).tag_from_target.values():
+        np.testing.assert_allclose(frame.rotation @ frame.rotation.T, np.eye(3), atol=1e-12)
+
+
 def test_a_tag_stands_half_a_turn_from_how_opencv_draws_it() -> None:
     """Of a tag at its target's origin x goes left, y down, and z, out of it, against the target's."""
     frames = frames_of_tags(cell().targets["cube"].target)

@@ -17,6 +17,7 @@ from basecal.geometry.rotation import rotation_from_quaternion
 
 _RIDGE = 1e-6  # keeps translations of least norm where views do not determine them
 _MOST_VIEWS = 40  # views by which cells of the grid are ranked
+_BEST_OF_CAMERA = 8  # cells of each rotation of X that are ranked with those of the others
 
 
 def icosahedral_rotations() -> Array:
@@ -49,15 +50,15 @@ def light_starts(loop: Loop, bearings_in_camera: Array, max_count: int) -> list[
     grid = icosahedral_rotations()
     xs = grid if loop.x is None else loop.x.rotation[None]
     ys = grid if loop.y is None else loop.y.rotation[None]
-    scored: list[tuple[float, SE3, SE3, SE3]] = []
+    scored: list[tuple[float, Array, Array, Array]] = []
     for x in xs:
         scored += _with_camera(loop, a, c, b, x, ys)
     scored.sort(key=lambda s: s[0])
-    return [(x, y, z) for _, x, y, z in scored[:max_count]]
+    return [_start(loop, *start) for _, *start in scored[:max_count]]
 
 
-def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, SE3, SE3, SE3]]:
-    """Scores and solutions for one rotation of X and all of Y."""
+def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> list[tuple[float, Array, Array, Array]]:
+    """Scores, rotations of X and Y, and unknown translations, for one rotation of X and all of Y."""
     sight = (a.rotation @ x @ b[..., None])[..., 0]
     across = np.eye(3) - sight[:, :, None] * sight[:, None, :]
     columns: dict[str, Array] = {}
@@ -71,20 +72,27 @@ def _with_camera(loop: Loop, a: SE3, c: SE3, b: Array, x: Array, ys: Array) -> l
         known = getattr(loop, name)
         if known is not None:
             constant = constant + (columns[name] @ known.translation[:, None])[..., 0]
-    free = [name for name in "xyz" if getattr(loop, name) is None]
-    rows = np.concatenate([columns[name] for name in free], -1)
+    rows = np.concatenate([columns[name] for name in _free(loop)], -1)
     solution = _least_squares(across, rows, constant)
     along = (rows @ solution[:, None, :, None])[..., 0] + constant
     depth = np.einsum("mni,ni->mn", along, sight)
     length = np.linalg.norm(along, axis=-1) + 1e-12
     score = np.mean(1 - depth / length, axis=-1)
-    out = []
-    for k in np.argsort(score)[:8]:
-        at = {name: solution[k, 3 * i : 3 * i + 3] for i, name in enumerate(free)}
-        found = {"x": x, "y": ys[k], "z": np.eye(3)}
-        whole = [SE3(found[q].copy(), at[q].copy()) if q in at else getattr(loop, q) for q in "xyz"]
-        out.append((float(score[k]), whole[0], whole[1], whole[2]))
-    return out
+    return [(float(score[k]), x, ys[k], solution[k]) for k in np.argsort(score)[:_BEST_OF_CAMERA]]
+
+
+def _free(loop: Loop) -> list[str]:
+    return [name for name in "xyz" if getattr(loop, name) is None]
+
+
+def _start(loop: Loop, x: Array, y: Array, translations: Array) -> tuple[SE3, SE3, SE3]:
+    """X, Y and Z: what is known of them, else by their rotations and unknown translations."""
+    rotations = {"x": x, "y": y, "z": np.eye(3)}
+    at = dict(zip(_free(loop), translations.reshape(-1, 3), strict=True))
+    found = {
+        name: SE3(rotations[name].copy(), at[name].copy()) if name in at else getattr(loop, name) for name in "xyz"
+    }
+    return found["x"], found["y"], found["z"]
 
 
 def _least_squares(cross_terms: Array, rows: Array, constant: Array) -> Array:

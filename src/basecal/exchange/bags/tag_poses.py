@@ -15,6 +15,7 @@ import numpy as np
 
 from basecal.cell.target import Target
 from basecal.geometry import SE3, Array
+from basecal.geometry.rotation import nearest_rotation
 
 PACKAGES = ("apriltag_ros", "apriltags2_ros")
 TAG_POSES = tuple(f"{package}/msg/AprilTagDetectionArray" for package in PACKAGES)
@@ -28,6 +29,7 @@ POSE_DEFINITIONS = {
 }
 """Of messages by type, as the library of bags takes them."""
 
+_CORNERS_IN_TAG = np.array([[1, -1, 0], [-1, -1, 0], [-1, 1, 0], [1, 1, 0]])  # clockwise as OpenCV draws them
 _ONLY_TAG = -1.0  # the number of the only tag of a picture, where a target has none by name
 
 
@@ -68,8 +70,7 @@ def frames_of_tags(target: Target | None) -> TagFrames:
     corners = target.points[target.rows(target.tags.corner_ids.ravel())].reshape(-1, 4, 3)
     frames = {}
     for number, corners_in_target in zip(target.tags.numbers, corners, strict=True):
-        top_left, top_right, bottom_right, _ = corners_in_target  # clockwise as OpenCV draws them
-        x, y = (v / np.linalg.norm(v) for v in (top_left - top_right, bottom_right - top_right))
-        target_from_tag = SE3(np.stack([x, y, np.cross(x, y)], -1), corners_in_target.mean(0))
-        frames[int(number)] = target_from_tag.inverse()
+        centre = corners_in_target.mean(0)
+        rotation = nearest_rotation((corners_in_target - centre).T @ _CORNERS_IN_TAG)
+        frames[int(number)] = SE3(rotation, centre).inverse()
     return TagFrames(frames)
