@@ -37,6 +37,13 @@ class BoxError(InputError):
     """The process in the box took more than it may, or crashed; without the name of what it read."""
 
 
+class LibraryError(InputError):
+    """A library in the box could not read the file; without the file's name."""
+
+
+_ERRORS: dict[Any, type[BasecalError]] = {each.exit_code: each for each in (UsageError, InputError)}
+
+
 def frames(
     module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
 ) -> Iterator[Frame]:
@@ -123,7 +130,7 @@ def _read(stream: IO[bytes]) -> Frame | None:
     first, second = _LENGTHS.unpack(lengths)
     data, content = json.loads(stream.read(first)), stream.read(second)
     if isinstance(data, dict) and "refused" in data:
-        raise (UsageError if data.get("code") == UsageError.exit_code else InputError)(data["refused"])
+        raise _ERRORS.get(data.get("code"), LibraryError)(data["refused"])
     return data, content
 
 
@@ -188,7 +195,7 @@ def main() -> None:
     try:
         _run(module, int(seconds), int(most_bytes), words, out)
     except MemoryError:
-        _write(({"refused": "needs more memory than such a file does"}, b""), out)
+        _write(({"refused": "needs more memory than such a file does", "code": InputError.exit_code}, b""), out)
     except BasecalError as error:
         _write(({"refused": str(error), "code": error.exit_code}, b""), out)
     except Exception as error:

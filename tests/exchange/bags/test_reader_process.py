@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from tests.bag_of_cell import BEGIN_S, new_bag
 
+from basecal import box
 from basecal.errors import DatasetError
 from basecal.exchange.bags.bag import Bag, open_bag
 
@@ -59,6 +60,16 @@ def test_a_cut_bag_is_read_up_to_its_damage(tmp_path: Path, kind: str, count: in
     assert 0 < len(found) < count
     assert found == list(range(len(found)))
     assert bag.damage
+
+
+def test_a_bag_beyond_the_limits_is_not_called_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its repair would not help."""
+    path = written(tmp_path, "ros1")
+    monkeypatch.setattr(box, "_LEAST_BYTES", 2**20)
+    monkeypatch.setattr(box, "_TIMES", 0)
+    bag = opened(path)
+    with pytest.raises(DatasetError, match=r"bag\.bag: gives more than 1 MB, no such file does$"):
+        list(bag.read(["/joint_states"]))
 
 
 def small_database(path: Path, messages: str) -> Path:

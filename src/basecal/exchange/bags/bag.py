@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from basecal.bounded_file import check_regular, read_bounded
-from basecal.box import Frame, frames
-from basecal.errors import DatasetError, MissingExtra
+from basecal.box import Frame, LibraryError, frames
+from basecal.errors import DatasetError, InputError, MissingExtra
 from basecal.exchange.bags.tag_poses import POSE_DEFINITIONS
 from basecal.exchange.bags.tags import DEFINITIONS
 
@@ -160,15 +160,19 @@ def _name_errors(path: Path) -> Iterator[None]:
     """What a damaged bag makes the library raise, of a dozen kinds down to sizes beyond any memory, names the bag."""
     try:
         yield
-    except DatasetError:
-        raise
+    except LibraryError as error:
+        raise _damage_error(path, error) from None
+    except InputError as error:
+        raise error if isinstance(error, DatasetError) else DatasetError(str(path), str(error)) from None
     except OSError as error:
         raise DatasetError(str(path), f"cannot be read: {error.strerror or error}") from None
     except Exception as error:
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise DatasetError(
-            str(path), f"is damaged or was cut off ({why}); {repair_command(path)} may save it"
-        ) from None
+        raise _damage_error(path, error) from None
+
+
+def _damage_error(path: Path, error: Exception) -> DatasetError:
+    why = " ".join(str(error).split()) or type(error).__name__
+    return DatasetError(str(path), f"is damaged or was cut off ({why}); {repair_command(path)} may save it")
 
 
 def repair_command(path: Path) -> str:
