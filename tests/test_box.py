@@ -20,17 +20,18 @@ import sys
 from basecal.errors import InputError
 def read_frames(words):
     kind = words[0]
+    if kind == "arm":
+        import time
+        try:
+            yield [kind, 1.5], b"first"
+            time.sleep(60)
+        finally:
+            open(words[1], "w").write("stopped")
     yield [kind, 1.5], b"first"
     if kind == "memory":
         bytearray(4 * 2**30)
     if kind == "time":
         while True: pass
-    if kind == "arm":
-        import time
-        try:
-            time.sleep(60)
-        finally:
-            open(words[1], "w").write("stopped")
     if kind == "sleep":
         import time; time.sleep(60)
     if kind == "bytes":

@@ -17,7 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from importlib import import_module
 from typing import IO, Any
 
@@ -172,10 +172,11 @@ def _run(module: str, seconds: int, most_bytes: int, words: Sequence[str], outpu
     task = import_module(module)
     limit(seconds, most_bytes)
     given = 0
-    for frame in task.read_frames(words):
-        given += _write(frame, output)
-        if given > most_bytes:
-            raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
+    with closing(task.read_frames(words)) as given_frames:
+        for frame in given_frames:
+            given += _write(frame, output)
+            if given > most_bytes:
+                raise InputError(f"gives more than {most_bytes / 2**20:.0f} MB, no such file does")
 
 
 def _end_with_parent() -> None:
