@@ -129,6 +129,21 @@ def test_mahalanobis_squared_is_that_of_the_pseudo_inverse(rng):
     )
 
 
+def test_inverse_with_ridge_is_that_of_the_sum(rng):
+    """And finite where one of the two is 1e20 times the other, and only along what is held."""
+    root = rng.standard_normal((4, 3, 3))
+    matrix = root @ root.mT
+    np.testing.assert_allclose(
+        spectrum(matrix).inverse_with_ridge(0.5), np.linalg.inv(matrix + 0.5 * np.eye(3)), rtol=1e-9
+    )
+    for size in (1e-20, 1e20):
+        found = spectrum(size * matrix).inverse_with_ridge(1.0)
+        want = np.tile(np.eye(3), (4, 1, 1)) if size < 1 else np.linalg.inv(size * matrix)
+        np.testing.assert_allclose(found, want, rtol=1e-6, atol=1e-6 * np.abs(want).max())
+    assert spectrum(np.diag([1.0, 0.0])).inverse_with_ridge(1.0).tolist() == [[0.5, 0.0], [0.0, 0.0]]
+    assert spectrum(np.zeros((5, 0, 0))).inverse_with_ridge(1.0).shape == (5, 0, 0)
+
+
 def test_log_det_is_that_of_what_is_held():
     """Of a regular matrix the logarithm of its determinant; unknowns without information do not count."""
     matrix = np.array([[4.0, 1.0], [1.0, 9.0]])

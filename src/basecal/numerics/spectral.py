@@ -68,6 +68,18 @@ class Spectrum:
         """The inverse, (..., k, k), zero along directions without information."""
         return np.asarray(self.inverse_root @ self.inverse_root.mT)
 
+    def inverse_with_ridge(self, ridge: float) -> Array:
+        """`(M + ridge)^-1`, (..., k, k), among the directions that hold information; zero along the others.
+
+        Regular whatever the sizes of ridge and matrix: `Q (1 + ridge Q' Q)^-1 Q'`, of the eigenvalues of `ridge Q' Q`.
+        """
+        root = self.inverse_root
+        if not root.size:
+            return root
+        values, vectors = np.linalg.eigh(ridge * (root.mT @ root))
+        along = root @ vectors
+        return np.asarray((along / (1 + np.maximum(values, 0.0))[..., None, :]) @ along.mT)
+
     @property
     def log_det(self) -> Array:
         """(...,) logarithm of the determinant over what holds information."""

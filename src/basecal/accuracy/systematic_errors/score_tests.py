@@ -211,9 +211,7 @@ def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> S
     left = 0.5 * (left + left.mT)
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
     seen = scaled_spectrum(left, _HIDDEN, np.where(size > 0, size, 1.0))
-    # (P + S^-1)^-1 = (I + P^+ S^-1)^-1 P^+ along the directions that are seen.
-    inverse = np.linalg.solve(np.eye(left.shape[-1]) + seen.inverse / largest**2, seen.inverse)
-    sizes = -(inverse @ gradient[..., None])[..., 0]
+    sizes = -(seen.inverse_with_ridge(largest**-2) @ gradient[..., None])[..., 0]
     return Score(gradient, left, -np.vecdot(gradient, sizes), seen.rank, sizes)
 
 
