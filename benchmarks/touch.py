@@ -48,6 +48,7 @@ from basecal.accuracy.calibrate import calibrate
 from basecal.cell import Calibration, Cell
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array, PoseEstimate
+from basecal.planning.plan import Plan
 from basecal.planning.touches import NEXT_MARK, plan_touches
 from benchmarks import touch_recordings
 from benchmarks.common import Kept, on_one_core, table, write
@@ -58,7 +59,8 @@ PLANES = {"floor": "plane", "wall": "plane", "side": "plane"}
 EDGE = {"wall": "edge", "mark_a": "point", "mark_b": "point"}
 FAULTS = ("moved mark", "wrong mark", "bent tip")
 TASK = np.array([0.6, 0.1, 0.3])
-DRAWS = 5  # of the errors of touches in each cell of a plan
+DRAWS = 25  # of the errors of touches in each cell of a plan
+RICH = {"places": 64, "rotations": 150}  # of the next mark and of tips: what more candidates would bring
 Lines = list[dict[str, Any]]
 
 CONTACTS: dict[str, tuple[Callable[[], Cell], Callable[[np.random.Generator], Lines]]] = {
@@ -200,49 +202,43 @@ def is_named(found: Calibration, about: set[str]) -> bool:
 
 
 def plans(kept: Kept, cells: int) -> dict[str, Any]:
-    """Errors at the task [m] after planned and after random touches, of all cells and draws."""
+    """Median errors at the task [m] after planned, random and richly planned touches, of all cells and draws."""
     draws = ((seed, np.random.default_rng([seed, 5])) for seed in range(cells))
-    both = [kept.of(f"plan {seed}", partial(planned_and_random, rng)) for seed, rng in draws]
-    medians = np.median(np.concatenate(both), axis=0).tolist()
-    return {
-        "planned_m": medians[0],
-        "random_m": medians[1],
-        "ratio": medians[0] / medians[1],
-        "trials": cells,
-    }
+    errors = [kept.of(f"plan {seed}", partial(planned_errors, rng)) for seed, rng in draws]
+    planned, random, rich = np.median(np.concatenate(errors), axis=0).tolist()
+    medians = {"planned_m": planned, "random_m": random, "rich_m": rich}
+    return {**medians, "ratio": planned / random, "rich_ratio": rich / random, "trials": cells, "draws": DRAWS}
 
 
-def planned_and_random(rng: np.random.Generator) -> list[tuple[float, float]]:
+def planned_errors(rng: np.random.Generator) -> list[list[float]]:
     """Errors of one cell [m], by draws of the touches to come: two marks at random places, a base roughly known."""
     two = {name: np.array([0.5, 0.0, 0.2]) + rng.uniform(-0.25, 0.25, 3) for name in ("mark_a", "mark_b")}
     lines = touch_lines(rng, 12, SIGMA_M, two)
     cell = _guessed_cell(list(two), rng)
     known = recorded(cell, lines)
-    plan = plan_touches(cell, known, calibrate(cell, known), TASK[None], count=12)
-    marks = {**two, **plan.marks}
-    chosen = [(seen.tip, seen.mark, s.robots) for s in plan.samples for seen in s.observations]
-    return [
-        (
-            _task_error(cell, lines, _planned_lines(rng, chosen, marks), rng),
-            _task_error(cell, lines, _random_lines(rng, two), rng),
-        )
-        for _ in range(DRAWS)
-    ]
+    plan = partial(plan_touches, cell, known, calibrate(cell, known), TASK[None], count=12)
+    planned, rich = plan(), plan(**RICH)
+
+    def touches() -> list[Lines]:
+        """To come."""
+        return [_planned_lines(rng, planned, two), _random_lines(rng, two), _planned_lines(rng, rich, two)]
+
+    return [[_task_error(cell, lines, more, rng) for more in touches()] for _ in range(DRAWS)]
 
 
-def _planned_lines(rng: np.random.Generator, chosen: list[Any], marks: dict[str, Array]) -> Lines:
-    """Touches of tips, marks and robots as planned, with their errors."""
-    more = []
-    for tip, mark, robots in chosen:
-        ((robot, planned),) = robots.items()
-        place = marks[mark] + SIGMA_M * rng.standard_normal(3)
+def _planned_lines(rng: np.random.Generator, plan: Plan, two: dict[str, Array]) -> Lines:
+    """Touches as planned, with their errors."""
+    more, marks = [], {**two, **plan.marks}
+    for sample in plan.samples:
+        ((robot, planned),), (seen,) = sample.robots.items(), sample.observations
+        place = marks[seen.target] + SIGMA_M * rng.standard_normal(3)
         rotation = planned.base_from_flange.rotation  # a person leads the tip there, turned as planned
         base = SE3.identity() if robot == "eye" else TRUTH
         flange = SE3(rotation, base.inverse() @ place - rotation @ TIPS[robot])
         more.append(
             {
                 "robots": {robot: state(flange)},
-                "observations": [{"touch": mark, "tip": tip}],
+                "observations": [{"touch": seen.target, "tip": seen.camera}],
             }
         )
     return more
@@ -307,7 +303,9 @@ time:
 {table(("fault", "found", "named", "trials"), named)}
 
 A third mark and twelve touches as `plan --touches` has them leave {1e3 * plan["planned_m"]:.2f} mm at the task, random
-ones {1e3 * plan["random_m"]:.2f} mm (medians of {plan["trials"]} cells): {plan["ratio"]:.2f} times as much."""
+ones {1e3 * plan["random_m"]:.2f} mm: {plan["ratio"]:.2f} times as much (medians of {plan["trials"]} cells with
+{plan["draws"]} draws). With {RICH["places"]} places and {RICH["rotations"]} rotations to choose from it would be
+{plan["rich_ratio"]:.2f}."""
     return "\n\n".join([about, *touch_recordings.section(result.get("recordings", {}))])
 
 

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from basecal.cell import WORLD, Robot, RobotState, Sample
-from basecal.errors import InputError, NotConverged
-from basecal.geometry import SE3, Array, BoolArray, IntArray
+from basecal.cell import WORLD, RobotState, Sample
+from basecal.errors import InputError
+from basecal.geometry import SE3, IntArray
 from basecal.geometry.rotation import rotation_exp
-from basecal.kinematics.inverse import inverse
-from basecal.planning.feasible import is_clear, visibility_mask
+from basecal.planning.feasible import is_clear, reach_poses, visibility_mask
 from basecal.planning.poses import draw_in_ball
 from basecal.planning.sketch import Sketch
 
@@ -23,8 +22,6 @@ _POSE_TURN_RAD, _POSE_SHIFT_M = (
 )  # of an arm sent by poses, about a taught pose: what it mostly reaches from there
 _JOINT_TURN_RAD, _JOINT_SHIFT_M = 1.0, 0.25  # of an arm whose limits are known
 _DRAW_ROUNDS = 20  # of draws, before those are taken that were found
-_INVERSE_STEPS = 40  # of the inverse at most: what is farther than a taught pose is from this one is not reached
-_REACH_TOLERANCE = 1e-8  # [m, rad] of an inverse that did not converge everywhere, where it did
 
 
 def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 0) -> list[Sample]:
@@ -78,15 +75,15 @@ def _feasible(
 ) -> list[Sample]:
     """Of drawn flanges, (n,), the samples that can be taken."""
     rows = np.flatnonzero(visibility_mask(sketch, _camera_from_target(sketch, views, neighbours, flanges)))
-    states: dict[str, list[RobotState]] = {}
-    reached = np.ones(len(rows), dtype=bool)
+    states: dict[str, list[RobotState | None]] = {}
     for robot, poses in flanges.items():
-        start = [views[k][robot].joints_rad for k in neighbours[rows]]
-        states[robot], mine = _states(sketch.cell.robots[robot], poses[rows], start)
-        reached &= mine
+        near = [views[k][robot] for k in neighbours[rows]]
+        states[robot] = reach_poses(sketch.cell.robots[robot], poses[rows], near)
     samples = []
-    for place in np.flatnonzero(reached):
-        moved = {robot: each[place] for robot, each in states.items()}
+    for place, moves in enumerate(zip(*states.values(), strict=True)):
+        moved = {robot: state for robot, state in zip(states, moves, strict=True) if state is not None}
+        if len(moved) < len(states):
+            continue
         sample = Sample(0, robots={**views[neighbours[rows[place]]], **moved})
         if is_clear(sketch, sample):
             samples.append(sample)
@@ -104,20 +101,3 @@ def _camera_from_target(
         else:
             world_from.append(sketch.world_from_base(thing.on) @ flanges[thing.on] @ mount)
     return world_from[0].inverse() @ world_from[1]
-
-
-def _states(robot: Robot, poses: SE3, start: Sequence[Array | None]) -> tuple[list[RobotState], BoolArray]:
-    """States in which the flange is at poses, (n,), by joints near those at the start where there are any."""
-    joints = [each for each in start if each is not None]
-    if robot.chain is None or len(joints) < len(start) or not joints:
-        return [RobotState(poses[k]) for k in range(len(poses))], np.ones(len(poses), dtype=bool)
-    try:
-        found, reached = (
-            inverse(robot.chain, poses, np.stack(joints), iterations=_INVERSE_STEPS),
-            np.ones(len(poses), dtype=bool),
-        )
-    except NotConverged as error:
-        found = np.asarray(error.state)
-        left = (robot.chain.forward(found).inverse() @ poses).log()
-        reached = np.abs(left).max(-1) < _REACH_TOLERANCE
-    return [RobotState(joints_rad=each) for each in found], reached

@@ -19,6 +19,8 @@ Feasible = Callable[[Sample], bool]
 _MARGIN_SHARE = 0.05  # of the image's width: what guesses of a degree or two are off by
 _LEAST_FACING_COSINE = 0.35  # cosine of a board to the ray, at least: flatter, its corners run together
 _NEAREST_M, _FARTHEST_M = 0.2, 3.0
+_INVERSE_STEPS = 40  # of many inverses at most: what is farther than a taught pose is from this one is not reached
+_REACH_TOLERANCE = 1e-8  # [m, rad] of inverses that did not converge everywhere, where they did
 _LEAST_AXIS_COSINE = 0.9  # cosine of a point's ray to the camera's axis, at least: half of what depth cameras look at
 
 
@@ -104,3 +106,22 @@ def reach_pose(robot: Robot, base_from_flange: SE3, neighbour: RobotState) -> Ro
         return RobotState(joints_rad=inverse(robot.chain, base_from_flange, neighbour.joints_rad))
     except NotConverged:
         return None
+
+
+def reach_poses(robot: Robot, base_from_flange: SE3, neighbours: Sequence[RobotState]) -> list[RobotState | None]:
+    """States near others that bring the flange to poses (n,), side by side; None where the arm does not reach.
+
+    Args:
+        robot: The robot.
+        base_from_flange: Where to, (n,).
+        neighbours: One for each: joints, or poses, which are taken as they are.
+    """
+    start = [state.joints_rad for state in neighbours if state.joints_rad is not None]
+    if robot.chain is None or len(start) < len(neighbours) or not start:
+        return [RobotState(base_from_flange[k]) for k in range(len(neighbours))]
+    try:
+        found = inverse(robot.chain, base_from_flange, np.stack(start), iterations=_INVERSE_STEPS)
+    except NotConverged as error:
+        found = np.asarray(error.state)
+    left = np.abs((robot.chain.forward(found).inverse() @ base_from_flange).log()).max(-1)
+    return [RobotState(joints_rad=q) if off < _REACH_TOLERANCE else None for q, off in zip(found, left, strict=True)]

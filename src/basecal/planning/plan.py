@@ -19,7 +19,7 @@ from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
 from basecal.geometry import Array
 from basecal.planning.candidates import candidates
-from basecal.planning.choose import choose_fewest, exchange, greedy
+from basecal.planning.choose import choose_fewest, exchange, greedy, with_sample
 from basecal.planning.feasible import is_in_view
 from basecal.planning.poses import order_samples
 from basecal.planning.prospects import Prospects, prospects, sketches
@@ -189,6 +189,24 @@ def _steps(goal: _Goal, covariance: Array, roots: Array, group_size: int) -> tup
     return tuple((count, goal.expected_m(each, count)) for count, each in counted)
 
 
+def least_variance_m2(
+    cell: Cell,
+    recording: Recording,
+    calibration: Calibration | None,
+    points_m: Array,
+    count: int,
+    offers: Sequence[Offer],
+) -> float:
+    """The mean square error at the task that so many samples of an offer leave, beside those recorded [m^2]."""
+    prospect = prospects(cell, recording, calibration, offers)
+    goal = _make_goal(prospect, cell, calibration, points_m)
+    chosen = choose_best(prospect, prospect.roots, goal.weight, count)
+    covariance = prospect.covariance
+    for root in prospect.roots[chosen]:
+        covariance = with_sample(covariance, root)
+    return float(np.trace(goal.weight @ covariance))
+
+
 def outlook(
     cell: Cell, recording: Recording, calibration: Calibration, points_m: Array
 ) -> tuple[tuple[int, float], ...]:
@@ -274,12 +292,15 @@ def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, 
 def _order_samples(
     sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_part: bool
 ) -> tuple[Sample, ...]:
+    """Those that were chosen, by a short way if each moves all arms and they may part; else as they were offered."""
     if not choice:
         return ()
     samples, first = [prospect.samples[k] for k in choice], prospect.samples[0].sample
-    if may_part:
+    if may_part and all(set(sketch.cell.robots) <= sample.robots.keys() for sample in samples):
         home = next(s.robots for s in reversed(recording.samples) if set(sketch.cell.robots) <= s.robots.keys())
         samples = order_samples(sketch, home, samples)
+    elif may_part:
+        samples.sort(key=lambda sample: sample.sample)
     return tuple(_without_pictures(first + k, sample) for k, sample in enumerate(samples))
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +14,8 @@ from basecal.cell.schema.touching import tip_shape
 from basecal.errors import InputError
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import lengths, rotation_exp
-from basecal.planning.feasible import reach_pose
-from basecal.planning.plan import Offer, Plan, plan_for_task
+from basecal.planning.feasible import reach_poses
+from basecal.planning.plan import Offer, Plan, least_variance_m2, plan_for_task
 from basecal.planning.poses import draw_in_ball
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
@@ -21,12 +23,17 @@ from basecal.planning.sketch import Sketch
 NEXT_MARK = "next_mark"
 """Name of a mark that is not there yet."""
 
-_PLACES = 8  # of the next mark that are tried, far from one another and from what was touched
-_DRAWS = 400  # of places, before those out of reach are left out
+PLACES = 24
+"""Places of the next mark that are tried, far from one another and from what was touched."""
+
+ROTATIONS = 50
+"""Touches of each mark by each tip that are tried."""
+
+_DRAWS, _REACHED = 40_000, 400  # places, and of these as many as are in reach of all arms, which may be few
 _AWAY_M = 0.6  # [m] of the next mark from the middle of what was touched
 _FARTHER = 1.05  # than any touch from the base: as far as an arm is known to reach
 _TURN_RAD = 1.6  # [rad] of a tip from a rotation that was recorded
-_TOUCHES = 16  # of each mark by each tip that are tried
+_COUNT = 12  # of touches by which places are compared if their number is to be found
 
 
 def plan_touches(
@@ -37,6 +44,8 @@ def plan_touches(
     tolerance_m: float | None = None,
     count: int | None = None,
     seed: int = 0,
+    places: int = PLACES,
+    rotations: int = ROTATIONS,
 ) -> Plan:
     """The touches to record for a task, with the place of one mark more if that is better.
 
@@ -48,6 +57,8 @@ def plan_touches(
         tolerance_m: The error that 95 of 100 are to stay below [m].
         count: How many touches; as many as the tolerance needs where None.
         seed: Of the draws.
+        places: Of the next mark that are tried.
+        rotations: Of each tip at each mark that are tried.
 
     Raises:
         InputError: if no tip of the cell has touched anything, or a transform has no guess.
@@ -57,14 +68,28 @@ def plan_touches(
     touches = list(_touches(known, recording))
     if not touches:
         raise InputError("a plan of touches begins at touches: import or capture some of each arm first")
-    plans = []
-    for place in (None, *_places(known, touches, rng)):
-        wider = cell if place is None else _with_mark(cell, place)
-        offers = _offers(sketches(wider, calibration)[0], touches, rng)
-        size = len({tip for tip, _ in touches})
-        found = plan_for_task(wider, recording, calibration, points_m, tolerance_m, count, seed, offers, size)
-        plans.append(found if place is None else replace(found, marks={NEXT_MARK: place}))
-    return min(plans, key=lambda plan: (plan.needed or np.inf, plan.expected_m or np.inf))
+    marks = [name for name, mark in cell.targets.items() if mark.target is not None and mark.target.kind == "mark"]
+    offers = _offers(known, marks, touches, rotations, rng)
+    choices = [_Choice(cell, offers, {})]
+    for place in _places(known, touches, places, rng):
+        wider = _with_mark(cell, place)
+        more = _offers(sketches(wider, calibration)[0], [NEXT_MARK], touches, rotations, rng)
+        choices.append(_Choice(wider, [*more, *offers], {NEXT_MARK: place}))
+    best = min(
+        choices,
+        key=lambda each: least_variance_m2(each.cell, recording, calibration, points_m, count or _COUNT, each.offers),
+    )
+    found = plan_for_task(best.cell, recording, calibration, points_m, tolerance_m, count, seed, best.offers)
+    touched = {seen.target for sample in found.samples for seen in sample.observations}
+    return replace(found, marks={name: place for name, place in best.marks.items() if name in touched})
+
+
+class _Choice(NamedTuple):
+    """A cell with or without the next mark, touches to choose from, and where that mark is."""
+
+    cell: Cell
+    offers: list[Offer]
+    marks: dict[str, Array]
 
 
 def _touches(sketch: Sketch, recording: Recording) -> Iterator[tuple[str, RobotState]]:
@@ -77,7 +102,9 @@ def _touches(sketch: Sketch, recording: Recording) -> Iterator[tuple[str, RobotS
                     yield name, sample.robots[tips[name]]
 
 
-def _places(sketch: Sketch, touches: Sequence[tuple[str, RobotState]], rng: np.random.Generator) -> list[Array]:
+def _places(
+    sketch: Sketch, touches: Sequence[tuple[str, RobotState]], count: int, rng: np.random.Generator
+) -> list[Array]:
     """Places (3,) of a mark that all arms reach, far from one another and from what was touched."""
     robots = {tip: sketch.cell.cameras[tip].on for tip, _ in touches}
     touched = np.array([sketch.body_pose(tip, {robots[tip]: state}).translation for tip, state in touches])
@@ -86,8 +113,9 @@ def _places(sketch: Sketch, touches: Sequence[tuple[str, RobotState]], rng: np.r
         base = sketch.world_from_base(robot).translation
         far = lengths(touched[[name == tip for name, _ in touches]] - base).max()
         drawn = drawn[lengths(drawn - base) < _FARTHER * far]
-    places, apart = list[Array](), lengths(drawn[:, None] - touched).min(1)
-    while len(places) < _PLACES and len(drawn):
+    drawn, places = drawn[:_REACHED], list[Array]()
+    apart = lengths(drawn[:, None] - touched).min(1)
+    for _ in range(min(count, len(drawn))):
         places.append(drawn[int(np.argmax(apart))])
         apart = np.minimum(apart, lengths(drawn - places[-1]))
     return places
@@ -98,36 +126,32 @@ def _with_mark(cell: Cell, place: Array) -> Cell:
     return replace(cell, targets={**cell.targets, NEXT_MARK: mark})
 
 
-def _offers(sketch: Sketch, touches: Sequence[tuple[str, RobotState]], rng: np.random.Generator) -> list[Offer]:
-    """Touches of each mark by each tip in turn, so that those of one mark follow one another."""
+def _offers(
+    sketch: Sketch,
+    marks: Sequence[str],
+    touches: Sequence[tuple[str, RobotState]],
+    count: int,
+    rng: np.random.Generator,
+) -> list[Offer]:
+    """Touches of each mark by each tip."""
     recorded: dict[str, list[RobotState]] = {}
     for tip, state in touches:
         recorded.setdefault(tip, []).append(state)
-    cell = sketch.cell
-    marks = [
-        name for name, target in cell.targets.items() if target.target is not None and target.target.kind == "mark"
-    ]
     offers = list[Offer]()
-    for mark in marks:
-        tried = {tip: _touch_states(sketch, (tip, mark), states, rng) for tip, states in recorded.items()}
-        for group in zip(*tried.values(), strict=False):
-            for tip, state in zip(tried, group, strict=True):
-                sample = Sample(0, robots={cell.cameras[tip].on: state})
-                offers.append((replace(sketch, view=(tip, mark)), [sample]))
+    for mark, (tip, states) in product(marks, recorded.items()):
+        near = [states[k] for k in rng.integers(len(states), size=count)]
+        view, robot = replace(sketch, view=(tip, mark)), sketch.cell.cameras[tip].on
+        offers.append((view, [Sample(0, robots={robot: state}) for state in _touch_states(view, near, rng)]))
     return offers
 
 
-def _touch_states(
-    sketch: Sketch, view: tuple[str, str], states: Sequence[RobotState], rng: np.random.Generator
-) -> list[RobotState]:
+def _touch_states(sketch: Sketch, states: Sequence[RobotState], rng: np.random.Generator) -> list[RobotState]:
     """States of a robot whose tip is at a mark, turned from those that were recorded."""
-    tip, mark = view
-    robot = sketch.cell.cameras[tip].on
-    near = [states[k] for k in rng.integers(len(states), size=_TOUCHES)]
-    turned = rotation_exp(_TURN_RAD * draw_in_ball(rng, _TOUCHES))
-    rotation = SE3.stack([sketch.base_from_flange(robot, state) for state in near]).rotation @ turned
+    tip, mark = sketch.view
+    robot = sketch.camera.on
+    turned = rotation_exp(_TURN_RAD * draw_in_ball(rng, len(states)))
+    rotation = SE3.stack([sketch.base_from_flange(robot, state) for state in states]).rotation @ turned
     mark_in_base = sketch.world_from_base(robot).inverse() @ sketch.body_pose(mark, {}).translation
     tip_in_flange = sketch.transforms[sketch.cell.mount_name(tip)].translation
     flanges = SE3(rotation, mark_in_base - rotation @ tip_in_flange)
-    found = (reach_pose(sketch.cell.robots[robot], flanges[k], state) for k, state in enumerate(near))
-    return [state for state in found if state is not None]
+    return [state for state in reach_poses(sketch.cell.robots[robot], flanges, states) if state is not None]
