@@ -2,6 +2,7 @@
 
     python -m tests.situations FOLDER             a page each
     python -m tests.situations FOLDER --pictures  and pictures of it at three widths, light and dark, and as paper
+    python -m tests.situations FOLDER --look      and what is wrong with them as a browser shows them
 
 Simulated cells are calibrated; what is found of them besides is put in, with the words of the check that finds it.
 """
@@ -9,11 +10,11 @@ Simulated cells are calibrated; what is found of them besides is put in, with th
 from __future__ import annotations
 
 import argparse
-import shutil
-import subprocess
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import FitDetails, fit_details
@@ -23,6 +24,8 @@ from basecal.reporting.decision.checks import check_words
 from basecal.reporting.page import page
 from basecal.simulation.scenario import Scenario
 from basecal.simulation.testbed import simulate
+from tests.shared.browser import browsing
+from tests.shared.page_faults import SIZES, faults, shown_sizes
 
 DOUBTS = (
     "outlier-samples", "poor-fit", "prior-contradicted", "inconsistent-folds", "overfit", "weak-direction",
@@ -32,8 +35,6 @@ REFUSALS = (
     "too-few-samples", "unobservable-direction", "not-converged", "prior-dominated", "identity-poses", "board-shape",
     "clock-offset", "reflection",
 )  # fmt: skip
-SIZES = ((1400, 900), (820, 1000), (420, 860))  # of windows [px]
-SCHEMES = {"light": "1", "dark": "0"}
 
 Made = tuple[Cell, Recording, Calibration, FitDetails]
 
@@ -72,32 +73,36 @@ def situations() -> Iterator[tuple[str, Made]]:
     yield "one_arm", solved(Scenario(samples=12, layout="eye_in_hand"))
 
 
-def picture(browser: str, path: Path) -> None:
-    """Pictures of a page at each size and scheme, and as paper, beside it."""
-    profile = f"--user-data-dir={path.parent / 'profile'}"
-    flags = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", profile]
-    for width, height in SIZES:
-        for scheme, number in SCHEMES.items():
-            to = f"--screenshot={path.with_name(f'{path.stem}_{width}_{scheme}.png')}"
-            dark = f"--blink-settings=preferredColorScheme={number}"
-            subprocess.run([*flags, to, dark, f"--window-size={width},{height}", path.as_uri()], capture_output=True)
-    subprocess.run([*flags, f"--print-to-pdf={path.with_suffix('.pdf')}", path.as_uri()], capture_output=True)
+def looked_at(paths: Sequence[Path], axe: Path | None, keeps_pictures: bool) -> Iterator[str]:
+    """What is wrong with pages at each size and scheme; their pictures, and they as paper, are put beside them."""
+    with TemporaryDirectory() as profile, browsing(Path(profile)) as tab:
+        for path in paths:
+            for name in shown_sizes(tab, path.as_uri()):
+                yield from (f"{path.stem} {name}: {fault}" for fault in faults(tab, axe))
+                if keeps_pictures:
+                    tab.picture(path.with_name(f"{path.stem}_{name}.png"))
+            if keeps_pictures:
+                tab.paper(path.with_suffix(".pdf"))
 
 
 def main() -> None:
-    """Write the pages, and pictures if they are requested."""
+    """Write the pages, and look at them in a browser if it is requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--pictures", action="store_true")
+    parser.add_argument("--pictures", action="store_true", help="and their pictures, and as paper")
+    parser.add_argument("--look", action="store_true", help="list text that is cut and errors of the console")
+    parser.add_argument("--axe", type=Path, metavar="FILE", help="axe.min.js of axe-core, to list what it finds too")
     asked = parser.parse_args()
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
     asked.folder.mkdir(parents=True, exist_ok=True)
+    paths = []
     for name, (cell, recording, calibration, details) in situations():
-        path = asked.folder.resolve() / f"{name}.html"
-        path.write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
-        print(f"{path.stat().st_size / 1e3:6.0f} kB  {path}")
-        if asked.pictures and browser is not None:
-            picture(browser, path)
+        paths.append(asked.folder.resolve() / f"{name}.html")
+        paths[-1].write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
+        print(f"{paths[-1].stat().st_size / 1e3:6.0f} kB  {paths[-1]}")
+    if asked.pictures or asked.look or asked.axe:
+        found = list(looked_at(paths, asked.axe, asked.pictures))
+        print(*found, f"{len(found)} faults at {len(SIZES)} sizes, light and dark", sep="\n")
+        sys.exit(bool(found))
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ from basecal.reporting.text import text_report
 from basecal.simulation.scenario import LayoutName, Scenario, Seen
 from basecal.simulation.testbed import simulate
 
-VOID = {"meta", "input", "br", "hr", "img", "link"}
+VOID = {"meta", "wbr", "input", "br", "hr", "img", "link"}
 EMBEDDED = re.compile(r"data:image/jpeg;base64,[A-Za-z0-9+/]+=*")
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\'"'
 
@@ -172,9 +172,9 @@ def test_a_missed_tolerance_says_what_to_do(made: tuple[Cell, Recording, Calibra
     cell, recording, calibration = made
     settings = {**calibration.settings, "tolerance_m": 1e-4}
     missed = replace(calibration, verdict="good", settings=settings, tolerance=Tolerance(1e-4, 2e-3, False))
-    html = page(cell, recording, missed)
+    html = page(cell, recording, missed, title="my cell")
     first = html[html.index('<ol class="findings">') :].split("</li>")[0]
-    assert "<code>basecal plan CELL --tolerance 0.1mm --task-point X Y Z -o plan.jsonl</code>" in first
+    assert "<code>basecal plan &#39;my cell&#39; --tolerance 0.1mm --task-point X Y Z -o plan.jsonl</code>" in first
     assert html.count('class="interval beyond"') == 3
     assert 'class="beyond"' in html
     met = page(cell, recording, replace(missed, tolerance=Tolerance(1e-2, 2e-3, True)))

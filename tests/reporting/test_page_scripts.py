@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.shared.browser import browsing
+from tests.shared.page_faults import faults
+from tests.situations import looked_at, situations
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.fit_details import fit_details
@@ -139,3 +142,17 @@ def test_print(written: Path) -> None:
     """Two pages."""
     browser(written, "--no-pdf-header-footer", f"--print-to-pdf={written.with_suffix('.pdf')}")
     assert len(re.findall(rb"/Type\s*/Page[^s]", written.with_suffix(".pdf").read_bytes())) == 2
+
+
+def test_nothing_is_cut_at_any_size(tmp_path: Path) -> None:
+    """Pages of several situations at three sizes, light and dark: no text is cut, nothing is asked of the network."""
+    shown = {name: made for name, made in situations() if name in ("fail", "empty", "three_robots")}
+    paths = []
+    for name, (cell, recording, calibration, details) in shown.items():
+        paths.append(tmp_path / f"{name}.html")
+        paths[-1].write_text(page(cell, recording, calibration, details, title=name), encoding="utf-8")
+    assert list(looked_at(paths, None, keeps_pictures=False)) == []
+    with browsing(tmp_path / "profile") as tab:
+        tab.go(paths[0].as_uri())
+        tab.value("document.querySelector('.note').style = 'position: absolute; left: 99%; white-space: nowrap'")
+        assert any("beyond the window" in fault for fault in faults(tab))

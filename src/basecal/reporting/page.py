@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -125,6 +126,7 @@ def page(
         "page.html",
         (SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS,
         title=title,
+        cell_word=shlex.quote(title),
         notes=notes,
         **stage(drawn),
         contents=[(id, name) for id, key, name in _CONTENTS if filled[key]],

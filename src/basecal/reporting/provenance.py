@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from basecal.cell import Calibration, Cell
 
 Rows = Mapping[str, str]
+_WORDS = {"None": "none", "True": "yes", "False": "no"}
 
 
 def provenance(cell: Cell, calibration: Calibration) -> dict[str, Rows]:
@@ -23,7 +24,7 @@ def provenance(cell: Cell, calibration: Calibration) -> dict[str, Rows]:
         },
     }
     number = {} if calibration.condition is None else {"condition number": f"{calibration.condition:.3g}"}
-    used = {key: "none" if value is None else str(value) for key, value in calibration.settings.items()}
+    used = {key: _WORDS.get(str(value), str(value)) for key, value in calibration.settings.items()}
     tables = {
         "Files": calibration.inputs,
         "Programs": calibration.versions,

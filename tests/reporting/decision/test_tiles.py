@@ -43,7 +43,7 @@ def test_what_is_known_is_a_tile() -> None:
     found = [(tile.value, tile.name) for tile in tiles(CELL, RECORDING, CALIBRATION, DETAILS)]
     assert found == [
         ("0.44 mm", "expected error, 95 %"),
-        ("0.17 mm, 0.0099 deg", f"1 sigma of {BASE}"),
+        ("0.17 mm, 0.0099 deg", f"1 sigma (3-D norm) of {BASE}"),
         ("1.8 mm, 0.39 deg", "on held-out samples, rms"),
         ("0.12 px", "reprojection error, rms, held out 1.1 px"),
         ("1 of 3", "samples used, 2 points left out"),

@@ -36,7 +36,7 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
     known = [name for name in cell.requested_transforms if name in calibration.transforms]
     for name in known[:1]:
         sigma_m, sigma_rad = calibration[name].sigma_norms
-        yield Tile(_short(sigma_m, None if name in calibration.points else sigma_rad), f"1 sigma of {name}")
+        yield Tile(_short(sigma_m, None if name in calibration.points else sigma_rad), f"1 sigma (3-D norm) of {name}")
     validation = calibration.validation
     if validation is not None and validation.target_m is not None:
         yield Tile(_short(validation.target_m, validation.target_rad), "on held-out samples, rms")

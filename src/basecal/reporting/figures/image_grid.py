@@ -60,7 +60,7 @@ class ImageGrid:
 
     def strip(self, least: str, most: str) -> list[str]:
         """Below the image: its size, and a bar from the shade of the least to that of the most."""
-        top, right = self.height + 10, IMAGE_WIDTH - 90
+        top, right = self.height + 10, IMAGE_WIDTH - 100
         step = _BAR_WIDTH / _BAR_STEPS
         shades = np.linspace(FAINTEST, 1, _BAR_STEPS)
         place = {"class_": "tile shade", "y": f"{top:.1f}", "width": f"{step:.1f}", "height": 14}

@@ -157,7 +157,7 @@ def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
         name = f"expected error, 95 %; tolerance {1e3 * snapshot.tolerance_m:.3g} mm"
         yield Tile(f"{two_digits(1e3 * error_m)} mm", name, tolerance_bar(error_m, snapshot.tolerance_m))
     if step is not None and step.sigma is not None:
-        yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma of the base")
+        yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
     if step is not None:
         yield Tile(f"{step.taken} of {step.planned}", "samples taken")
         yield Tile(f"{100 * step.coverage.share:.0f} %", "of the image covered")

@@ -25,6 +25,7 @@ def environment() -> Environment:
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["svg"] = Markup
     made.filters["words"] = _mark_code
+    made.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
     return made
 
 
