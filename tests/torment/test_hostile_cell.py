@@ -2,73 +2,75 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
-import subprocess
-import sys
+import socket
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from shutil import copytree
 
 import pytest
 
-from torment.cells import cell_text, made
+from basecal.exchange.exporters.registry import EXPORTERS
+from torment import hostile_cell, system_calls
+from torment.hostile_cell import VERBS, Lure, harmless, lures, reached
+from torment.outcome import Fell
 from torment.system_calls import is_possible
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(not is_possible(), reason="needs strace, and leave to hold others")]
+pytestmark = pytest.mark.skipif(not is_possible(), reason="needs strace, and leave to hold others")
 
-_CONNECTED = re.compile(r"\b(?:connect|sendto)\(\d+, .*AF_INET")
-_VERBS = (
-    ("calibrate",),
-    ("detect",),
-    ("report",),
-    ("plan", "--samples", "1", "--task-point", "0.5", "0", "0.3"),
-    ("export", "--to", "json"),
-    ("fix",),
-    ("capture",),
-    ("verify", "recording/samples.jsonl"),
-)
-_DRIVERS = (
-    {"kind": "opcua", "url": "opc.tcp://127.0.0.1:9", "joints": ["a"], "unit": "rad", "user": "me"},
-    {"kind": "ur", "host": "127.0.0.1"},
-)
+_IMAGE = (0, "images", "wrist")
+_FIELDS: dict[str, Callable[[Path], Lure]] = {
+    "urdf": lambda outside: Lure("cell.yaml", ("robots", "eye", "urdf"), str(outside)),
+    "link": lambda outside: Lure("eye.urdf", (), ""),
+    "image": lambda outside: Lure("recording/samples.jsonl", _IMAGE, str(outside)),
+    "relative image": lambda outside: Lure("recording/samples.jsonl", _IMAGE, "../../outside/eye.urdf"),
+}
+_SLOW = ("plan", "fix", "study", "demo", "new", "simulate", *(f"export {kind}" for kind in EXPORTERS if kind != "json"))
 
 
-def _hostile(folder: Path, outside: Path, field: str) -> None:
-    """A cell of which a field names what is outside, and whose arms and camera name other machines."""
-    copytree(made("joints").folder, folder)
-    cell, samples = json.loads(json.dumps(made("joints").cell)), list(made("joints").samples)
-    for robot, driver in zip(cell["robots"].values(), _DRIVERS, strict=True):
-        robot["driver"] = driver
-    cell["cameras"]["wrist"]["driver"] = {"kind": "opencv", "source": "http://127.0.0.1:9/x"}
-    if field == "urdf":
-        cell["robots"]["eye"]["urdf"] = str(outside)
-    elif field == "link":
-        (folder / "eye.urdf").unlink()
-        (folder / "eye.urdf").symlink_to(outside)
-    elif field != "drivers alone":
-        name = os.path.relpath(outside, folder) if field == "relative image" else str(outside)
-        samples = [sample | {"images": {"wrist": name}, "observations": []} for sample in samples]
-    (folder / "cell.yaml").write_text(cell_text(cell))
-    (folder / "recording" / "samples.jsonl").write_text("".join(json.dumps(sample) + "\n" for sample in samples))
-
-
-@pytest.mark.parametrize("field", ["drivers alone", "urdf", "link", "image", "relative image"])
+@pytest.mark.slow
+@pytest.mark.parametrize("field", _FIELDS)
 def test_nothing_outside_is_reached(tmp_path: Path, field: str) -> None:
-    """No call connects, what the field names is never opened, and who needs it refuses the cell in a line."""
-    outside = tmp_path / "secrets" / "outside.urdf"
-    outside.parent.mkdir()
-    outside.write_text(made("joints").urdfs["eye.urdf"])
-    _hostile(tmp_path / "cell", outside, field)
-    for verb, *words in _VERBS:
-        command = [sys.executable, "-m", "basecal", verb, str(tmp_path / "cell"), *words]
-        tracer = ["strace", "-f", "-qq", "-o", str(tmp_path / "trace"), "-e", "trace=connect,sendto,openat,open"]
-        ended = subprocess.run([*tracer, *command], capture_output=True, text=True, cwd=tmp_path / "cell", check=False)
-        trace = (tmp_path / "trace").read_text()
-        refuses = verb == "calibrate" and field != "drivers alone"
-        assert ended.returncode in ((3, 4) if refuses else (2, 3) if verb == "capture" else (0, 1, 2, 3, 4)), (
-            ended.stderr
-        )
-        assert ended.returncode not in (2, 3) or ended.stderr.count("\n") == 1, ended.stderr
-        assert not _CONNECTED.search(trace), verb
-        assert "outside.urdf" not in "".join(line for line in trace.splitlines() if "ENOENT" not in line), verb
+    """No call connects, what the field names is never opened, and who needs it refuses the cell."""
+    lure = _FIELDS[field](tmp_path / "calibrate" / "outside" / "eye.urdf")
+    for verb in VERBS.keys() - set(_SLOW):
+        (tmp_path / verb).mkdir()
+        code, found = reached(verb, tmp_path / verb, lure)
+        assert not found - harmless(verb), verb
+        assert code in ((2, 3, 4) if verb in ("calibrate", "detect") else (0, 1, 2, 3, 4)), verb
+
+
+def test_what_is_reached_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A verb that opens what a field names, or connects, falls; one that asks whether it is there does not."""
+
+    def open_outside(words: list[str]) -> int:
+        Path("../outside/eye.urdf").read_text()
+        return 0
+
+    def connect(words: list[str]) -> int:
+        with suppress(OSError):
+            socket.create_connection(("127.0.0.1", 9))
+        return 0
+
+    def ask(words: list[str]) -> int:
+        return 0 if os.path.exists("../outside/eye.urdf") else 70
+
+    monkeypatch.setattr(hostile_cell, "harmless", lambda verb: frozenset())
+    lure = _FIELDS["relative image"](tmp_path)
+    for name, main, message in (("open", open_outside, r"openat .*outside/eye"), ("connect", connect, "connect")):
+        (tmp_path / name).mkdir()
+        monkeypatch.setattr(system_calls, "main", main)
+        with pytest.raises(Fell, match=message):
+            hostile_cell._try("detect", tmp_path / name, lure)
+    monkeypatch.setattr(system_calls, "main", ask)
+    (tmp_path / "ask").mkdir()
+    assert hostile_cell._try("detect", tmp_path / "ask", lure) == "answered"
+
+
+def test_every_field_is_lured(tmp_path: Path) -> None:
+    """Texts of the cell, its samples, its run and its robots, and every file as a link."""
+    found = list(lures(tmp_path / "outside" / "eye.urdf", tmp_path / "cell"))
+    files = {lure.file.split("/")[0] for lure in found if lure.place}
+    assert files == {"cell.yaml", "recording", "runs", "eye.urdf"}
+    assert {"cell.yaml", "eye.urdf", "recording", "runs"} <= {lure.file for lure in found if not lure.place}
+    assert sum(lure.place == ("robots", "eye", "driver", "url") for lure in found) == 5

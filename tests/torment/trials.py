@@ -25,6 +25,7 @@ from torment.cells import KINDS, calibration, cell_text, made, moved_or_good, wr
 from torment.damage import HOSTILE_TEXTS, damaged, places
 from torment.exports import EXPORTS
 from torment.foreign import read_damaged_tables
+from torment.hostile_cell import hostile_cell
 from torment.numbers import calibrate_strange
 from torment.others import OTHERS
 from torment.outcome import Fell, of_command, of_reader
@@ -235,6 +236,7 @@ WHOLE: dict[str, Trial] = {
     "write faults": write_fault,
     "kills at system calls": system_calls.kill,
     "faults of system calls": system_calls.fault,
+    "hostile cell": hostile_cell,
     "slow disk": disks.slow_disk,
     "read-only": disks.read_only,
     "lerobot": read_damaged_tables,
