@@ -60,7 +60,7 @@ EDGE = {"wall": "edge", "mark_a": "point", "mark_b": "point"}
 FAULTS = ("moved mark", "wrong mark", "bent tip")
 TASK = np.array([0.6, 0.1, 0.3])
 DRAWS = 25  # of the errors of touches in each cell of a plan
-RICH = {"places": 64, "rotations": 150}  # of the next mark and of tips: what more candidates would bring
+RICH = {"places": 48, "rotations": 100}  # of the next mark and of tips: what more candidates would bring
 Lines = list[dict[str, Any]]
 
 CONTACTS: dict[str, tuple[Callable[[], Cell], Callable[[np.random.Generator], Lines]]] = {
