@@ -12,10 +12,10 @@ from tests.pose_problem import pose_problem
 from basecal.accuracy import stated_sigmas
 from basecal.accuracy.stated_sigmas import (
     ContradictedSigma,
-    _judge_sigma,
     _stop_squares,
     _view_squares,
     contradicted_sigmas,
+    judge_sigma,
     without_contradicted,
 )
 from basecal.cell import Robot
@@ -135,7 +135,7 @@ def test_poses_about_their_mean_are_a_chi_square(times, told):
 )
 def test_a_sigma_is_judged_by_a_chi_square(squares, freedoms, told):
     """On the side on which it is off, its ratio the root of squares over freedoms; of three freedoms or more."""
-    found = _judge_sigma("eye", True, squares, freedoms)
+    found = judge_sigma("eye", True, squares, freedoms)
     assert (found is not None) == told
     if told:
         tail = chi2.sf if squares > freedoms else chi2.cdf
@@ -146,7 +146,7 @@ def test_a_sigma_is_judged_by_a_chi_square(squares, freedoms, told):
 
 def test_no_squares_at_all_are_too_few():
     """A ratio of nothing can still be written down; what is as stated is not too small."""
-    assert 0 < _judge_sigma("eye", True, 0.0, 40.0).ratio < 1e-100
+    assert 0 < judge_sigma("eye", True, 0.0, 40.0).ratio < 1e-100
     assert not ContradictedSigma("eye", True, 1.0, 0.5).is_too_small
 
 

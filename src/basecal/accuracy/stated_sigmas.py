@@ -68,13 +68,14 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
     counts = [(g.camera, name) for g in problem.groups for name, count in g.measurement.counts().items() if count]
     unstated = {camera for camera, name in counts if name != "stated"}
     stated |= {key: s for key, s in sums.items() if not key[1] and key[0] not in unstated}
-    found = [f for (name, of_robot), s in stated.items() if (f := _judge_sigma(name, of_robot, *s)) is not None]
+    found = [f for (name, of_robot), s in stated.items() if (f := judge_sigma(name, of_robot, *s)) is not None]
     if not found and len(stated) == len(sums) > 1:
-        found = [f for f in [_judge_sigma("", False, solution.cost, solution.dof)] if f is not None]
+        found = [f for f in [judge_sigma("", False, solution.cost, solution.dof)] if f is not None]
     return tuple(sorted(found, key=lambda f: -abs(np.log(f.ratio))))
 
 
-def _judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
+def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:
+    """The sigmas of a camera or robot, if their squares and freedoms contradict them; else None."""
     if freedoms < _FEWEST_FREEDOMS:
         return None
     squares = max(squares, _LEAST_CHANCE)

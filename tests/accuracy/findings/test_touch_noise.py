@@ -22,6 +22,20 @@ def test_a_small_stated_sigma_is_named(scatter_m, codes, verdict):
     assert all("0.1 mm is stated" in each.what and "sigma_m: 0.000" in each.do[0] for each in found.findings)
 
 
+def test_a_small_stated_sigma_is_named_beside_an_arm_of_unknown_noise():
+    """The arm's noise makes up for it: both are named, the answer is good, and no convention is doubted."""
+    lines = touch_lines(np.random.default_rng(0), 36, 2e-4, MARKS, True)
+    for line in lines:
+        line["observations"][0]["sigma_m"] = 2e-5
+    cell = touch_cell(robots={"eye": {}, "hand": {}})
+    found = calibrate(cell, recorded(cell, lines))
+    named = [each for each in found.findings if each.code == "touch-noise"]
+    assert found.verdict == "good"
+    assert {each.about for each in named} == {("eye_tip",), ("hand_tip",)}
+    assert all("of touches or of the arm" in each.why for each in named)
+    assert "poor-fit" not in {each.code for each in found.findings}
+
+
 def test_scatter_that_no_touch_has_is_a_poor_fit():
     """Above 3 mm something else is wrong."""
     lines = touch_lines(np.random.default_rng(0), 24, 6e-3, MARKS, True)

@@ -120,7 +120,7 @@ def test_errors_are_held_out_where_a_fit_is_near(monkeypatch, near, predicted, o
     monkeypatch.setattr(module, "solve_problem", lambda problem, cell, settings: solution)
     monkeypatch.setattr(module, "_concentrate", lambda solution, settings: solution)
     monkeypatch.setattr(module, "view_errors", lambda problem, group, state: np.array([1.0, 2.0]))
-    monkeypatch.setattr(module, "_is_near", lambda fit: near)
+    monkeypatch.setattr(module, "is_near", lambda fit: near)
     monkeypatch.setattr(module, "_held_out_errors", lambda problem, solution: held_out)
     found = fit_hypothesis(made.cell, build_problem(made.cell, made.recording)[0], STATED)
     assert (found.solution, found.in_pixels) == (solution, False)

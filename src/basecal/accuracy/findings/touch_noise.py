@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.stated_sigmas import ContradictedSigma
+from basecal.accuracy.stated_sigmas import ContradictedSigma, judge_sigma
 from basecal.cell import Finding
 from basecal.estimation.view.points import TouchMeasurement
 
@@ -14,7 +14,14 @@ _LARGEST_M = 3e-3  # [m] per axis, far beyond what people who lead a tip to a ma
 
 def touch_noise(evidence: Evidence) -> list[Finding]:
     """An info about each tip whose touches scatter more than stated."""
-    return [_finding(each, evidence) for each in evidence.contradicted_sigmas if is_touch_noise(each, evidence)]
+    alone = [each for each in evidence.contradicted_sigmas if is_touch_noise(each, evidence)]
+    others = evidence.cell.cameras.keys() - {each.about for each in alone}
+    with_arm = [each for name in sorted(others) if (each := _sigma_with_arm(name, evidence)) is not None]
+    why = "The covariance is that of the larger noise."
+    return [
+        *(_finding(each, evidence, why) for each in alone),
+        *(_finding(each, evidence, f"It is of touches or of the arm. {why}") for each in with_arm),
+    ]
 
 
 def is_touch_noise(sigma: ContradictedSigma, evidence: Evidence) -> bool:
@@ -38,9 +45,22 @@ def _stated_sigma(tip: str, evidence: Evidence) -> float:
     return float(np.mean([1 / np.mean(touches.stated) for touches in _touches(tip, evidence)]))
 
 
-def _finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
+def _sigma_with_arm(tip: str, evidence: Evidence) -> ContradictedSigma | None:
+    """The stated sigma of touches, if the estimated noise of the arm contradicts it; else None."""
+    solution, camera = evidence.solution, evidence.cell.cameras[tip]
+    sigma, touches = solution.noise.robots.get(camera.on), _touches(tip, evidence)
+    if sigma is None or not any(touches_of.counts().get("stated") for touches_of in touches) or solution.dof < 1:
+        return None
+    lever_m2 = 2 / 3 * float(np.sum(solution.state.transforms[evidence.cell.mount_name(tip)].translation ** 2))
+    arm_m2 = float(np.mean(sigma[:3] ** 2) + lever_m2 * np.mean(sigma[3:] ** 2))
+    ratio = 1 + arm_m2 / _stated_sigma(tip, evidence) ** 2
+    found = judge_sigma(tip, False, ratio * solution.dof, solution.dof)
+    return found if found is not None and is_touch_noise(found, evidence) else None
+
+
+def _finding(sigma: ContradictedSigma, evidence: Evidence, reason: str) -> Finding:
     stated_m = _stated_sigma(sigma.about, evidence)
     found = f"{1e3 * sigma.ratio * stated_m:.2g}"
     what = f"Touches by {sigma.about} scatter by {found} mm per axis, {1e3 * stated_m:.2g} mm is stated."
     do = f"State `sigma_m: {sigma.ratio * stated_m:.2g}` of these touches, or state none."
-    return Finding("touch-noise", "info", (sigma.about,), what, (do,), "The covariance is that of the larger noise.")
+    return Finding("touch-noise", "info", (sigma.about,), what, (do,), reason)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.accuracy.input_check.hypotheses import ConventionHypothesis
-from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, plausible
+from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, is_near, plausible
 from basecal.accuracy.input_check.noise_evidence import noise_evidence
 from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.model_comparison.held_out import CLEARLY, compare_predictions
@@ -91,7 +91,8 @@ def decide_hypotheses(
         what = f"The pose consistency error is {baseline.fit.error_in_words()}."
         why = "No other convention of the input that was tried is consistent."
         do = ("Look at the samples with the largest residuals, and at what the frames mean.",)
-        return () if baseline.fit.in_pixels else (Finding("poor-fit", "warning", (), what, do, why),)
+        is_of_noise = baseline.fit.in_pixels or (is_explained and is_near(baseline.fit))  # which is judged later
+        return () if is_of_noise else (Finding("poor-fit", "warning", (), what, do, why),)
     if not is_observable(cell, baseline.fit):
         return ()
     rivals = [

@@ -79,10 +79,10 @@ class HypothesisFit:
 
 def plausible(fit: HypothesisFit) -> bool:
     """Whether data could have come from there: an optimum with residuals of a few sigmas or pixels, not more."""
-    return _is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < _PLAUSIBLE_SIGMAS)
+    return is_near(fit) and (bool(fit.solution.noise.estimated) or ratio(fit.solution) < _PLAUSIBLE_SIGMAS)
 
 
-def _is_near(fit: HypothesisFit) -> bool:
+def is_near(fit: HypothesisFit) -> bool:
     """Whether it is an optimum with residuals of a few pixels or hundredths of a radian."""
     if not fit.solution.converged or not np.isfinite(fit.solution.cost):
         return False
@@ -131,7 +131,7 @@ def _fit(cell: Cell, problem: Problem, settings: Settings, start: State | None, 
         solution = _concentrate(solution, settings)
         in_pixels = any(isinstance(g.measurement, PixelMeasurement) for g in problem.groups)
         fitted = HypothesisFit(solution, *_view_errors([(problem, solution.state)]), in_pixels)
-        predicted = _held_out_errors(problem, solution) if _is_near(fitted) else None
+        predicted = _held_out_errors(problem, solution) if is_near(fitted) else None
         return fitted if predicted is None else HypothesisFit(solution, *predicted, in_pixels)
     except (BasecalError, np.linalg.LinAlgError):
         return None
