@@ -20,7 +20,7 @@ def test_errors_are_equal_at_one_place_however_the_flange_is_turned():
     """In the base: covariances of all coordinates are the kernel, and turns of a flange change nothing but its axes."""
     rng = np.random.default_rng(0)
     poses = SE3.exp(rng.uniform(-0.6, 0.6, (12, 6)))
-    found = errors(poses, np.ones(12, dtype=bool))
+    found = errors(poses, poses)
     in_base = np.kron(np.eye(2), poses.rotation) @ found.by_stop
     alike = np.einsum("iak,jbk->abij", in_base, in_base)
     expected = kernel(poses, poses)

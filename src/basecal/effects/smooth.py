@@ -14,7 +14,7 @@ import numpy as np
 from basecal.effects.faces.effect import Effect, Face
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array
 from basecal.numerics.spectral import spectrum
 
 Kernel = Callable[[SE3, SE3], Array]
@@ -46,9 +46,9 @@ class Modes(NamedTuple):
         return np.asarray(self.kernel(poses, self.recorded) @ self.weights)
 
 
-def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
-    """Errors of each coordinate by modes, at recorded poses."""
-    found = Modes.from_poses(poses[np.flatnonzero(is_visible)], kernel).sizes(poses)
+def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
+    """Errors of each coordinate by modes of recorded poses, (m,), at poses, (n,)."""
+    found = Modes.from_poses(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found) if found.shape[1] else None
 
 

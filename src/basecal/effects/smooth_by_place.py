@@ -13,12 +13,12 @@ from basecal.effects import smooth
 from basecal.effects.faces.effect import Effect
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array
 
 
-def errors(poses: SE3, is_visible: BoolArray) -> SharedErrors | None:
-    """Errors along each axis by modes, at recorded poses."""
-    found = smooth.Modes.from_poses(poses[np.flatnonzero(is_visible)], kernel).sizes(poses)
+def errors(recorded_poses: SE3, poses: SE3) -> SharedErrors | None:
+    """Errors along each axis by modes of recorded poses, (m,), at poses, (n,)."""
+    found = smooth.Modes.from_poses(recorded_poses, kernel).sizes(poses)
     return SharedErrors.repeat_coordinates(found).rotate_to_base(poses) if found.shape[1] else None
 
 

@@ -201,7 +201,7 @@ def _flange_tangents(posture: Posture | None, poses: SE3, effect: RandomEffect, 
     errors = None if posture is None or effect.by_joints is None else effect.by_joints(posture)
     if errors is not None and "shift_m" in sigmas:
         return np.asarray(errors.by_stop * np.where(errors.is_turn, sigmas["turn_rad"], sigmas["shift_m"]))
-    shared = (effect.by_poses or smooth.errors)(poses, np.ones(len(poses), dtype=bool))
+    shared = (effect.by_poses or smooth.errors)(poses, poses)
     return np.zeros((len(poses), 6, 0)) if shared is None else shared.by_stop * np.array(sigmas["sigma"])[:, None]
 
 

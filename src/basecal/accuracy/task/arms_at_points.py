@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.errors import NotConverged
+from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.robot_parameters import Kinematics, column_derivative
 from basecal.geometry import SE3, Array, IntArray
@@ -69,6 +70,14 @@ def reach_points(problem: Problem, state: State, robot: str, recorded_joints: Ar
         return inverse(kinematics.chain, base_from_flange, start, iterations=_INVERSE_STEPS)
     except NotConverged as error:
         return np.asarray(error.state)
+
+
+def nearest_poses(problem: Problem, robot: str, points_in_base_m: Array) -> SE3:
+    """Poses of a flange at points, (n, 3) [m], turned as the recorded pose nearest to each."""
+    poses, seen = stands(problem, robot)
+    recorded = poses[np.flatnonzero(seen)]
+    nearest = np.linalg.norm(points_in_base_m[:, None] - recorded.translation[None], axis=-1).argmin(1)
+    return SE3(recorded.rotation[nearest], points_in_base_m)
 
 
 def to_base_axes(jacobian: Array, base_from_flange: Array) -> Array:

@@ -13,9 +13,8 @@ import numpy as np
 from basecal.accuracy.systematic_errors.expected_sizes import known_sizes, size_posterior
 from basecal.accuracy.systematic_errors.pose_fields import PoseField, pose_field, variances
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.task.arms_at_points import to_base_axes
+from basecal.accuracy.task.arms_at_points import nearest_poses, to_base_axes
 from basecal.accuracy.task.meeting import Meeting
-from basecal.estimation.noise.robot_noise import stands
 from basecal.estimation.solve import Solution
 from basecal.geometry import SE3, Array
 
@@ -38,7 +37,7 @@ def field_covariance(meeting: Meeting, solution: Solution) -> Array:
         for field in fields:
             seen.add(field.robot)
             if field.robot in points_m:
-                poses = _nearest_poses(situation, field.robot, points_m[field.robot])
+                poses = nearest_poses(problem, field.robot, points_m[field.robot])
                 tangents = to_base_axes(field.flange_tangents(poses), poses.rotation)
                 by_fields[..., first : first + field.width] = meeting.propagate(field.robot, tangents)
                 total += _unknown_covariance(field, poses, sizes.field_m2)
@@ -55,7 +54,7 @@ def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array |
     for robot, points in points_m.items():
         field = pose_field(situation, robot)
         if field is not None and robot in situation.problem.unstated:
-            poses = _nearest_poses(situation, robot, points)
+            poses = nearest_poses(situation.problem, robot, points)
             total = total + _unknown_covariance(field, poses, size_posterior(situation, [field]).field_m2)
     return total
 
@@ -63,11 +62,3 @@ def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array |
 def _unknown_covariance(field: PoseField, poses: SE3, field_m2: float) -> Array:
     """Covariance of a flange beyond recorded poses, (n, 6, 6)."""
     return field.unknown_share(poses)[:, None, None] * np.diag(np.repeat(variances(field_m2), 3))
-
-
-def _nearest_poses(situation: Situation, robot: str, points_m: Array) -> SE3:
-    """Poses at points, (n, 3), turned as the recorded pose nearest to each."""
-    poses, seen = stands(situation.problem, robot)
-    recorded = poses[np.flatnonzero(seen)]
-    nearest = np.linalg.norm(points_m[:, None] - recorded.translation[None], axis=-1).argmin(1)
-    return SE3(recorded.rotation[nearest], points_m)

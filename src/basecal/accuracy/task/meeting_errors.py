@@ -1,13 +1,14 @@
 """How far flanges that were sent to one point are from where they should be to one another, by all that is unknown.
 
 Arms given by joints, of whose joints and links nothing is stated, have errors of these: models of them explain the
-views, and say what both flanges are off by elsewhere. Of others what their stops share counts in full.
-Source: docs/mathematics.md (14.3), (14.6).
+views, and say what both flanges are off by elsewhere. Those of arms given by poses are smooth in these: a base takes
+up most of them, and counts with them. Source: docs/mathematics.md (14.3), (14.6).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,12 +16,14 @@ import numpy as np
 from basecal.accuracy.task.field_errors import field_covariance
 from basecal.accuracy.task.kinematic_errors import EXPECTED_PRIOR, MODELS, kinematic_errors, moved_by_errors
 from basecal.accuracy.task.meeting import Meeting, add_own
-from basecal.effects.faces.shared_errors import SharedErrors
+from basecal.accuracy.task.pose_errors import POSE_EFFECTS, moved_by_pose_errors, unseen_share
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
-from basecal.estimation.noise.laplace import moments
+from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots, sigma_models
+from basecal.estimation.noise.laplace import SigmaPosterior, moments
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
+
+_LEAST_SHARE = 1e-3  # of a model by its evidence: a less likely one changes no digit that is shown
 
 
 def meeting_errors(
@@ -37,18 +40,69 @@ def meeting_errors(
         widening: (p, p) what of the solution's covariance is beside the noise of the problem; nothing where None.
     """
     own = {robot: _own_variance(meeting, solution, noise, robot) for robot in meeting.places_m}
-    models = _models_of_arms(solution, meeting.places_m)
-    if not models:
+    by_joints = _models_by_joints(meeting, solution)
+    models = by_joints or _models_by_poses(meeting, solution)
+    fields = 0.0 if by_joints else field_covariance(meeting, solution)
+    if models:
+        mean, covariance = _mixture([_model_error(meeting, own, model, widening) for model in _likely_models(models)])
+    else:
         mean = np.zeros(meeting.moves.moved.shape[:2])
-        return mean, meeting.total_error(solution.covariance, own.values()) + field_covariance(meeting, solution)
-    return _mixture([_model_error(meeting, solution, own, model, widening) for model in models])
+        covariance = meeting.total_error(solution.covariance, own.values())
+    return mean, covariance + fields
 
 
-class _ArmErrors(NamedTuple):
-    """Kinds of errors that arms may have, and what the stops of each robot share by them."""
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A model of the arms' errors.
 
-    kinds: tuple[str, ...]
-    of: Mapping[str, SharedErrors]
+    Attributes:
+        sigmas: What is known of its sigmas.
+        moved: By robot that has such errors, how what meets moves with them, (n, 6, k).
+        unknown: By robot, the share of their variance that no recorded pose has, (n,); 0 of others.
+    """
+
+    sigmas: SigmaPosterior
+    moved: Mapping[str, Array]
+    unknown: Mapping[str, Array]
+
+
+def _models_by_joints(meeting: Meeting, solution: Solution) -> list[_Model]:
+    """What may be wrong with the joints and links of arms that meet; none where no such arm's noise is estimated.
+
+    Where one kind has a prior, two of `MODELS` are the same errors, and count once.
+    """
+    problem, state = meeting.problem, meeting.state
+    if solution.noise.logs is None:
+        return []
+    models: dict[tuple[int, ...], _Model] = {}
+    for kinds in MODELS:
+        found = {robot: kinematic_errors(problem, state, robot, kinds) for robot in open_robots(problem)}
+        arms = {robot: errors for robot, errors in found.items() if errors is not None}
+        key = tuple(len(errors.is_turn) for errors in arms.values())
+        if arms.keys() & meeting.places_m.keys() and key not in models:
+            sigmas = model_sigmas(problem, state, solution.noise, arms, EXPECTED_PRIOR)
+            moved = {
+                robot: meeting.propagate(robot, moved_by_errors(problem, state, robot, where_m, kinds))
+                for robot, where_m in meeting.places_m.items()
+                if robot in arms
+            }
+            models[key] = _Model(sigmas, moved, {})
+    return list(models.values())
+
+
+def _models_by_poses(meeting: Meeting, solution: Solution) -> list[_Model]:
+    """No errors but those of single stops, and errors smooth in the pose, of arms that meet and record poses alone."""
+    problem = meeting.problem
+    if solution.noise.logs is None or not set(open_robots(problem)) & meeting.places_m.keys():
+        return []
+    found = sigma_models(problem, meeting.state, solution.noise, solution.noise.logs_by_model)
+    models = []
+    for name, sigmas in found.items():
+        if name in ("", *POSE_EFFECTS):
+            arms = {r: at for r, at in meeting.places_m.items() if r in sigmas.model.layout.common}
+            moved = {r: meeting.propagate(r, moved_by_pose_errors(problem, r, at, name)) for r, at in arms.items()}
+            models.append(_Model(sigmas, moved, {r: unseen_share(problem, r, at, name) for r, at in arms.items()}))
+    return models
 
 
 class _Expected(NamedTuple):
@@ -59,27 +113,25 @@ class _Expected(NamedTuple):
     covariance: Array
 
 
-def _model_error(
-    meeting: Meeting, solution: Solution, own: Mapping[str, Array], model: _ArmErrors, widening: Array | None
-) -> _Expected:
+def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None) -> _Expected:
     """What is off by a model of the arms' errors, its sigmas integrated."""
-    problem, state, known = meeting.problem, meeting.state, meeting.moves
-    sigmas = model_sigmas(problem, state, solution.noise, model.of, EXPECTED_PRIOR)
-    every_move, every_column = [known.moved], [known.columns]
-    for robot in (name for name in meeting.places_m if name in model.of):
-        by_errors = moved_by_errors(problem, state, robot, meeting.places_m[robot], model.kinds)
-        first = sigmas.model.layout.common[robot][0]
-        every_move.append(meeting.propagate(robot, by_errors))
-        every_column.append(np.arange(first, first + by_errors.shape[-1]))
-    mean, products, squares = moments(sigmas, np.concatenate(every_column))
+    known, layout, places = meeting.moves, model.sigmas.model.layout, model.sigmas.model.sigmas
+    columns = [known.columns, *(layout.common[robot][0] + np.arange(of.shape[-1]) for robot, of in model.moved.items())]
+    mean, products, squares = moments(model.sigmas, np.concatenate(columns))
     if widening is not None:
         products[: len(known.columns), : len(known.columns)] += widening[np.ix_(known.columns, known.columns)]
-    estimated = {robot: squares[sigmas.model.sigmas.stops[robot]] for robot in model.of}
-    moved, variances = np.concatenate(every_move, axis=-1), {**own, **estimated}
-    by_columns = moved @ products @ np.swapaxes(moved, 1, 2)
-    return _Expected(
-        sigmas.surprise, moved @ mean, add_own(by_columns, (variances[robot] for robot in meeting.places_m))
-    )
+    moved = np.concatenate([known.moved, *model.moved.values()], axis=-1)
+    estimated = {robot: squares[places.stops[robot]] for robot in meeting.places_m if robot in places.stops}
+    covariance = add_own(moved @ products @ np.swapaxes(moved, 1, 2), {**own, **estimated}.values())
+    for robot, share in model.unknown.items():
+        covariance = covariance + share[:, None, None] * np.diag(np.repeat(squares[places.shared[robot]], 3))
+    return _Expected(model.sigmas.surprise, moved @ mean, covariance)
+
+
+def _likely_models(models: Sequence[_Model]) -> list[_Model]:
+    """Those that count: the others have hardly any evidence beside the likeliest."""
+    least = min(model.sigmas.surprise for model in models)
+    return [model for model in models if model.sigmas.surprise - least < -2 * np.log(_LEAST_SHARE)]
 
 
 def _mixture(errors: Sequence[_Expected]) -> tuple[Array, Array]:
@@ -91,23 +143,6 @@ def _mixture(errors: Sequence[_Expected]) -> tuple[Array, Array]:
     off = np.array([each.mean for each in errors]) - mean
     spread = np.array([each.covariance for each in errors]) + off[..., None] * off[..., None, :]
     return mean, np.einsum("m,mnij->nij", shares, spread)
-
-
-def _models_of_arms(solution: Solution, meeting: Mapping[str, Array]) -> list[_ArmErrors]:
-    """What may be wrong with the arms that meet; nothing where noise was not estimated, of all views at once.
-
-    Where one kind has a prior, two of `MODELS` are the same errors, and count once.
-    """
-    if solution.noise.logs is None:
-        return []
-    problem, state = solution.problem, solution.state
-    models: dict[tuple[int, ...], _ArmErrors] = {}
-    for kinds in MODELS:
-        found = {robot: kinematic_errors(problem, state, robot, kinds) for robot in open_robots(problem)}
-        arms = {robot: errors for robot, errors in found.items() if errors is not None}
-        if arms.keys() & meeting.keys():
-            models.setdefault(tuple(len(errors.is_turn) for errors in arms.values()), _ArmErrors(kinds, arms))
-    return list(models.values())
 
 
 def _own_variance(meeting: Meeting, solution: Solution, noise: Mapping[str, Any], robot: str) -> Array:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from basecal.effects.faces.found_effect import Words
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.faces.shared_errors import SharedErrors, SharedPrior
-from basecal.geometry import SE3, Array, BoolArray
+from basecal.geometry import SE3, Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class RandomEffect:
         expected: Prior of its sigmas.
         report: Its words in the report, `error of robot eye that is ...`; `{...}` are filled in from `figures`.
         by_joints: The errors of an arm at any joints; None if the arm lacks what they need.
-        by_poses: Those of recorded poses, (stops,), and whether something was seen at each.
+        by_poses: Those of arms that record poses alone: by recorded poses, (m,), at some poses, (n,).
         likely: Words of an effect that the evidence shows, by sigmas (shift [m], turn [rad]) of each robot.
         is_certain: Whether every arm that has it modelled has some of it, however little: none is built as stated.
         is_mapped: Whether the error map and `verify` take it from joint to joint.
@@ -33,7 +33,7 @@ class RandomEffect:
     expected: SharedPrior
     report: str
     by_joints: Callable[[Posture], SharedErrors | None] | None = None
-    by_poses: Callable[[SE3, BoolArray], SharedErrors | None] | None = None
+    by_poses: Callable[[SE3, SE3], SharedErrors | None] | None = None
     likely: Callable[[Mapping[str, Array]], Words] | None = None
     is_certain: bool = False
     is_mapped: bool = False

@@ -20,7 +20,9 @@ def shared_errors(effect: RandomEffect, problem: Problem, robot: str) -> SharedE
     if model is not None and not model.columns.keys().isdisjoint(effect.replaced_by):
         return None
     if effect.by_poses is not None:
-        return effect.by_poses(*stands(problem, robot)) if count_stops(problem, robot) >= _FEWEST_STOPS else None
+        poses, seen = stands(problem, robot)
+        few = count_stops(problem, robot) < _FEWEST_STOPS
+        return None if few else effect.by_poses(poses[np.flatnonzero(seen)], poses)
     at = posture_at_stops(problem, robot)
     return None if at is None or effect.by_joints is None else effect.by_joints(at)
 
