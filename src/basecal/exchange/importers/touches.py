@@ -79,12 +79,12 @@ def read_touches(
     if sum(each is not None for each in (mark, meets, clamp)) > 1:
         raise UsageError("--mark, --meets and --clamp exclude one another: say what the robot touched")
     own_tip, known = tip or f"{robot}_tip", known_cell(cell)
-    entry: dict[str, Any] = {"robots": {robot: {}}}
+    rows, names, how, advice, writer = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
+    entry: dict[str, Any] = {"robots": {robot: _robot_entry(known, robot, writer)}}
     if clamp is not None:
         entry["clamp"] = _clamp(known, clamp, robot, hinge)
     elif known is None or own_tip not in known.cameras:
         entry["tips"] = {own_tip: {"on": robot, "offset": {"status": "free"}}}
-    rows, names, how, advice = _read_rows(cell, str(file), robot, joints, (format, length_unit, deg, rad))
     if meets is not None:
         met, what = TouchObservation(own_tip, meets, sigma_m, "tip2"), f"meetings of {own_tip} and {meets}"
         return _join_rows(str(file), rows, met, f"{len(rows)} {what}, {how}", entry, advice)
@@ -110,16 +110,23 @@ def _join_rows(
 
 def _read_rows(
     cell: str | Path, path: str, robot: str, is_joints: bool, numbers: tuple[str | None, LengthUnit | None, bool, bool]
-) -> tuple[tuple[Row, ...], Sequence[str], str, str]:
-    """Rows of poses or joints, the names of their numbers, how they were read, and what to check."""
+) -> tuple[tuple[Row, ...], Sequence[str], str, str, str | None]:
+    """Rows of poses or joints, the names of their numbers, how they were read, what to check, and whose poses."""
     notation, length_unit, deg, rad = numbers
     if is_joints:
         chain = joint_model(cell, robot, None, None, None, None).chain
         how = f"{chain.n} joints in {'deg' if deg else 'rad'}"
-        return read_joints(path, robot, chain, deg), chain.joint_names, how, "check --deg and the order of the joints"
+        advice = "check --deg and the order of the joints"
+        return read_joints(path, robot, chain, deg), chain.joint_names, how, advice, None
     reading = PoseTable(path, notation, length_unit, deg, rad, False).reading
     rows = read_controller_poses(path, robot, reading)
-    return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE
+    return rows, reading.convention.names, f"poses as of {reading.name} ({reading.words})", POSE_ADVICE, reading.name
+
+
+def _robot_entry(context: Cell | None, robot: str, controller: str | None) -> dict[str, Any]:
+    """What is new of a robot: which controller wrote its poses, if that is not known."""
+    is_known = context is not None and robot in context.robots and bool(context.robots[robot].controller)
+    return {} if controller is None or is_known else {"controller": {"format": controller}}
 
 
 def _clamp(context: Cell | None, name: str, robot: str, is_hinge: bool) -> dict[str, Any]:
