@@ -61,6 +61,11 @@ class ErrorMap:
     length_95_m: Annotated[Array, Field(alias="mm_95"), array_form(list[Length], 1e3)]
     angle_95_rad: Annotated[Array, Field(alias="deg_95"), array_form(list[Length], math.degrees(1))]
 
+    @property
+    def worst(self) -> int:
+        """The row with the longest error."""
+        return int(self.length_95_m.argmax())
+
 
 @dataclass(frozen=True, eq=False)
 class LocalFit:

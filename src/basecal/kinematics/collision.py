@@ -79,30 +79,49 @@ def box_capsules(frame: int, pose: SE3, bounds: Array, padding_m: float = 0.0) -
     return Capsules(np.full(len(ends), frame), ends, radius, padding)
 
 
+def box_corners(bounds: Array) -> Array:
+    """Corners of a box between its least and largest coordinates, (2, 3), as (8, 3)."""
+    return np.stack(np.meshgrid(*bounds.T, indexing="ij"), -1).reshape(-1, 3)
+
+
 def body_capsules(body: Collision) -> Capsules:
     """Capsules that enclose a body.
 
     Raises:
         InputError: if it cannot be read, or lies outside of the cell's folder.
     """
-    origin, shape = body.element.find("origin"), body.element.find("geometry/*")
-    if shape is None:
-        raise InputError("<collision> has no geometry")
-    words = {} if origin is None else origin.attrib
-    pose = SE3.from_rpy(_numbers(words.get("rpy", "0 0 0"), 3), _numbers(words.get("xyz", "0 0 0"), 3))
-    pose = body.frame_from_link @ pose
+    pose, shape = placed_shape(body)
     if shape.tag == "mesh":
-        bounds = mesh_bounds(_mesh_file(shape.get("filename", ""), body))
-        return box_capsules(body.frame, pose, np.sort(bounds * _numbers(shape.get("scale", "1 1 1"), 3), axis=0))
+        bounds = mesh_bounds(mesh_of(shape, body))
+        return box_capsules(body.frame, pose, np.sort(bounds * shape_numbers(shape.get("scale", "1 1 1"), 3), axis=0))
     if shape.tag == "box":
-        return box_capsules(body.frame, pose, 0.5 * np.outer([-1, 1], abs(_numbers(shape.get("size", ""), 3))))
-    radius = abs(_numbers(shape.get("radius", ""), 1))
-    length = _numbers(shape.get("length", "0"), 1)
+        return box_capsules(body.frame, pose, 0.5 * np.outer([-1, 1], abs(shape_numbers(shape.get("size", ""), 3))))
+    radius = abs(shape_numbers(shape.get("radius", ""), 1))
+    length = shape_numbers(shape.get("length", "0"), 1)
     ends = pose @ (np.outer([-0.5, 0.5], [0, 0, 1]) * length)
     return Capsules(np.array([body.frame]), ends[None], radius, np.zeros(1))
 
 
-def _numbers(text: str, count: int) -> Array:
+def placed_shape(body: Collision) -> tuple[SE3, Element]:
+    """Where a body's shape is in the frame that carries it, and its element.
+
+    Raises:
+        InputError: if it has none, or its origin is no numbers.
+    """
+    origin, shape = body.element.find("origin"), body.element.find("geometry/*")
+    if shape is None:
+        raise InputError("<collision> has no geometry")
+    words = {} if origin is None else origin.attrib
+    pose = SE3.from_rpy(shape_numbers(words.get("rpy", "0 0 0"), 3), shape_numbers(words.get("xyz", "0 0 0"), 3))
+    return body.frame_from_link @ pose, shape
+
+
+def shape_numbers(text: str, count: int) -> Array:
+    """Numbers of an attribute, (count,).
+
+    Raises:
+        InputError: if they are not finite, or not so many.
+    """
     try:
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
@@ -112,8 +131,13 @@ def _numbers(text: str, count: int) -> Array:
     return numbers
 
 
-def _mesh_file(name: str, body: Collision) -> Path:
-    """The file of a mesh, with or without its package's name, in the URDF's folder or one above it."""
+def mesh_of(shape: Element, body: Collision) -> Path:
+    """The file of a body's mesh, with or without its package's name, in the URDF's folder or one above it.
+
+    Raises:
+        InputError: if it is not in the cell's folder.
+    """
+    name = shape.get("filename", "")
     whole = Path(name.removeprefix("package://").removeprefix("file://"))
     for folder in body.urdf.resolve().parents:
         for part in (whole, Path(*whole.parts[1:])):

@@ -1,8 +1,9 @@
-"""The box that encloses a mesh file."""
+"""The triangles of a mesh file, and the box that encloses them."""
 
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ _LARGEST_BYTES = 2**26  # 64 MB: collision meshes have some hundred kB
 _HEADER_BYTES = 84  # of a binary STL, of which the last four are the number of triangles
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = re.compile(rb"^\s*v(?:ertex)?\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)  # of a text STL, and of an OBJ
+_FACE = re.compile(rb"^[ \t]*f((?:[ \t]+-?\d+(?:/-?\d*){0,2}){3,})[ \t]*\r?$", re.MULTILINE)  # of an OBJ
 
 
 def mesh_bounds(path: Path) -> Array:
@@ -26,7 +28,31 @@ def mesh_bounds(path: Path) -> Array:
     Raises:
         DatasetError: if it cannot be read, or has no vertices, or one that is not finite.
     """
+    points = _vertices(path, read_bounded(path, _LARGEST_BYTES))
+    return np.stack([points.min(0), points.max(0)])
+
+
+def mesh_triangles(path: Path) -> Array:
+    """Corners of the triangles of a mesh, (n, 3, 3), in its own unit.
+
+    Raises:
+        DatasetError: as `mesh_bounds`, or if a face names a vertex that does not exist.
+    """
     data = read_bounded(path, _LARGEST_BYTES)
+    points = _vertices(path, data)
+    faces = [[int(word.split(b"/")[0]) for word in face.split()] for face in _FACE.findall(data)]
+    if not faces:
+        return points[: len(points) // 3 * 3].reshape(-1, 3, 3)
+    rows = np.array([(face[0], *pair) for face in faces for pair in pairwise(face[1:])]).reshape(-1, 3)
+    rows = np.where(rows < 0, rows + len(points), rows - 1)  # those below 0 count from the end
+    if not np.all((rows >= 0) & (rows < len(points))):
+        raise DatasetError(str(path), f"expected faces of vertices 1 to {len(points)}")
+    corners: Array = points[rows]
+    return corners
+
+
+def _vertices(path: Path, data: bytes) -> Array:
+    """Vertices in the order of the file, (n, 3); three of each triangle of an STL."""
     count, odd = divmod(len(data) - _HEADER_BYTES, _TRIANGLE.itemsize)
     is_binary = not odd and count == int.from_bytes(data[_HEADER_BYTES - 4 : _HEADER_BYTES], "little")
     found = np.frombuffer(data, _TRIANGLE, offset=_HEADER_BYTES)["corners"] if is_binary else _VERTEX.findall(data)
@@ -36,4 +62,4 @@ def mesh_bounds(path: Path) -> Array:
         points = np.full((1, 3), np.nan)
     if not (len(points) and np.isfinite(points).all()):
         raise DatasetError(str(path), "expected finite vertices of an STL or OBJ file")
-    return np.stack([points.min(0), points.max(0)])
+    return points

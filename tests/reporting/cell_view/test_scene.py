@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.cell import Residuals, SampleResidual
+from basecal.cell import ErrorMap, Residuals, SampleResidual
+from basecal.kinematics import read_chain
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import scene, scene_data
 from basecal.simulation import Scenario, simulate
+from shared.bodies import arm_with_bodies
 
 
 def test_it_opens_at_the_worst_sample_which_is_always_shown():
@@ -36,7 +38,8 @@ def test_arms_stand_by_their_joints():
             last = chain.joint_frames(sample.robots[arm.name].joints_rad)[-1] @ chain.tip
             np.testing.assert_allclose(last.translation, arm.base_from_flange[place].translation, atol=1e-12)
             np.testing.assert_allclose(
-                arm.joints[place, -1], chain.joint_frames(sample.robots[arm.name].joints_rad)[-1].translation
+                arm.joints[place, -1].translation,
+                chain.joint_frames(sample.robots[arm.name].joints_rad)[-1].translation,
             )
     data = json.loads(json.dumps(scene_data(drawn)))
     assert np.shape(data["arms"][0]["joints"]) == (5, 6, 3)
@@ -56,4 +59,32 @@ def test_a_sample_without_joints_hides_its_arm():
     drawn = scene(made.cell, [lacking, *others], calibration)
     hand = next(arm for arm in drawn.arms if arm.name == "hand")
     assert hand.known.tolist() == [False, True, True, True, True]
-    assert hand.joints.shape == (5, 6, 3)
+    assert hand.joints.translation.shape == (5, 6, 3)
+
+
+def test_bodies_of_links_are_drawn_if_all_can_be_read(tmp_path):
+    """Surfaces with whole poses of joints; if a mesh is missing, places of joints alone."""
+    made = simulate(Scenario(samples=4, joints=True), 0)
+    calibration = calibrate(made.cell, made.recording)
+    chain = read_chain(arm_with_bodies(tmp_path), "base_link", "wrist_3")
+    bodied = {name: replace(robot, chain=chain) for name, robot in made.cell.robots.items()}
+    data = scene_data(scene(replace(made.cell, robots=bodied), made.recording.samples, calibration))
+    assert [each["frame"] for each in data["arms"][0]["surfaces"]] == [body.frame for body in chain.collisions]
+    assert np.shape(data["arms"][0]["joints"]) == (4, 6, 7)
+    (tmp_path / "arm_description/meshes/upper.stl").unlink()
+    data = scene_data(scene(replace(made.cell, robots=bodied), made.recording.samples, calibration))
+    assert data["arms"][0]["surfaces"] == []
+    assert np.shape(data["arms"][0]["joints"]) == (4, 6, 3)
+
+
+def test_the_worst_place_is_named():
+    """In the data of the script and on the still picture, with the error there."""
+    made = simulate(Scenario(samples=4), 0)
+    errors = ErrorMap(np.array([[0.5, 0, 0.2], [0.6, 0, 0.2]]), np.array([1e-3, 2.34e-3]), np.zeros(2))
+    drawn = scene(made.cell, made.recording.samples, replace(calibrate(made.cell, made.recording), error_map=errors))
+    assert scene_data(drawn)["errors"] == {
+        "points": [[0.5, 0, 0.2], [0.6, 0, 0.2]],
+        "mm": [1.0, 2.34],
+        "worst": "worst place: 2.3 mm",
+    }
+    assert "worst place: 2.3 mm" in picture(drawn)

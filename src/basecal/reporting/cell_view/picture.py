@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from basecal.geometry import SE3, Array
-from basecal.reporting.cell_view.scene import Arm, Body, Scene
+from basecal.reporting.cell_view.scene import Arm, Body, Scene, worst_words
 from basecal.reporting.svg import dots, drawing, element, segments, text
 
 _WIDTH, _HEIGHT, _MARGIN_PX = 640.0, 440.0, 44.0
@@ -37,6 +37,9 @@ def picture(scene: Scene) -> str:
         parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
         ends = np.concatenate([lines.reshape(-1, 2), points])
         parts.append(_label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
+    if scene.errors is not None:
+        at, words = project(scene.errors.points_m[scene.errors.worst]), worst_words(scene.errors)
+        parts += [element("path", class_="worst-place", d=dots([at])), _label(words, at + np.array([0.0, 18.0]))]
     return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts)
 
 
@@ -58,8 +61,7 @@ def _projection(scene: Scene, sample: int) -> Project:
     # Everything that must be in the picture.
     reach = _AXIS_SHARE * scene.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
     places = [arm.world_from_base @ reach for arm in scene.arms]
-    places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in scene.arms]
-    places += [arm.world_from_base @ arm.joints.reshape(-1, 3) for arm in scene.arms if arm.joints is not None]
+    places += [arm.places for arm in scene.arms]
     for body in scene.bodies:
         placed = _world_from_body(scene, body, sample)
         if placed is not None:
@@ -89,7 +91,7 @@ def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> 
     yield element("path", class_=f"trail robot-{colour}", d=dots(project(flanges)))
     if len(arm.known) and arm.known[sample]:
         world_from_flange = arm.world_from_base @ arm.base_from_flange[sample]
-        joints = np.zeros((0, 3)) if arm.joints is None else arm.joints[sample]
+        joints = np.zeros((0, 3)) if arm.joints is None else arm.joints[sample].translation
         along = np.stack([np.zeros(3), *joints, arm.base_from_flange[sample].translation])
         reach = project(arm.world_from_base @ along)
         kind = "reach" if arm.joints is None else "links"

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, Robot, Sample, Target
+from basecal.cell import WORLD, Calibration, Cell, CellCamera, CellTarget, ErrorMap, Robot, Sample, Target
+from basecal.errors import BasecalError
 from basecal.geometry import SE3, Array, BoolArray, Camera
+from basecal.kinematics.surface import Surface, body_surface
 from basecal.reporting.cell_view.sample_labels import sample_labels, worst_sample
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import nice_ceiling
 
 _MOST_SAMPLES = 400
@@ -32,7 +35,8 @@ class Arm:
         world_from_base: Where its base is.
         base_from_flange: (n,) where its flange is at each sample of the scene.
         known: (n,) whether that was recorded.
-        joints: (n, k, 3) [m] places of its joints in its base at each sample; None if poses are recorded.
+        joints: (n, k) frames of its joints in its base at each sample; None if poses are recorded.
+        surfaces: Bodies of its links as its URDF has them; empty if there are none that can be read.
         ellipsoid: (3, 3) semi-axes of one sigma of the base's position as columns, in its own axes [m]; None if its
             place was not requested.
     """
@@ -41,8 +45,16 @@ class Arm:
     world_from_base: SE3
     base_from_flange: SE3
     known: BoolArray
-    joints: Array | None = None
+    joints: SE3 | None = None
+    surfaces: tuple[Surface, ...] = ()
     ellipsoid: Array | None = None
+
+    @property
+    def places(self) -> Array:
+        """Where its base, its joints and its flange are at all samples, (n, 3) [m]."""
+        flanges = self.base_from_flange.translation[self.known]
+        joints = np.zeros((0, 3)) if self.joints is None else self.joints.translation.reshape(-1, 3)
+        return self.world_from_base @ np.concatenate([np.zeros((1, 3)), flanges, joints])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +94,7 @@ class Scene:
         size_m: Length that the whole is about as large as.
         across: (3,) horizontal unit vector that stands across the first view of it.
         ellipsoid_scale: How many times larger than one sigma the ellipsoids are drawn.
+        errors: The error to be expected at places of the workspace; None if no task is named.
         missing: Names of robots, cameras and targets whose place is not known.
     """
 
@@ -94,6 +107,7 @@ class Scene:
     size_m: float
     across: Array
     ellipsoid_scale: float
+    errors: ErrorMap | None
     missing: tuple[str, ...]
 
 
@@ -127,6 +141,7 @@ def scene(cell: Cell, samples: Sequence[Sample], calibration: Calibration) -> Sc
         size_m=size,
         across=_view_direction(arms),
         ellipsoid_scale=1.0 if longest <= 0 else max(1.0, nice_ceiling(_ELLIPSOID_SHARE * size / longest) / 2),
+        errors=calibration.error_map,
         missing=tuple(missing),
     )
 
@@ -141,17 +156,27 @@ def _arm(robot: Robot, base: str, means: Mapping[str, SE3], samples: Sequence[Sa
             poses.append(None if state is None else state.base_from_flange)
     known = np.array([pose is not None for pose in poses], dtype=bool)
     flanges = SE3.stack([pose or SE3.identity() for pose in poses])
-    return Arm(robot.name, means[base], flanges, known, _joints(robot, samples), ellipsoids.get(base))
+    joints = _joints(robot, samples)
+    surfaces = () if joints is None else _surfaces(robot)
+    return Arm(robot.name, means[base], flanges, known, joints, surfaces, ellipsoids.get(base))
 
 
-def _joints(robot: Robot, samples: Sequence[Sample]) -> Array | None:
-    """Places of an arm's joints in its base by its URDF, (n, k, 3) [m]; at zero where a sample has no joints of it."""
+def _surfaces(robot: Robot) -> tuple[Surface, ...]:
+    try:
+        return tuple(body_surface(body) for body in (robot.chain.collisions if robot.chain else ()))
+    except BasecalError:  # such as a mesh that was not copied into the cell's folder: links are tubes
+        return ()
+
+
+def _joints(robot: Robot, samples: Sequence[Sample]) -> SE3 | None:
+    """Frames of an arm's joints in its base by its URDF, (n, k); at zero where a sample has no joints of it."""
     states = [sample.robots.get(robot.name) for sample in samples]
     if robot.chain is None or not any(state and state.joints_rad is not None for state in states):
         return None
     at_zero = np.zeros(robot.chain.n)
     joints = [at_zero if state is None or state.joints_rad is None else state.joints_rad for state in states]
-    return robot.chain.joint_frames(np.stack(joints)).translation.swapaxes(0, 1)
+    frames = robot.chain.joint_frames(np.stack(joints))
+    return SE3(frames.rotation.swapaxes(0, 1), frames.translation.swapaxes(0, 1))
 
 
 def _semi_axes(name: str, calibration: Calibration) -> Array | None:
@@ -167,10 +192,7 @@ def _semi_axes(name: str, calibration: Calibration) -> Array | None:
 
 def _size(arms: Sequence[Arm]) -> float:
     """Diagonal of the box about all bases and flanges [m]."""
-    places = [arm.world_from_base.translation[None] for arm in arms]
-    places += [(arm.world_from_base @ arm.base_from_flange).translation[arm.known] for arm in arms]
-    places += [arm.world_from_base @ arm.joints.reshape(-1, 3) for arm in arms if arm.joints is not None]
-    every = np.concatenate(places)
+    every = np.concatenate([arm.places for arm in arms])
     return max(float(np.linalg.norm(every.max(0) - every.min(0))), _SMALLEST_M)
 
 
@@ -244,7 +266,11 @@ def scene_data(scene: Scene) -> dict[str, Any]:
                     pose if known else None
                     for pose, known in zip(_round_values(_pose(arm.base_from_flange)), arm.known, strict=True)
                 ],
-                "joints": None if arm.joints is None else _round_values(arm.joints),
+                "joints": None if arm.joints is None else _joint_values(arm, arm.joints),
+                "surfaces": [
+                    {"frame": each.frame, "points": _round_values(each.points), "triangles": each.triangles.tolist()}
+                    for each in arm.surfaces
+                ],
                 "ellipsoid": _ellipsoid_data(arm.ellipsoid),
             }
             for arm in scene.arms
@@ -261,6 +287,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
             }
             for body in scene.bodies
         ],
+        "errors": None if scene.errors is None else _error_data(scene.errors),
         "samples": list(scene.samples),
         "labels": list(scene.labels),
         "opening": scene.opening,
@@ -268,6 +295,21 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "across": _round_values(scene.across),
         "ellipsoidScale": scene.ellipsoid_scale,
     }
+
+
+def worst_words(errors: ErrorMap) -> str:
+    """What there is to say of the worst place."""
+    return f"worst place: {two_digits(1e3 * float(errors.length_95_m[errors.worst]))} mm"
+
+
+def _joint_values(arm: Arm, joints: SE3) -> Any:
+    """Places of joints, whole poses where bodies turn with them."""
+    return _round_values(_pose(joints) if arm.surfaces else joints.translation)
+
+
+def _error_data(errors: ErrorMap) -> dict[str, Any]:
+    mm = _round_values(1e3 * errors.length_95_m)
+    return {"points": _round_values(errors.points_m), "mm": mm, "worst": worst_words(errors)}
 
 
 def _round_values(values: Any) -> Any:

@@ -6,12 +6,14 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
 from basecal.cell import Calibration, Sample, Unknown
 from basecal.planning.sketch import Sketch
 from basecal.reporting.cell_view.picture import picture
 from basecal.reporting.cell_view.scene import Scene, scene, scene_data
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import three_digits
 
 SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
@@ -48,6 +50,9 @@ def _legend(scene: Scene) -> list[str]:
     if any(each is not None for each in ellipsoids):
         scale = f", drawn {three_digits(scene.ellipsoid_scale)} times as large" if scene.ellipsoid_scale != 1 else ""
         sentences.append(f"Ellipsoid: 1 sigma of the position of the transforms asked for{scale}.")
+    if scene.errors is not None:
+        low, high = (two_digits(1e3 * float(end)) for end in np.quantile(scene.errors.length_95_m, [0, 1]))
+        sentences.append(f"Cloud: 95 % of errors stay below {low} mm where it is pale and {high} mm where it is full.")
     if len(scene.samples) < scene.total:
         sentences.append(f"{len(scene.samples)} of {scene.total} samples are shown.")
     if scene.missing:

@@ -29,12 +29,14 @@ class Thumbnail:
     Attributes:
         svg: The picture with points on it.
         sample: Number of its sample.
+        camera: That took it.
         words: By whom, and how it fits.
         left_out: Whether the view was left out whole.
     """
 
     svg: str
     sample: int
+    camera: str
     words: str
     left_out: bool
 
@@ -161,7 +163,7 @@ def _pictures(
         room -= len(jpeg)
         state = ", left out" if view.is_unused else ""
         words = f"{view.camera}, {view.rms_px:.3g} px rms{state}"
-        yield Thumbnail(_drawing(view, jpeg, size_px, longest_px), view.sample, words, view.is_unused)
+        yield Thumbnail(_drawing(view, jpeg, size_px, longest_px), view.sample, view.camera, words, view.is_unused)
 
 
 def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:

@@ -117,6 +117,26 @@
       },
     };
   };
+  // Bodies of links, each in the frame that carries it, about links that are thin.
+  const shapes = (arm) => arm.shapes ??= arm.surfaces.map(({ points, triangles }) => {
+    const made = geometry(points);
+    made.setIndex(triangles.flat());
+    made.computeVertexNormals();
+    return made;
+  });
+  const bodies = (arm, colour, more) => {
+    const inner = links(arm.joints[0].length + 1, colour, more), object = new THREE.Group();
+    const skin = material(THREE.MeshLambertMaterial, colour, { side: 2, flatShading: true, ...more });
+    const parts = shapes(arm).map((shape) => new THREE.Mesh(shape, skin));
+    object.add(inner.object, ...parts);
+    return {
+      object,
+      follow: (places) => {
+        inner.follow(places);
+        parts.forEach((part, k) => { if (arm.surfaces[k].frame) place(part, places[arm.surfaces[k].frame]); });
+      },
+    };
+  };
   // From where a flange is to where it was sent.
   const arrow = (colour) => {
     const object = new THREE.Group(), skin = material(THREE.MeshLambertMaterial, colour);
@@ -148,7 +168,9 @@
     const flange = new THREE.Group();
     flange.add(axes(0.05 * size));
     base.add(flange);
-    const reach = (more) => (arm.joints ? links(arm.joints[0].length + 1, colour, more) : thread(colour, more));
+    const reach = (more) =>
+      arm.surfaces.length ? bodies(arm, colour, more)
+        : arm.joints ? links(arm.joints[0].length + 1, colour, more) : thread(colour, more);
     const solid = reach();
     base.add(solid.object);
     reaches.push([solid, arm, base, reach, arrow(colour)]);
@@ -157,6 +179,32 @@
     world.add(base);
     name(`${arm.name}_base`, base, colour);
   });
+  // The picture of a sample stands in the frustum of its camera, if the page has it.
+  const screens = [];
+  const screen = (body) => {
+    const ends = body.lines.slice(4).map((edge) => edge[0]), texture = new THREE.Texture();
+    texture.colorSpace = THREE.SRGBColorSpace;
+    const made = new THREE.Mesh(geometry(ends), new THREE.MeshBasicMaterial({ map: texture, side: 2 }));
+    made.geometry.setAttribute("uv", new THREE.Float32BufferAttribute([0, 1, 1, 1, 1, 0, 0, 0], 2));
+    made.geometry.setIndex([0, 1, 2, 0, 2, 3]);
+    made.visible = false;
+    made.userData.isPicture = true;
+    screens.push((sample) => {
+      const figures = [...document.querySelectorAll(".pictures figure[data-camera]")];
+      const one = figures.find(({ dataset }) => dataset.camera === body.name && Number(dataset.sample) === sample);
+      made.visible = false;
+      if (!one) return;
+      const image = new Image();
+      image.onload = () => {
+        texture.dispose(); // pictures may differ in size
+        texture.image = image;
+        texture.needsUpdate = made.visible = true;
+        draw();
+      };
+      image.src = one.querySelector("image").getAttribute("href");
+    });
+    return made;
+  };
   for (const body of data.bodies) {
     const colour = body.kind === "camera" ? "--camera" : "--target";
     const group = place(new THREE.Group(), body.mount);
@@ -164,8 +212,27 @@
     if (body.ellipsoid) group.add(ellipsoid(body.ellipsoid));
     if (body.lines.length) group.add(lines(body.lines, colour));
     if (body.points.length) group.add(dots(body.points, colour, 3 * Math.min(devicePixelRatio, 2)));
+    if (body.kind === "camera") group.add(screen(body));
     (body.on === null ? world : flanges[body.on]).add(group);
     name(body.name, group, colour);
+  }
+  // The error to be expected over the workspace, the fuller the larger.
+  const cloud = new THREE.Group();
+  if (data.errors) {
+    const { points, mm, worst } = data.errors, low = Math.min(...mm), high = Math.max(...mm), SHADES = 5;
+    const shade = (value) => Math.min(SHADES - 1, Math.floor(SHADES * (value - low) / Math.max(high - low, 1e-9)));
+    for (let k = 0; k < SHADES; k++) {
+      const some = points.filter((_, i) => shade(mm[i]) === k);
+      if (!some.length) continue;
+      cloud.add(dots(some, "--heat", 7 * Math.min(devicePixelRatio, 2)));
+      Object.assign(cloud.children.at(-1).material, { transparent: true, opacity: 0.15 + 0.8 * k / (SHADES - 1) });
+    }
+    const there = new THREE.Group();
+    there.position.set(...points[mm.indexOf(high)]);
+    there.add(dots([[0, 0, 0]], "--ink", 9 * Math.min(devicePixelRatio, 2)));
+    cloud.add(there);
+    name(worst, there);
+    world.add(cloud);
   }
   // The floor under the lowest base, a line every half metre, and how far the bases are apart.
   const feet = data.arms.map((arm) => arm.base.slice(0, 3));
@@ -195,7 +262,7 @@
   const extentNow = () => { // what must be in view
     const extent = [];
     world.traverse((object) => {
-      if (object.isGroup) extent.push(object.getWorldPosition(new THREE.Vector3()));
+      if (object.isGroup && object !== cloud) extent.push(object.getWorldPosition(new THREE.Vector3()));
     });
     data.arms.forEach((arm, k) => {
       const joints = arm.joints ? arm.joints.flat() : [];
@@ -283,6 +350,7 @@
       place(flange, pose);
       reach.follow(pathOf(arm, index));
     }
+    for (const one of screens) one(data.samples[index]);
     world.updateMatrixWorld(true);
     draw();
   };
@@ -374,7 +442,7 @@
       return made.meshes.push({ primitives: [primitive] }) - 1;
     };
     const add = (object, parent) => {
-      if (!object.visible || object.isLight) return;
+      if (!object.visible || object.isLight || object.userData.isPicture) return;
       if (object.matrixAutoUpdate) object.updateMatrix();
       const node = { matrix: object.matrix.toArray() }, number = made.nodes.push(node) - 1;
       const named = names.find(([, each]) => each === object);
@@ -387,6 +455,14 @@
     made.buffers.push({ byteLength: bytes.length, uri: `data:application/octet-stream;base64,${btoa(bytes)}` });
     return made;
   };
+  const painted = document.querySelector("[data-errors]");
+  if (painted) {
+    painted.addEventListener("click", () => {
+      cloud.visible = !cloud.visible;
+      painted.setAttribute("aria-pressed", cloud.visible);
+      draw();
+    });
+  }
   const save = document.querySelector("[data-save]");
   if (save) {
     save.addEventListener("click", () => {

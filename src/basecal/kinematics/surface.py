@@ -1,0 +1,80 @@
+"""Surfaces of bodies as few triangles, to be drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from basecal.errors import InputError
+from basecal.geometry import Array, IntArray
+from basecal.kinematics.collision import Collision, box_corners, mesh_of, placed_shape, shape_numbers
+from basecal.kinematics.mesh import mesh_triangles
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_CELLS = 12  # along the longest side of a mesh: vertices within one are joined
+_ROUND = 16  # corners of a circle
+
+
+class Surface(NamedTuple):
+    """Triangles of a body.
+
+    Attributes:
+        frame: What carries it: 0 is the base, k the frame that turns with joint k.
+        points: (n, 3) [m] in that frame.
+        triangles: (m, 3) of their rows.
+    """
+
+    frame: int
+    points: Array
+    triangles: IntArray
+
+
+def body_surface(body: Collision) -> Surface:
+    """The surface of a body; of a mesh with vertices that are close to one another joined.
+
+    Raises:
+        InputError: if it cannot be read, or lies outside of the cell's folder.
+    """
+    pose, shape = placed_shape(body)
+    if shape.tag == "mesh":
+        corners = mesh_triangles(mesh_of(shape, body)) * shape_numbers(shape.get("scale", "1 1 1"), 3)
+        points, triangles = _coarsen(corners)
+    else:
+        points = _outer_points(shape)
+        try:
+            triangles = np.asarray(ConvexHull(points).simplices, dtype=np.int64)
+        except QhullError:
+            raise InputError(f"<{shape.tag}> has no volume") from None
+    return Surface(body.frame, pose @ points, triangles)
+
+
+def _outer_points(shape: Element) -> Array:
+    """Points of a box, a cylinder or a sphere whose convex hull is drawn, (n, 3) [m]."""
+    if shape.tag == "box":
+        return box_corners(0.5 * np.outer([-1, 1], shape_numbers(shape.get("size", ""), 3)))
+    turn, radius = np.arange(_ROUND) * (2 * np.pi / _ROUND), shape_numbers(shape.get("radius", ""), 1)
+    around = radius * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
+    if shape.tag == "cylinder":
+        half = 0.5 * shape_numbers(shape.get("length", ""), 1) * [0, 0, 1]
+        return np.concatenate([around - half, around + half])
+    heights = np.linspace(-1, 1, _ROUND // 2 + 1)[:, None, None]
+    rings: Array = np.sqrt(1 - heights**2) * around + heights * radius * [0, 0, 1]
+    return rings.reshape(-1, 3)
+
+
+def _coarsen(corners: Array) -> tuple[Array, IntArray]:
+    """Points and triangles of corners, (n, 3, 3), with those within one cell of a grid joined."""
+    flat = corners.reshape(-1, 3)
+    low, extent = flat.min(0), np.ptp(flat, axis=0)
+    cell = np.floor((flat - low) / max(float(extent.max()), 1e-9) * _CELLS).astype(np.int64)
+    _, point = np.unique(cell @ [(_CELLS + 1) ** 2, _CELLS + 1, 1], return_inverse=True)
+    count = np.bincount(point)
+    points = np.stack([np.bincount(point, flat[:, axis]) / count for axis in range(3)], axis=-1)
+    triangles = point.reshape(-1, 3)
+    some = np.all(triangles != np.roll(triangles, 1, axis=1), axis=1)
+    _, first = np.unique(np.sort(triangles[some], axis=1), axis=0, return_index=True)
+    return points, triangles[some][first]
