@@ -30,6 +30,7 @@ from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.history import history_figure
 from basecal.reporting.figures.image_coverage import image_coverage
+from basecal.reporting.figures.lens_uncertainty import lens_uncertainty
 from basecal.reporting.figures.orientations import orientation_figure
 from basecal.reporting.figures.residual_map import residual_map
 from basecal.reporting.figures.residual_polar import residual_polar
@@ -245,6 +246,9 @@ def _fit(cell: Cell, recording: Recording, calibration: Calibration, details: Fi
         "maps": [residual_map(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
         "polars": [residual_polar(name, of) for name, of in by_camera.items()],
         "coverage": [image_coverage(name, cell.cameras[name].size_px, of) for name, of in by_camera.items()],
+        "lens_uncertainty": [
+            figure for name, lens in calibration.cameras.items() if (figure := lens_uncertainty(name, *lens))
+        ],
         "orientations": [orientation_figure(views) for views in details.views if len(views.sample)],
         "views": _views(views, outlier_views(calibration)),
         "rows": _worst_rows(views),

@@ -1,0 +1,36 @@
+"""How uncertain an estimated lens is over its image, as contours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
+from basecal.geometry import Array, Camera
+from basecal.reporting.figures.contours import contours
+from basecal.reporting.figures.figure import Figure
+from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, STRIP, image_grid
+from basecal.reporting.statement.digits import two_digits
+from basecal.reporting.svg import drawing, element
+
+
+def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | None:
+    """Squares shaded by 1 sigma of where the lens images a ray, with contours; None if no image size is known."""
+    if camera.size_px is None:
+        return None
+    grid = image_grid(camera.size_px, np.zeros((0, 2)))
+    columns, rows = grid.shape
+    middles = np.stack(np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5), -1).reshape(-1, 2) * grid.pitch
+    sigmas = lens_sigmas(camera, covariance, grid.low + np.minimum(middles, grid.size - 1))
+    known = np.flatnonzero(np.isfinite(sigmas))
+    if not len(known):
+        return None
+    low, high = float(sigmas[known].min()), float(sigmas[known].max())
+    shades = FAINTEST + (1 - FAINTEST) * (sigmas - low) / max(high - low, 1e-12)
+    tiles = [grid.tile(int(k), float(shades[k]), f"1 sigma {two_digits(float(sigmas[k]))} px") for k in known]
+    lines = contours(sigmas.reshape(rows, columns), grid.pitch * grid.scale) if len(known) == len(sigmas) else []
+    frame = element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{grid.height:.1f}")
+    strip = grid.strip(two_digits(low), f"{two_digits(high)} px")
+    title = f"{name}, uncertainty of the lens"
+    svg = drawing(IMAGE_WIDTH, grid.height + STRIP, title, frame, *tiles, *lines, *strip)
+    caption = "1 sigma per axis of where the lens images a ray, without what a rotation of the camera absorbs."
+    return Figure(title, svg, caption)

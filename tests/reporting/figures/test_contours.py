@@ -1,0 +1,38 @@
+"""Lines of equal value."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from basecal.reporting.figures.contours import contours, level_segments
+
+
+def test_a_plane_has_a_straight_line() -> None:
+    """Every end of its pieces is where the plane reaches the level; together they cross the grid."""
+    x, y = np.meshgrid(np.arange(6.0), np.arange(4.0))
+    found = level_segments(2 * x - y, 3.3)
+    np.testing.assert_allclose(2 * found[..., 0] - found[..., 1], 3.3, atol=1e-12)
+    assert np.linalg.norm(found[:, 1] - found[:, 0], axis=-1).sum() == pytest.approx(np.hypot(3, 1.5))
+
+
+def test_a_cone_has_a_circle() -> None:
+    """As long as its circumference, and closed: each end is the end of two pieces."""
+    x, y = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41))
+    found = (level_segments(np.hypot(x, y), 0.71) - 20) / 20
+    np.testing.assert_allclose(np.hypot(found[..., 0], found[..., 1]), 0.71, atol=2e-3)
+    assert np.linalg.norm(found[:, 1] - found[:, 0], axis=-1).sum() == pytest.approx(1.42 * np.pi, rel=2e-3)
+    _, count = np.unique(np.round(found.reshape(-1, 2), 9), axis=0, return_counts=True)
+    assert set(count) == {2}
+
+
+def test_each_line_says_its_value_once() -> None:
+    """At round values between the least and the largest, in the middles of squares; what is level has none."""
+    values = np.add.outer(np.zeros(4), np.arange(6.0))
+    drawn = "".join(contours(values, 40.0))
+    assert re.findall(r">([\d.]+)</text>", drawn) == ["1", "2", "3", "4"]
+    assert {float(x) for x in re.findall(r"[ML]([\d.]+) ", drawn)} == {60.0, 100.0, 140.0, 180.0}
+    assert contours(np.ones((4, 6)), 40.0) == []
+    assert contours(np.arange(6.0)[None], 40.0) == []
