@@ -25,6 +25,7 @@ from basecal.reporting.decision.checks import check_words, passed_checks
 from basecal.reporting.decision.components import component_figure
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import remarks, tiles
+from basecal.reporting.decision.workspace import workspace
 from basecal.reporting.drift_text import history_text
 from basecal.reporting.figures.bars import QUANTITIES, bar_figure
 from basecal.reporting.figures.figure import Figure
@@ -35,7 +36,6 @@ from basecal.reporting.figures.orientations import orientation_figure
 from basecal.reporting.figures.residual_map import residual_map
 from basecal.reporting.figures.residual_polar import residual_polar
 from basecal.reporting.figures.thumbnails import thumbnails
-from basecal.reporting.figures.workspace import workspace
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks

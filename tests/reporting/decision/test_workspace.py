@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from basecal.cell import ErrorMap
-from basecal.reporting.figures.workspace import workspace
+from basecal.reporting.decision.workspace import workspace
 
 
 def test_a_drawing_for_each_height():
