@@ -92,7 +92,7 @@ def body_capsules(body: Collision) -> Capsules:
     """
     pose, shape = placed_shape(body)
     if shape.tag == "mesh":
-        bounds = mesh_bounds(mesh_of(shape, body))
+        bounds = mesh_bounds(mesh_file(shape, body))
         return box_capsules(body.frame, pose, np.sort(bounds * shape_numbers(shape.get("scale", "1 1 1"), 3), axis=0))
     if shape.tag == "box":
         return box_capsules(body.frame, pose, 0.5 * np.outer([-1, 1], abs(shape_numbers(shape.get("size", ""), 3))))
@@ -131,7 +131,7 @@ def shape_numbers(text: str, count: int) -> Array:
     return numbers
 
 
-def mesh_of(shape: Element, body: Collision) -> Path:
+def mesh_file(shape: Element, body: Collision) -> Path:
     """The file of a body's mesh, with or without its package's name, in the URDF's folder or one above it.
 
     Raises:

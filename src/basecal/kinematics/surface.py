@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from basecal.errors import InputError
 from basecal.geometry import Array, IntArray
-from basecal.kinematics.collision import Collision, box_corners, mesh_of, placed_shape, shape_numbers
+from basecal.kinematics.collision import Collision, box_corners, mesh_file, placed_shape, shape_numbers
 from basecal.kinematics.mesh import mesh_triangles
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def body_surface(body: Collision) -> Surface:
     """
     pose, shape = placed_shape(body)
     if shape.tag == "mesh":
-        corners = mesh_triangles(mesh_of(shape, body)) * shape_numbers(shape.get("scale", "1 1 1"), 3)
+        corners = mesh_triangles(mesh_file(shape, body)) * shape_numbers(shape.get("scale", "1 1 1"), 3)
         points, triangles = _coarsen(corners)
     else:
         points = _outer_points(shape)

@@ -77,7 +77,7 @@ def printed_pages(target: Target, title: str, paper: str | None = None) -> list[
     pages = []
     for sheet in target_drawing(target):
         left, top, right, bottom = 1e3 * sheet.paper
-        name, size = _paper_for(right - left, bottom - top, paper)
+        name, size = _suitable_paper(right - left, bottom - top, paper)
         shift = np.array([(size[0] - _SIDE_MM - right - left) / 2, (size[1] - _FOOT_MM - bottom - top) / 2])
         discs = 1e3 * sheet.discs
         discs[:, :2] += shift
@@ -134,7 +134,7 @@ def _template(target: Target, title: str, paper: str | None) -> PrintedPage:
         raise InputError(f"a template is flat and the points of this {target.kind} are not: z must be 0 for all")
     at = 1e3 * target.points[:, :2]
     low, high = at.min(0) - 2 * _CROSS_MM, at.max(0) + 2 * _CROSS_MM
-    name, size = _paper_for(float(high[0] - low[0]), float(high[1] - low[1]), paper)
+    name, size = _suitable_paper(float(high[0] - low[0]), float(high[1] - low[1]), paper)
     at = at + (np.array([size[0] - _SIDE_MM, size[1] - _FOOT_MM]) - high - low) / 2
     lines, texts = _rulers(size, title, "a cross where each point goes")
     arm = np.array([_CROSS_MM, 0.0])
@@ -151,7 +151,7 @@ def _orientations(paper: str) -> list[tuple[float, float]]:
     return [(short, long), (long, short)]
 
 
-def _paper_for(width: float, height: float, paper: str | None) -> tuple[str, tuple[float, float]]:
+def _suitable_paper(width: float, height: float, paper: str | None) -> tuple[str, tuple[float, float]]:
     """A paper's name and its size as it is turned [mm].
 
     Raises:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from basecal.geometry import Array, Camera
+from basecal.numerics.spectral import pseudo_inverse
 
 
 def lens_sigmas(camera: Camera, covariance: Array, pixels: Array) -> Array:
@@ -24,7 +25,7 @@ def lens_sigmas(camera: Camera, covariance: Array, pixels: Array) -> Array:
     turned = np.cross(np.eye(3), rays[valid][:, None])  # each row: the ray moved by a rotation about an axis
     by_rotation = np.einsum("nij,nkj->nik", by_ray, turned).reshape(-1, 3)
     by_lens = by_lens[..., : len(covariance)].reshape(-1, len(covariance))
-    moved = by_lens - by_rotation @ (np.linalg.pinv(by_rotation) @ by_lens)
+    moved = by_lens - by_rotation @ (pseudo_inverse(by_rotation) @ by_lens)
     variances = np.einsum("np,pq,nq->n", moved, covariance, moved).reshape(-1, 2)
     sigmas[valid] = np.sqrt(variances.mean(-1))
     return sigmas

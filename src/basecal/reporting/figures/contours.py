@@ -11,7 +11,7 @@ from basecal.reporting.svg import element, nice_ceiling, segments, text
 _FINER = 8  # parts that each step of the grid is divided into
 _LINES = 5  # about as many
 _HALVES = slice(None, -1), slice(1, None)
-_APART = 34.0  # of the drawing, between two labels
+_LABEL_DISTANCE = 34.0  # of the drawing, between two labels
 
 
 def contours(values: Array, pitch: float) -> list[str]:
@@ -31,7 +31,7 @@ def contours(values: Array, pitch: float) -> list[str]:
         found = level_segments(fine, level) * pitches + 0.5 * pitch
         lines.append(segments(found))
         middles = found.mean(1)
-        free = [at for at in middles if all(np.linalg.norm(at - other) > _APART for other in places)]
+        free = [at for at in middles if all(np.linalg.norm(at - other) > _LABEL_DISTANCE for other in places)]
         if free:
             places.append(free[len(free) // 2])
             at = {"x": f"{places[-1][0]:.1f}", "y": f"{places[-1][1] + 4:.1f}", "text_anchor": "middle"}

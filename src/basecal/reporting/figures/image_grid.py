@@ -58,7 +58,7 @@ class ImageGrid:
         place = {"x": f"{left:.1f}", "y": f"{top:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
         return element("rect", element("title", text(label)), class_="tile", fill_opacity=f"{share:.2f}", **place)
 
-    def strip(self, least: str, most: str) -> list[str]:
+    def strip(self, low_label: str, high_label: str) -> list[str]:
         """Below the image: its size, and a bar from the shade of the least to that of the most."""
         top, right = self.height + 10, IMAGE_WIDTH - 100
         step = _BAR_WIDTH / _BAR_STEPS
@@ -73,8 +73,8 @@ class ImageGrid:
         return [
             element("text", text(f"{width} x {height} px"), x=0, **word),
             *bars,
-            element("text", text(least), x=f"{right - _BAR_WIDTH - 8:.1f}", text_anchor="end", **word),
-            element("text", text(most), x=f"{right + 8:.1f}", **word),
+            element("text", text(low_label), x=f"{right - _BAR_WIDTH - 8:.1f}", text_anchor="end", **word),
+            element("text", text(high_label), x=f"{right + 8:.1f}", **word),
         ]
 
 

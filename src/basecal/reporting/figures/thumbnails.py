@@ -101,7 +101,7 @@ def thumbnails(
 
 
 def sample_pictures(
-    cell: Cell, recording: Recording, calibration: Calibration, seen: Sequence[PointResiduals], number: int
+    cell: Cell, recording: Recording, calibration: Calibration, residuals: Sequence[PointResiduals], number: int
 ) -> list[str]:
     """Drawings of one sample's pictures with their points; those that cannot be read are left out.
 
@@ -109,13 +109,13 @@ def sample_pictures(
         cell: What was calibrated.
         recording: Its images are read.
         calibration: What came out.
-        seen: The points of all views; a picture without any is drawn bare.
+        residuals: The points of all views; a picture without any is drawn bare.
         number: Of the sample.
     """
     found = [sample for sample in recording.samples if sample.sample == number]
     if not found or recording.folder is None:
         return []
-    views = {view.camera: view for view in _views(seen, {number: found[0]})}
+    views = {view.camera: view for view in _views(residuals, {number: found[0]})}
     nothing = np.zeros((0, 2))
     longest_px = nice_ceiling(2 * (calibration.residuals.rms_px or 0.0))
     drawn = []
