@@ -68,7 +68,8 @@ def _shift_sentence(shift: Shift) -> str:
         return f"the zero of {_thing_name(shift)}, by {off:.3f} +/- {doubt:.3f} deg"
     length, angle = 1e3 * shift.shift_m, math.degrees(shift.shift_rad)
     doubt_mm, doubt_deg = 1e3 * math.hypot(*sigma[:3]), math.degrees(math.hypot(*sigma[3:]))
-    return f"{shift.frame}, by {length:.2f} +/- {doubt_mm:.2f} mm and {angle:.3f} +/- {doubt_deg:.3f} deg"
+    rotation = f" and {angle:.3f} +/- {doubt_deg:.3f} deg" if doubt_deg else ""  # a point has none
+    return f"{shift.frame}, by {length:.2f} +/- {doubt_mm:.2f} mm{rotation}"
 
 
 def _thing_name(shift: Shift) -> str:

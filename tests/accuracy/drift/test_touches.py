@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from tests.touch_cells import MARKS, TIPS, lines_text, touch_cell, touch_lines
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.drift.verify import verify
@@ -16,6 +17,7 @@ from basecal.cell.files import read_cell, recording_from_text
 from basecal.cli import main
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3
+from basecal.reporting.drift_text import verification_text
 
 CELL = """schema: basecal/cell/1
 reference: eye
@@ -106,3 +108,19 @@ def test_touches_check_a_calibration(cell):
     found = verify(cell, calibration, recorded(cell, touches(rng, 4, shifted)))
     assert found.moved
     assert "hand_base" in [found.shift.frame, *(other.frame for other in found.alike)]
+
+
+@pytest.mark.parametrize("about", ["mark_b", "hand_tip"])
+def test_a_point_that_moved_has_no_rotation(monkeypatch, about):
+    """A mark moved and a tip bent by 3 mm: found with three freedoms, and in words without an angle."""
+    rng, described = np.random.default_rng(0), touch_cell()
+    calibration = calibrate(described, recorded(described, lines_text(touch_lines(rng, 24, 2e-4, MARKS, True))))
+    off = np.array([0.0, 3e-3, 0.0])
+    if about == "hand_tip":
+        monkeypatch.setitem(TIPS, "hand", TIPS["hand"] + off)
+    marks = {**MARKS, "mark_b": MARKS["mark_b"] + off} if about == "mark_b" else MARKS
+    found = verify(described, calibration, recorded(described, lines_text(touch_lines(rng, 8, 2e-4, marks, True))))
+    assert found.shift.frame == about
+    assert found.shift.freedoms == 3
+    assert np.linalg.norm(found.shift.size[:3]) == pytest.approx(3e-3, abs=4e-4)
+    assert "deg" not in verification_text(found)

@@ -79,10 +79,12 @@ class Shift:
 
 
 def frame_shifts(innovations: Innovations) -> Iterator[Shift]:
-    """Each base, camera and target that views depend on."""
+    """Each base, camera and target that views depend on; a tip, or another single point, has no rotation."""
     for name in innovations.situation.frames:
-        frame = name.partition("_from_")[2]
-        yield _shift(innovations, frame, name, None, innovations.frame_jacobian(name))
+        frame, moves = name.partition("_from_")[2], innovations.frame_jacobian(name)
+        if name in innovations.situation.problem.point_mounts:
+            moves = moves * np.repeat([1.0, 0.0], 3)
+        yield _shift(innovations, frame, name, None, moves)
 
 
 def joint_shifts(innovations: Innovations) -> Iterator[Shift]:
