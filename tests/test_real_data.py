@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -143,6 +144,19 @@ def test_a_tag_of_another_number_is_named(tmp_path: Path) -> None:
     first = seen.findings[0]
     assert (first.code, first.severity) == ("few-images", "warning")
     assert "tag 10 is there, not 0" in first.message
+
+
+@pytest.mark.slow
+def test_sizes_are_those_beside_errors_of_the_arm(tmp_path: Path) -> None:
+    """A lens that may sag, or a mount that may bend: each by 3 sigma, beside errors of the arm that are smooth."""
+    folder = tmp_path / "cell"
+    shutil.copytree(published("kuka_1_chessboard"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
+    cell = read_cell(folder)
+    found = calibrate(cell, detect(cell, read_recording(folder)))
+    (sag,) = (each for each in found.findings if each.code == "lens-sag")
+    sizes = re.findall(r"([\d.]+) \+/- ([\d.]+)", sag.what)
+    assert len(sizes) == 2
+    assert all(float(size) > 3 * float(sigma) for size, sigma in sizes)
 
 
 def test_sigmas_of_a_still_board() -> None:

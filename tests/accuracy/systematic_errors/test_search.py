@@ -17,11 +17,13 @@ from basecal.accuracy.widening import widen
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found_effect import FoundEffect
+from basecal.estimation.noise.estimate import NoiseEstimate
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import integrate_solution, solve, solve_problem
+from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 
@@ -381,6 +383,14 @@ def test_without_an_error_the_hand_is_where_views_move_by_it():
     assert same is problem.groups[1]
 
 
+@dataclass(frozen=True)
+class Described:
+    """Of a solution what describing an error reads."""
+
+    problem: str
+    noise: NoiseEstimate
+
+
 @pytest.mark.parametrize(
     ("code", "about", "is_camera", "is_target"),
     [
@@ -390,23 +400,23 @@ def test_without_an_error_the_hand_is_where_views_move_by_it():
     ],
 )
 def test_an_error_is_described_by_what_it_is_about(monkeypatch, code, about, is_camera, is_target):
-    """Its size corrected by what is left of it, its covariance the inverse of its information."""
+    """Its size corrected by what is left of it beside the same random effects, its covariance by its information."""
     again = SimpleNamespace(size=np.array([[0.25]]), information=np.array([[[4.0]]]))
-    monkeypatch.setattr(search, "linearise_views", lambda problem, state: (problem, state))
-    monkeypatch.setattr(search, "score", lambda about, *of: again if about == ("held problem", "state") else None)
-    monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after.state))
-    after = SimpleNamespace(
-        noise=SimpleNamespace(hold_sigmas=lambda problem: f"held {problem}"), problem="problem", state="state"
-    )
+    monkeypatch.setattr(search, "_situation", lambda solution, *of: SimpleNamespace(null_model=lambda *of: solution))
+    told = "corrected", {"smooth": {}}
+    before = Described("before", NoiseEstimate(Noise(), 1.0, (), True, common=told[1]))
+    after = Described("corrected", replace(before.noise, common={}))
+    monkeypatch.setattr(search, "score", lambda null, *of: again if (null.problem, null.noise.common) == told else None)
+    monkeypatch.setattr(search, "solution_step", lambda before, after: (before, after))
     groups = (SimpleNamespace(camera="wrist", target="board"), SimpleNamespace(camera="other", target="board"))
     problem = SimpleNamespace(groups=groups)
-    of = SimpleNamespace(problem=problem, linearisation="plain", null_model=lambda effect, about: "plain")
-    found = search._describe(of, suspect(code, about=about, joint=(3,), since=7), "before", after)
+    of = SimpleNamespace(problem=problem, recorded=None, stamps={})
+    found = search._describe(of, suspect(code, about=about, joint=(3,), since=7), before, after)
     assert (found.code, found.about, found.since, found.unit, found.joint) == (code, about, 7, "m", 3)
     assert (found.is_camera, found.is_target) == (is_camera, is_target)
     assert (found.size.tolist(), found.covariance.tolist(), found.sigma) == ([0.75], [[0.25]], 0.5)
-    assert found.moved == ("before", "state")
-    assert search._describe(of, suspect(about=about), "before", after).joint is None
+    assert found.moved == (before, after)
+    assert search._describe(of, suspect(about=about), before, after).joint is None
 
 
 ERROR = FoundEffect("drift", "drift", "arm", False, False, None, "", np.zeros(1), np.eye(1), np.zeros(6))

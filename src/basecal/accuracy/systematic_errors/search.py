@@ -21,7 +21,7 @@ from basecal.accuracy.model_comparison.nested_models import (
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
-from basecal.accuracy.systematic_errors.score_tests import Linearised, linearise_views, log_chance_of_gain, score, sums
+from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
@@ -50,7 +50,7 @@ class _Suspect:
         effect: Name of the effect that it is of.
         candidate: It alone.
         size: (q,) to first order.
-        freedoms: How many of its sizes the data tell.
+        freedoms: How many of its sizes the data show.
         statistic: Its chi-square.
         log_chance: Logarithm of the chance that any of its code has such a score.
         screened: The same, or less where stops share no errors, whose sigmas may hold the error itself.
@@ -254,7 +254,7 @@ def _select_suspects(situation: Situation, suspects: Sequence[_Suspect]) -> list
 
 
 def _alternatives(situation: Situation, suspect: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
-    """Effects that the data do not tell from the chosen one: with one of them, chance makes what is left of it."""
+    """Effects that the data do not distinguish from the chosen one: with one of them, chance makes the rest of it."""
     same = suspect.effect, suspect.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
     likely = [each for each in others if each.rank < suspect.rank - np.log(SUSPECTED)]
@@ -340,19 +340,18 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
 
 
 def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:
-    """The error with its covariance, its size corrected to first order about `corrected_solution`."""
-    again = score(
-        linearise_views(corrected_solution.noise.hold_sigmas(corrected_solution.problem), corrected_solution.state),
-        suspect.candidate,
-        largest_sigma(suspect.effect),
-    )
-    null = _null_model(situation, suspect)
-    known = again if null is situation.linearisation else score(null, suspect.candidate)
+    """The error with its covariance, its size corrected to first order about `corrected_solution`.
+
+    Random effects are those of the null model: the noise of single stops alone gives another size.
+    """
+    noise = replace(corrected_solution.noise, common=solution.noise.common, beside_common=solution.noise.beside_common)
+    corrected = _situation(replace(corrected_solution, noise=noise), situation.recorded, situation.stamps)
+    again = score(_null_model(corrected, suspect), suspect.candidate, largest_sigma(suspect.effect))
     return _make_effect(
         situation,
         suspect,
         suspect.size + again.size[0],
-        known.information[0],
+        again.information[0],
         solution_step(solution, corrected_solution),
     )
 
