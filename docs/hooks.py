@@ -1,4 +1,4 @@
-"""Formulas of the documents as MathML, made when the site is built: a reader's browser loads nothing for them."""
+"""Formulas of the documents as MathML, made when the site is built, and names for readers of screens."""
 
 from __future__ import annotations
 
@@ -20,6 +20,11 @@ def on_page_content(html: str, page: object, **_: object) -> str:
     linked = _CITED.sub(lambda found: _link(found[1]) if found[1] in numbers else found[0], html)
     shown = _DISPLAY.sub(lambda found: _equation(unescape(found[1])), linked)
     return _INLINE.sub(lambda found: _mathml(unescape(found[1]), "inline"), shown)
+
+
+def on_post_page(output: str, **_: object) -> str:
+    """The page with a name for the dialog of its search, which readers of screens need."""
+    return output.replace('role="dialog"', 'role="dialog" aria-label="Search"')
 
 
 def _link(number: str) -> str:

@@ -67,3 +67,16 @@ def test_the_first_figure_is_measured() -> None:
     rows = json.loads((ROOT / "benchmarks" / "results" / "two_arms.json").read_text(encoding="utf-8"))["rows"]
     theirs, ours = (median(row[key][0] for row in rows) for key in ("opencv", "ours"))
     assert f"**Calibrate twice and concatenate: {theirs:.1f} mm. basecal: {ours:.1f} mm.**" in TEXT
+
+
+@pytest.mark.journey
+def test_plots_in_the_documents_are_those_that_the_script_draws() -> None:
+    """Each file has the same elements, whatever a machine rounds; a document shows each."""
+    files = runpy.run_path(str(ROOT / "docs" / "draw_plots.py"))["drawings"]()
+    figures = ROOT / "docs" / "figures"
+    assert {path.name for path in figures.glob("plot_*.svg")} == files.keys()
+    shown = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
+    for name, drawn in files.items():
+        stored = (figures / name).read_text(encoding="utf-8")
+        assert re.findall(r"<(\w+)", stored) == re.findall(r"<(\w+)", drawn)
+        assert name in shown

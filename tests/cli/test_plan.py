@@ -111,3 +111,15 @@ def test_a_page_of_the_plan(cell, tmp_path, capsys):
     page = (cell / "plan.html").read_text()
     assert f"--plan {tmp_path / 'next.jsonl'} --go</code>" in page
     assert "the same command" not in page
+
+
+def test_all_that_lacks_is_named_at_once(tmp_path, capsys):
+    """Where the work is done and how many samples; with one of them the other alone."""
+    assert main(["plan", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "--task-point" in said
+    assert "--tolerance" in said
+    assert main(["plan", str(tmp_path), "--samples", "3"]) == 2
+    said = capsys.readouterr().err
+    assert "--task-point" in said
+    assert "--tolerance" not in said

@@ -15,6 +15,8 @@ from basecal.exchange.motions.registry import MOTIONS
 from basecal.fields.typed_length import length_m
 
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
+_PLACE_OPTIONS = "where the work is done: --task-point X Y Z or --task-box X Y Z X Y Z [m]"
+_COUNT_OPTIONS = "how many to plan: --tolerance LENGTH (such as 0.2mm), --samples COUNT, or both"
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell, Recording
@@ -89,10 +91,9 @@ def plan(
     from basecal.cell.files import read_cell
     from basecal.estimation.settings import Settings
 
+    _require_place_and_count(task_point or task_box, tolerance or samples)
     points = task_points(task_point, task_box)
     needed_m = None if tolerance is None else length_m(tolerance)
-    if needed_m is None and samples is None:
-        raise UsageError("give --tolerance, or --samples, or both: without them nothing says how many to plan")
     _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
@@ -105,6 +106,17 @@ def plan(
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, output, opens_page)
     return 5 if found.reachable is False else 0
+
+
+def _require_place_and_count(place: Point | Box | None, count: str | int | None) -> None:
+    """Whether what has no default is given; all that lacks is named at once.
+
+    Raises:
+        UsageError: if not.
+    """
+    lacking = [words for words, given in ((_PLACE_OPTIONS, place), (_COUNT_OPTIONS, count)) if given is None]
+    if lacking:
+        raise UsageError(f"give {'; and '.join(lacking)}")
 
 
 def _without_observations(recording: Recording) -> Recording:

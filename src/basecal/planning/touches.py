@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
@@ -72,7 +72,7 @@ def plan_touches(
     offers = _offers(known, marks, touches, rotations, rng)
     choices = [_Choice(cell, offers, {})]
     for place in _places(known, touches, places, rng):
-        wider = _with_mark(cell, place)
+        wider = with_marks(cell, {NEXT_MARK: place})
         more = _offers(sketches(wider, calibration)[0], [NEXT_MARK], touches, rotations, rng)
         choices.append(_Choice(wider, [*more, *offers], {NEXT_MARK: place}))
     best = min(
@@ -121,9 +121,13 @@ def _places(
     return places
 
 
-def _with_mark(cell: Cell, place: Array) -> Cell:
-    mark = CellTarget(NEXT_MARK, WORLD, Unknown("free", SE3(np.eye(3), place)), tip_shape("mark"))
-    return replace(cell, targets={**cell.targets, NEXT_MARK: mark})
+def with_marks(cell: Cell, marks: Mapping[str, Array]) -> Cell:
+    """The cell with free marks about places, (3,) each [m]."""
+    made = {
+        name: CellTarget(name, WORLD, Unknown("free", SE3(np.eye(3), place)), tip_shape("mark"))
+        for name, place in marks.items()
+    }
+    return replace(cell, targets={**cell.targets, **made})
 
 
 def _offers(

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.ndimage import zoom
 
 from basecal.geometry import Array
-from basecal.reporting.svg import element, nice_ceiling, segments, text
+from basecal.reporting.charts import fitted_scale
+from basecal.reporting.svg import element, segments, text
 
 _FINER = 8  # parts that each step of the grid is divided into
-_LINES = 5  # about as many
 _HALVES = slice(None, -1), slice(1, None)
 _LABEL_DISTANCE = 34.0  # of the drawing, between two labels
 
@@ -23,11 +23,11 @@ def contours(values: Array, pitch: float) -> list[str]:
     """
     if min(values.shape) < 2 or not np.ptp(values) > 0:
         return []
-    step = nice_ceiling(float(np.ptp(values)) / _LINES)
     fine = zoom(values, _FINER, order=min(3, min(values.shape) - 1))
     pitches = pitch * (np.array(values.shape[::-1]) - 1) / (np.array(fine.shape[::-1]) - 1)
     lines, labels, places = [], list[str](), list[Array]()
-    for level in step * np.arange(np.ceil(values.min() / step), values.max() / step):
+    scale = fitted_scale(values.ravel().tolist(), 0.0, 1.0)
+    for level in [tick for tick in scale.ticks() if values.min() < tick < values.max()]:
         found = level_segments(fine, level) * pitches + 0.5 * pitch
         lines.append(segments(found))
         middles = found.mean(1)
@@ -35,7 +35,7 @@ def contours(values: Array, pitch: float) -> list[str]:
         if free:
             places.append(free[len(free) // 2])
             at = {"x": f"{places[-1][0]:.1f}", "y": f"{places[-1][1] + 4:.1f}", "text_anchor": "middle"}
-            labels.append(element("text", text(f"{level:.3g}"), class_="contour-label", **at))
+            labels.append(element("text", text(f"{level:.6g}"), class_="contour-label", **at))
     return [element("path", class_="contour", d="".join(lines)), *labels]
 
 

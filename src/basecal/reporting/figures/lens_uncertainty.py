@@ -6,11 +6,14 @@ import numpy as np
 
 from basecal.accuracy.residuals.lens_uncertainty import lens_sigmas
 from basecal.geometry import Array, Camera
+from basecal.reporting.charts import fitted_scale
 from basecal.reporting.figures.contours import contours
 from basecal.reporting.figures.figure import Figure
 from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, STRIP, image_grid
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import drawing, element
+
+_EXACT_PX = 1e-6  # shown for less
 
 
 def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | None:
@@ -25,8 +28,11 @@ def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | N
     if not len(known):
         return None
     low, high = float(sigmas[known].min()), float(sigmas[known].max())
-    shades = FAINTEST + (1 - FAINTEST) * (sigmas - low) / max(high - low, 1e-12)
-    tiles = [grid.tile(int(k), float(shades[k]), f"1 sigma {two_digits(float(sigmas[k]))} px") for k in known]
+    scale = fitted_scale(np.maximum(sigmas[known], _EXACT_PX).tolist(), FAINTEST, 1.0)
+    tiles = [
+        grid.tile(k, scale.position(max(sigma, _EXACT_PX)), f"1 sigma {two_digits(sigma)} px")
+        for k, sigma in zip(known.tolist(), sigmas[known].tolist(), strict=True)
+    ]
     lines = contours(sigmas.reshape(rows, columns), grid.pitch * grid.scale) if len(known) == len(sigmas) else []
     frame = element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{grid.height:.1f}")
     strip = grid.strip(two_digits(low), f"{two_digits(high)} px")

@@ -12,6 +12,7 @@ from basecal.errors import BasecalError
 from basecal.planning.plan import Plan
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
+from basecal.planning.touches import with_marks
 from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, stage, stated_scene
 from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.outlook import outlook_figure
@@ -43,7 +44,7 @@ def plan_page(
     """
     sketch: Sketch | None = None
     with suppress(BasecalError):  # of a cell without cameras nothing is drawn
-        sketch = sketches(cell, calibration)[0]
+        sketch = sketches(with_marks(cell, plan.marks), calibration)[0]
     drawn = {"scene_json": ""} if sketch is None else stage(stated_scene(sketch, plan.samples))
     first = plan_headline(plan, tolerance_m)
     return fill_page(
