@@ -128,3 +128,15 @@ def test_an_existing_cell_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not overwritten"):
         merge_cells([a, cell(tmp_path / "b", BASE)], a)
     assert (a / "recording" / "samples.jsonl").read_bytes() == before
+
+
+def test_nothing_is_written_through_a_link(tmp_path: Path) -> None:
+    """A folder whose `recording` leads elsewhere is refused, and nothing appears there."""
+    a, b = cell(tmp_path / "a", BASE), cell(tmp_path / "b", BASE)
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "recording").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="cannot be written"):
+        merge_cells([a, b], tmp_path / "c")
+    assert not list((tmp_path / "elsewhere").iterdir())
+    assert not (tmp_path / "c" / "cell.yaml").exists()

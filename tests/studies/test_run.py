@@ -110,6 +110,13 @@ def test_a_kill_changes_nothing(tmp_path: Path, whom: str) -> None:
         assert all((folder / "chunks" / name).stat().st_mtime_ns == at for name, at in kept.items())
 
 
+def test_what_a_killed_study_left_is_no_other_file(tmp_path: Path) -> None:
+    """Its file was written in part, under a name of its own: the same command goes on."""
+    (tmp_path / ".study.yaml.0123abcd.part").write_text("schema")
+    run_study(study(trials=2, hold=SMALL), tmp_path, WorkerPool(1))
+    assert (tmp_path / "study.yaml").is_file()
+
+
 def test_another_study_is_not_mixed_in(tmp_path: Path) -> None:
     """A folder that holds another study, or something else, is refused and left alone."""
     run_study(study(trials=2, hold=SMALL), tmp_path / "one", WorkerPool(1))

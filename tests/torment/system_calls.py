@@ -1,11 +1,14 @@
 """Verbs killed, or told of a fault, at their system calls that write, by strace: as the kernel would, not Python.
 
+`python -m torment.system_calls` kills every verb at each of its calls that write, once, and prints what came of it.
+
 A verb runs in a process that is forked from this one, which has everything imported, and waits until strace holds it.
 Its calls are counted once without a fault; then each trial has one of them end the process, or fail.
 """
 
 from __future__ import annotations
 
+import argparse
 import errno
 import os
 import re
@@ -23,6 +26,7 @@ from typing import NamedTuple
 
 from basecal.cli import main
 from torment.outcome import LONGEST_S, Fell, of_command
+from torment.record import table
 from torment.verbs import VERBS, check_after, files, prepared
 
 WRITING = "openat,write,pwrite64,rename,renameat,renameat2,mkdir,mkdirat,unlink,unlinkat,rmdir,fsync,ftruncate,fchmod"
@@ -65,7 +69,15 @@ def _trial(chance: Random, folder: Path, injected: str) -> str:
     if not is_possible():
         return "no strace"
     verb = chance.choice(list(VERBS))
-    site = chance.choice(sites(verb))
+    return _inject(verb, chance.choice(sites(verb)), injected, folder)
+
+
+def _inject(verb: str, site: Site, injected: str, folder: Path) -> str:
+    """What came of a verb with a fault at one system call.
+
+    Raises:
+        Fell: if it ended as none may, or the same command again is not right.
+    """
     words = prepared(verb, folder)
     before = files(folder)
     code = traced(words, folder, ["-e", f"inject={site.call}:{injected}:when={site.number}"], folder / "trace")
@@ -157,3 +169,26 @@ def _wait_until_held(process: int) -> None:
         if time.monotonic() > end:
             raise Fell("strace does not come")
         time.sleep(_STEP_S)
+
+
+def kill_everywhere() -> int:
+    """Kill every verb at each of its calls, print a table, and end with 1 if anything fell."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", action="append", choices=list(VERBS))
+    came = {verb: Counter(_kill_once(verb, site) for site in sites(verb)) for verb in parser.parse_args().only or VERBS}
+    lines = [(verb, counts.total(), counts["killed"], counts["fell"]) for verb, counts in came.items()]
+    print(table(("verb", "calls", "killed", "fell"), lines))
+    return 1 if any(counts["fell"] for counts in came.values()) else 0
+
+
+def _kill_once(verb: str, site: Site) -> str:
+    with TemporaryDirectory(prefix="torment-") as folder:
+        try:
+            return _inject(verb, site, "signal=SIGKILL", Path(folder))
+        except Fell as error:
+            print(f"{site}: {error}", file=sys.stderr, flush=True)
+            return "fell"
+
+
+if __name__ == "__main__":
+    sys.exit(kill_everywhere())

@@ -35,6 +35,18 @@ def test_new_is_killed_everywhere(tmp_path: Path) -> None:
         assert system_calls.kill(_Chosen("new", site), tmp_path / str(k)) == "killed"
 
 
+@pytest.mark.parametrize(
+    "verb",
+    ["export", *(pytest.param(verb, marks=pytest.mark.slow) for verb in sorted(VERBS.keys() - {"export", "new"}))],
+)
+def test_verbs_are_killed_as_they_end(verb: str, tmp_path: Path) -> None:
+    """At their last two system calls that write; `python -m torment.system_calls` does so at all."""
+    for site in system_calls.sites(verb)[-2:]:
+        folder = tmp_path / f"{site.call}{site.number}"
+        folder.mkdir()
+        assert system_calls.kill(_Chosen(verb, site), folder) in ("killed", "no fault")
+
+
 def test_full_disk(tmp_path: Path) -> None:
     """A write for which there is no space is told with the file."""
     site = next(site for site in system_calls.sites("new") if site.call == "write")

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from shutil import copytree
 from typing import NamedTuple
 
-from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording
+from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording, read_verifications
 from torment.cells import made
 from torment.outcome import Fell, of_command
+from torment.starts import PHOTOS, POSES, replayed, start_cell, unrecorded, with_study
 
-_POSES = 5
-_PIXELS = 12  # of each sample
 _SIMULATED = 3
 
 
@@ -24,11 +22,15 @@ class Verb(NamedTuple):
         kind: Of the cell that it starts from, see `cells.KINDS`; `images` for one whose camera took pictures.
         words: Of its command line, of the folder that holds `cell`, and where `new` is made.
         right: Raises an error, or ends with False, where it did not do what it says.
+        prepare: Puts what else it starts from into the folder.
+        completes: Files that it writes anew, each whole: those before, or those after.
     """
 
     kind: str
     words: Callable[[Path], list[str]]
     right: Callable[[Path], bool]
+    prepare: Callable[[Path], object] = lambda folder: None
+    completes: tuple[str, ...] = ()
 
 
 def _streams(folder: Path, *names: str) -> list[str]:
@@ -63,7 +65,7 @@ VERBS: dict[str, Verb] = {
             *("import", "poses", str(folder / "new"), "--length-unit", "m"),
             *_streams(folder, "eye-base-from-flange", "camera-from-target"),
         ],
-        lambda folder: _samples(folder) == _POSES,
+        lambda folder: _samples(folder) == POSES,
     ),
     "import pixels": Verb(
         "charuco",
@@ -71,7 +73,58 @@ VERBS: dict[str, Verb] = {
             *("import", "pixels", str(folder / "unrecorded"), str(folder / "pixels.csv"), "--length-unit", "m"),
             *_streams(folder, "eye-base-from-flange", "hand-base-from-flange"),
         ],
-        lambda folder: len(read_recording(folder / "unrecorded").samples) == _POSES,
+        lambda folder: len(read_recording(folder / "unrecorded").samples) == POSES,
+        unrecorded,
+    ),
+    "import images": Verb(
+        "charuco",
+        lambda folder: [*("import", "images", str(folder / "unrecorded"), str(folder / "photos"), "--camera", "wrist")],
+        lambda folder: len(read_recording(folder / "unrecorded").samples) == 1,
+        unrecorded,
+    ),
+    "merge": Verb(
+        "joints",
+        lambda folder: ["merge", str(folder / "cell"), str(folder / "twin"), "-o", str(folder / "new")],
+        lambda folder: _samples(folder) == 2 * len(made("joints").samples),
+        lambda folder: copytree(folder / "cell", folder / "twin"),
+    ),
+    "fix": Verb(
+        "inverted",
+        lambda folder: ["fix", str(folder / "cell"), "--yes"],
+        lambda folder: read_calibration(latest_run(folder / "cell") or folder).verdict == "good",
+        completes=("cell/cell.yaml", "cell/recording/samples.jsonl"),
+    ),
+    "plan": Verb(
+        "pose",
+        lambda folder: [
+            *("plan", str(folder / "cell"), "--samples", "1", "--task-point", "0.5", "0", "0.3"),
+            *("-o", str(folder / "plan.jsonl")),
+        ],
+        lambda folder: (folder / "plan.jsonl").read_text().count("\n") == 1,
+    ),
+    "verify": Verb(
+        "pose",
+        lambda folder: ["verify", str(folder / "cell"), str(folder / "cell" / "recording" / "samples.jsonl")],
+        lambda folder: len(read_verifications(folder / "cell")) > 0,
+    ),
+    "capture": Verb(
+        "images",
+        lambda folder: [
+            *("capture", str(folder / "cell"), "--plan", str(folder / "plan.jsonl"), "--go", "--accept-no-watchdog")
+        ],
+        lambda folder: len(read_recording(folder / "cell").samples) == PHOTOS,
+        replayed,
+    ),
+    "study": Verb(
+        "pose",
+        lambda folder: ["study", str(folder / "a.yaml"), "-o", str(folder / "out"), "--workers", "1"],
+        lambda folder: (folder / "out" / "report.html").read_text().rstrip().endswith("</html>"),
+        with_study,
+    ),
+    "study of cells": Verb(
+        "pose",
+        lambda folder: [*("study", "--cells", str(folder / "cell"), "-o", str(folder / "out"), "--workers", "1")],
+        lambda folder: (folder / "out" / "report.html").read_text().rstrip().endswith("</html>"),
     ),
     "export": Verb(
         "joints",
@@ -89,25 +142,10 @@ VERBS: dict[str, Verb] = {
 
 def prepared(name: str, folder: Path) -> list[str]:
     """Put what a verb starts from into a folder, and give the words of its command line."""
-    copytree(_cell(VERBS[name].kind), folder / "cell")
-    (folder / "poses.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * _POSES)
-    if name == "import pixels":
-        copytree(folder / "cell", folder / "unrecorded")
-        (folder / "unrecorded" / "recording" / "samples.jsonl").unlink()
-        rows = [
-            f"{sample},{point},{100 + point},{200 + sample}" for sample in range(_POSES) for point in range(_PIXELS)
-        ]
-        (folder / "pixels.csv").write_text("\n".join(["sample,id,u,v", *rows, ""]))
+    copytree(start_cell(VERBS[name].kind), folder / "cell")
+    (folder / "poses.txt").write_text("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" * POSES)
+    VERBS[name].prepare(folder)
     return VERBS[name].words(folder)
-
-
-@cache
-def _cell(kind: str) -> Path:
-    if kind != "images":
-        return made(kind).folder
-    folder = made("charuco").folder.parent / "images"
-    of_command(["simulate", str(folder), "--samples", "2", "--images"])
-    return folder
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -119,10 +157,10 @@ def check_after(name: str, folder: Path, words: list[str], before: dict[str, byt
     """After a verb was cut off: what was there is as it was, and the same command again does what it says.
 
     Raises:
-        Fell: if not.
+        Fell: if not, or if a sample that was recorded is lost.
     """
-    after = files(folder)
-    changed = [path for path, content in before.items() if after.get(path) != content]
+    after, completes = files(folder), VERBS[name].completes
+    changed = [path for path, content in before.items() if after.get(path) != content and path not in completes]
     if [path for path in changed if not path.endswith(("report.html", "report.txt"))]:
         raise Fell(f"{name}: changed {changed}")
     _, code, said = of_command(words)
@@ -132,3 +170,14 @@ def check_after(name: str, folder: Path, words: list[str], before: dict[str, byt
         raise Fell(f"{name} again, which ended with {code}: {error}") from error
     if not right:
         raise Fell(f"{name} again: not what it says, and it ended with {code}: {said[-200:]!r}")
+    final = files(folder)
+    halves = [path for path in completes if after[path] not in (before[path], final[path])]
+    lost = [path for path, content in after.items() if path not in completes and _is_lost(path, content, final)]
+    if halves or lost:
+        raise Fell(f"{name}: half of {halves} is there, and samples of {lost} are lost")
+
+
+def _is_lost(path: str, content: bytes, final: dict[str, bytes]) -> bool:
+    """Whether whole lines of a journal that was begun are there no more."""
+    whole = content[: content.rfind(b"\n") + 1]
+    return path.endswith("samples.jsonl") and ".part" not in path and not final.get(path, b"").startswith(whole)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -17,7 +18,7 @@ from basecal.cell.files import (
     read_recording,
     write_recording,
 )
-from basecal.cell.format.writing import write_new
+from basecal.cell.format.writing import stage_folder, write_new
 from basecal.cell.format.yaml_text import parse_yaml, read_text
 from basecal.errors import InputError
 from basecal.exchange.importing.cell_files import numbered_path, place_files
@@ -79,11 +80,25 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
         samples += _renumber_samples(part, shift, files)
         first_numbers.append(0 if first is None else first + shift)
     recording = Recording(tuple(samples), folder=str(output))
-    with place_files(files, output):
-        cell = cell_from_dict(parse_yaml(text, str(output / "cell.yaml")).data, str(output / "cell.yaml"), output)
-        write_new(output / "cell.yaml", text)
-        write_recording(recording, output)
+    with stage_folder(output) as staged:
+        with place_files(files, staged):
+            cell = cell_from_dict(parse_yaml(text, str(output / "cell.yaml")).data, str(output / "cell.yaml"), staged)
+            write_new(staged / "cell.yaml", text)
+            write_recording(recording, staged)
+        _check_absent(staged, output)
     return Merged(cell, recording, tuple(parts), tuple(first_numbers))
+
+
+def _check_absent(staged: Path, output: Path) -> None:
+    """Whether none of the files that are to appear is there.
+
+    Raises:
+        InputError: if one is.
+    """
+    for path in sorted(staged.rglob("*")):
+        there = output / path.relative_to(staged)
+        if path.is_file() and os.path.lexists(there):
+            raise InputError(f"{there} exists and is not overwritten: choose another folder, or remove it first")
 
 
 def _joined_text(parts: Sequence[Part]) -> str:

@@ -12,6 +12,7 @@ from typing import BinaryIO, cast
 
 from basecal.errors import InputError
 
+_PART = ".part"  # at the end of a name of what is not whole yet
 _NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_FOLLOW | getattr(os, "O_BINARY", 0)
 
@@ -165,7 +166,12 @@ def open_own(path: Path, mode: str) -> BinaryIO:
 
 def temporary_path(path: Path) -> Path:
     """A name beside a path that nobody else takes."""
-    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}{_PART}")
+
+
+def holds_files(folder: Path) -> bool:
+    """Whether a folder holds anything but what a write that was cut off left."""
+    return any(not (each.name.startswith(".") and each.name.endswith(_PART)) for each in folder.iterdir())
 
 
 def sync_folder(folder: Path) -> None:
@@ -197,7 +203,7 @@ def _appear(part: Path, folder: Path) -> None:
 
 def _merge(entry: Path, to: Path) -> None:
     """Move a file, or what is in a folder, to where a folder may be already."""
-    if to.is_dir() and entry.is_dir():
+    if to.is_dir() and entry.is_dir() and not to.is_symlink():
         for each in sorted(entry.iterdir()):
             _merge(each, to / each.name)
     else:
