@@ -173,10 +173,8 @@ def _bags() -> list[Path]:
 _KEPT: list[TemporaryDirectory[str]] = []  # until the process ends
 
 
-def import_damaged_bag(chance: Random, folder: Path) -> str:
-    """A bag of ROS, its bytes damaged, through `import bag`."""
-    if find_spec("rosbags") is None:
-        return "no rosbags"
+def damage_bag(chance: Random, folder: Path) -> Path:
+    """A bag of ROS, its bytes damaged."""
     whole = chance.choice(_bags())
     bag = folder / whole.name
     if whole.is_dir():
@@ -188,6 +186,14 @@ def import_damaged_bag(chance: Random, folder: Path) -> str:
     content = path.read_bytes()
     at = chance.choice([0, chance.randrange(len(content))])  # at its start, where it says what it holds, or anywhere
     path.write_bytes(content[:at] + torn_bytes(content[at:], chance, faults=_BAG_FAULTS))
+    return bag
+
+
+def import_damaged_bag(chance: Random, folder: Path) -> str:
+    """A damaged bag through `import bag`."""
+    if find_spec("rosbags") is None:
+        return "no rosbags"
+    bag = damage_bag(chance, folder)
     words = ["import", "bag", str(folder / "c"), str(bag), "--robot", "arm=/arm/pose", "--view", "cam,tag=/tag/pose"]
     return of_command([*words, "--on", "cam=world", "tag=arm", *chance.choice(([], ["--streams"], ["--list"]))])[0]
 

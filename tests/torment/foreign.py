@@ -114,6 +114,12 @@ def read_damaged_tables(chance: Random, folder: Path) -> str:
     """A dataset of LeRobot, its description or its table damaged."""
     if find_spec("pyarrow") is None:
         return "no pyarrow"
+    write_damaged_tables(chance, folder)
+    return of_reader(lambda: read_episode(folder, chance.choice([0, 0, 1])))
+
+
+def write_damaged_tables(chance: Random, folder: Path) -> Path:
+    """Write such a dataset; its table."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -127,12 +133,13 @@ def read_damaged_tables(chance: Random, folder: Path) -> str:
     states = pa.ListArray.from_arrays(np.arange(0, 2 * rows + 1, 2, dtype=np.int32), np.zeros(2 * rows))
     columns = [states, np.zeros(rows), np.zeros(rows, np.int64)]
     table = pa.table(columns, names=["observation.state", "timestamp", "episode_index"])
-    pq.write_table(table, folder / "data" / "a.parquet", compression=chance.choice(["none", "zstd", "snappy"]))
-    content = (folder / "data" / "a.parquet").read_bytes()
+    path = folder / "data" / "a.parquet"
+    pq.write_table(table, path, compression=chance.choice(["none", "zstd", "snappy"]))
+    content = path.read_bytes()
     at = chance.choice([0, len(content) // 2, max(len(content) - 400, 0)])  # at its end it says what it holds
     if chance.random() < _TORN:
-        (folder / "data" / "a.parquet").write_bytes(content[:at] + torn_bytes(content[at:], chance))
-    return of_reader(lambda: read_episode(folder, chance.choice([0, 0, 1])))
+        path.write_bytes(content[:at] + torn_bytes(content[at:], chance))
+    return path
 
 
 FOREIGN: dict[str, Trial] = {

@@ -1,0 +1,65 @@
+"""Damage guided by coverage: chance by words, lines that are reached, and that guidance reaches more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from torment import guided
+from torment.guided import Reached, Words
+from torment.outcome import Fell
+
+
+def _drawn(chance: Random) -> list[object]:
+    return [chance.random(), chance.choice("abcdef"), chance.randint(0, 10**30), chance.sample(range(99), 3)]
+
+
+def test_chance_is_what_its_words_say() -> None:
+    """The words that were taken give the same again, whatever the seed behind them; half of them the same start."""
+    first = Words([], 1)
+    drawn = _drawn(first)
+    assert _drawn(Words(first.taken, 2)) == drawn
+    assert _drawn(Words(first.taken[:1], 2))[0] == drawn[0]
+    assert _drawn(Words(first.taken[:1], 2)) != drawn
+    assert all(0 <= Words([], seed).random() < 1 for seed in range(100))
+
+
+def test_what_is_reached_is_counted_once(tmp_path: Path) -> None:
+    """Lines of readers, and none of anything else."""
+    reached, path = Reached(), tmp_path / "a.csv"
+    path.write_text("sample,id,u,v\n0,1,10.5,20.5\n")
+
+    def read() -> str:
+        from basecal.exchange.pixels import read_pixels
+
+        read_pixels(path)
+        return "answered"
+
+    came, new = reached.follow(read)
+    assert came == "answered"
+    assert new > 20
+    assert reached.follow(read) == ("answered", 0)
+    assert {Path(name).name for name, _ in reached.lines} >= {"pixels.py"}
+    assert not any("torment" in name for name, _ in reached.lines)
+    assert len(reached.lines & reached.possible) < len(reached.possible)
+
+
+def test_a_fall_is_told_with_its_words(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """So that it can be made again."""
+
+    def fall(chance: Random, folder: Path) -> str:
+        raise Fell(f"by {chance.randrange(10)}")
+
+    monkeypatch.setitem(guided.KINDS, "poses", fall)
+    came, _ = guided.guided("poses", 0.01, Random(0))
+    assert came["fell"] == came.total() > 0
+    assert "poses: by" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_guidance_reaches_deeper() -> None:
+    """In half a minute each, of a URDF: more lines than new words alone."""
+    lines = [len(guided.guided("URDF", 30.0, Random(1), is_guided)[1].lines) for is_guided in (True, False)]
+    assert lines[0] >= lines[1]
