@@ -89,14 +89,14 @@ def merge_cells(folders: Sequence[Path], output: Path) -> Merged:
     return Merged(cell, recording, tuple(parts), tuple(first_numbers))
 
 
-def _check_absent(staged: Path, output: Path) -> None:
-    """Whether none of the files that are to appear is there.
+def _check_absent(folder: Path, output: Path) -> None:
+    """Check that no file of a folder is in the output folder too.
 
     Raises:
         InputError: if one is.
     """
-    for path in sorted(staged.rglob("*")):
-        there = output / path.relative_to(staged)
+    for path in sorted(folder.rglob("*")):
+        there = output / path.relative_to(folder)
         if path.is_file() and os.path.lexists(there):
             raise InputError(f"{there} exists and is not overwritten: choose another folder, or remove it first")
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
-from basecal.cell.format.writing import holds_files, make_folder, write_atomically
+from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import InputError
 from basecal.studies.chunk import keep_chunk, pack_result, read_chunk, work_chunk
 from basecal.studies.jobs import Job, WorkerPool, done_jobs
@@ -54,7 +54,7 @@ def _claim(study: Study, folder: Path) -> None:
         there = read_study(path)
         if there.identity != study.identity:
             raise InputError(f"{folder} holds another study ({STUDY} there differs): choose another folder with -o")
-    elif holds_files(folder):
+    elif not is_unused(folder):
         raise InputError(f"{folder} holds other files and no study: choose another folder with -o")
     write_atomically(path, study.text)
 

@@ -169,9 +169,9 @@ def temporary_path(path: Path) -> Path:
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}{_PART}")
 
 
-def holds_files(folder: Path) -> bool:
-    """Whether a folder holds anything but what a write that was cut off left."""
-    return any(not (each.name.startswith(".") and each.name.endswith(_PART)) for each in folder.iterdir())
+def is_unused(folder: Path) -> bool:
+    """Whether a folder holds nothing, or only what a write that was cut off left."""
+    return all(each.name.startswith(".") and each.name.endswith(_PART) for each in folder.iterdir())
 
 
 def sync_folder(folder: Path) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from basecal.bounded_file import read_bounded
-from basecal.cell.format.writing import holds_files, make_folder, write_atomically
+from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.studies.fleet.folder import find_cells, fingerprint
 from basecal.studies.fleet.row import COLUMNS, calibrate_row, killed_row
@@ -92,7 +92,7 @@ def make_fleet(folder: Path, output: Path) -> Fleet:
         raise InputError(f"{output} is among the cells: choose a folder outside of {folder} with -o")
     make_folder(output)
     mark = output / FLEET
-    if not mark.exists() and holds_files(output):
+    if not mark.exists() and not is_unused(output):
         raise InputError(f"{output} holds other files and no fleet: choose another folder with -o")
     write_atomically(mark, _as_text({"schema": SCHEMA, "cells": str(folder.resolve())}))
     return Fleet(folder, cells, output)
