@@ -11,6 +11,7 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from basecal.estimation.problem.problem import Problem
+from basecal.estimation.view.points import is_touch
 
 Samples = frozenset[int]
 
@@ -53,6 +54,23 @@ def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) 
     for robot in sorted(places, key=lambda robot: (len(set(places[robot].values())), robot)):
         yield _split_by_label(samples, {n: places[robot].get(n, n) for n in samples})
     yield _instants(samples, places)
+
+
+def place_split(problem: Problem) -> Split | None:
+    """Marks, held out by the places where they stay together, such as plates; None unless all views are touches.
+
+    A place says nothing of another one, and an arm that errs by where it is errs otherwise there.
+    """
+    marks, places = dict[int, Hashable](), dict[int, Hashable]()
+    for group in problem.groups:
+        still = next((end for end in group.ends if end.robot is None), None)
+        if still is None or not is_touch(group.measurement):
+            return None
+        marks.update(dict.fromkeys(group.sample.tolist(), still.mount))
+        places.update(dict.fromkeys(group.sample.tolist(), still.base or still.mount))
+    samples = _samples(problem)
+    held = _split(_split_by_label(samples, places), len(samples), FOLDS)
+    return None if held is None else Split(tuple(_split_by_label(samples, marks)), held.folds)
 
 
 def instant_split(problem: Problem, count: int) -> Split | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from basecal.accuracy.cross_validation.folds import FOLDS, Split, splits
+from basecal.accuracy.cross_validation.folds import FOLDS, Split, place_split, splits
 from basecal.accuracy.cross_validation.station_scores import score_stations
 from basecal.accuracy.model_comparison.comparison import Comparison, Decision
 from basecal.accuracy.model_comparison.held_out import compare_predicted_gains
@@ -102,7 +102,8 @@ def choose_robot_model(solution: Solution, settings: Settings = STATED) -> Robot
     every = _models(problem, chains, tuple(chains), {**_OFFSETS, LINKS: _OF_LINKS})
     richest = solve_from(problem.with_models(every), solution.state, settings)
     problem = problem.with_noise(richest.noise.noise)
-    split = next((split for split in splits(problem) if len(split.parts) >= FOLDS), None)
+    by_stations = (split for split in splits(problem) if len(split.parts) >= FOLDS)
+    split = place_split(problem) or next(by_stations, None)
     if split is None:
         return None
     plain = bundle_adjust(problem, solution.state, degrees_of_freedom(problem), settings.iterations)

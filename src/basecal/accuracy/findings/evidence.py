@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from basecal.accuracy.cross_validation.held_out_places import PlaceError
 from basecal.accuracy.cross_validation.robot_model_selection import RobotModelChoice
 from basecal.accuracy.cross_validation.validation import CrossValidation
 from basecal.accuracy.lens_structure import LensStructure
@@ -49,6 +50,7 @@ class Evidence:
         refuted: The solution with the sigmas as stated, if some of these are contradicted as too small.
         systematic_error: What explains the residuals better than noise; None if nothing does.
         lens_structures: Cameras whose residuals go by their place in the image.
+        held_out_places: What remains at places of touches that were held out.
         robot_model: What held-out samples say of the robots' kinematics; None if there was nothing to choose.
     """
 
@@ -63,6 +65,7 @@ class Evidence:
     refuted: Solution | None = None
     systematic_error: FoundEffect | None = None
     lens_structures: Sequence[LensStructure] = ()
+    held_out_places: tuple[PlaceError, ...] = ()
 
     @cached_property
     def residuals(self) -> Residuals:

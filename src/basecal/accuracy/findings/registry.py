@@ -7,6 +7,7 @@ from basecal.accuracy.findings.board_shape import board_shape
 from basecal.accuracy.findings.dropped_samples import many_dropped_samples
 from basecal.accuracy.findings.evidence import AnswerCheck, InputCheck
 from basecal.accuracy.findings.far_task import far_task
+from basecal.accuracy.findings.held_out_places import held_out_places
 from basecal.accuracy.findings.identical_robots import identical_robots
 from basecal.accuracy.findings.identity_poses import identity_poses
 from basecal.accuracy.findings.inconsistent_folds import inconsistent_folds
@@ -47,6 +48,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     likely_kinematics,
     poor_fit,
     touch_noise,
+    held_out_places,
     better_optimum,
     noise_not_identifiable,
     unobservable_directions,

@@ -8,6 +8,7 @@ import numpy as np
 
 from basecal.accuracy.certify import prove_solution
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
+from basecal.accuracy.cross_validation.held_out_places import place_errors
 from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
 from basecal.accuracy.cross_validation.some_views import thin_solution
 from basecal.accuracy.cross_validation.validation import cross_validate
@@ -69,7 +70,11 @@ def predict_held_out_samples(case: Case) -> Case:
     validated = cross_validate(
         thin_solution(solution, case.stated_settings), case.cell.requested_transforms, case.stated_settings
     )
-    return case.weighing(cross_validation=validated, lens_structures=lens_structures(solution, case.settings))
+    return case.weighing(
+        cross_validation=validated,
+        lens_structures=lens_structures(solution, case.settings),
+        held_out_places=place_errors(solution, case.settings.iterations),
+    )
 
 
 def list_findings(case: Case) -> Case:

@@ -1,0 +1,22 @@
+"""`held-out-places`: touches at places that were held out are farther off than noise explains."""
+
+from __future__ import annotations
+
+from basecal.accuracy.findings.evidence import Evidence
+from basecal.accuracy.stated_sigmas import judge_sigma
+from basecal.cell import Finding
+
+
+def held_out_places(evidence: Evidence) -> list[Finding]:
+    """An info about the mark that the answer of the other places predicts worst, if noise does not explain that."""
+    if not evidence.held_out_places:
+        return []
+    worst = max(evidence.held_out_places, key=lambda each: each.ratio)
+    judged = judge_sigma(worst.mark, False, worst.ratio**2 * worst.freedoms, worst.freedoms)
+    if judged is None or not judged.is_too_small:
+        return []
+    error, noise = 1e3 * worst.error_m, 1e3 * worst.error_m / worst.ratio
+    what = f"Touches of {worst.mark}, held out with their place, are off by {error:.2g} mm; {noise:.2g} mm is expected."
+    why = "The arm has an error there that its model does not have."
+    do = ("Touch marks at more places where the arm will work.",)
+    return [Finding("held-out-places", "info", (worst.mark,), what, do, why)]

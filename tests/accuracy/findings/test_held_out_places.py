@@ -1,0 +1,24 @@
+"""`held-out-places`: touches at places that were held out are farther off than expected."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from basecal.accuracy.cross_validation.held_out_places import PlaceError
+from basecal.accuracy.findings.held_out_places import held_out_places
+
+
+@pytest.mark.parametrize(("ratio", "marks"), [(1.4, ("b",)), (1.05, ()), (0.5, ())])
+def test_the_worst_mark_is_named_if_it_is_beyond_chance(ratio, marks):
+    """By how many mm it is off, and how many are expected; errors that are smaller than expected are no finding."""
+    errors = (PlaceError("a", 2e-4, 1.0, 90.0), PlaceError("b", 2.8e-4, ratio, 90.0))
+    found = held_out_places(SimpleNamespace(held_out_places=errors))
+    assert tuple(each.about[0] for each in found) == marks
+    assert all("off by 0.28 mm; 0.2 mm is expected" in each.what for each in found)
+
+
+def test_nothing_is_said_of_no_places():
+    """Cells without touches, or of two places."""
+    assert held_out_places(SimpleNamespace(held_out_places=())) == []
