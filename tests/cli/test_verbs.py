@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -26,6 +27,17 @@ def test_every_verb_has_help_with_an_example(verb: str, capsys: pytest.CaptureFi
     told = capsys.readouterr().out
     assert "For example:" in told
     assert f"    basecal {verb}" in told
+
+
+BARE_OPTION = re.compile(r"^│ (?:\* {2}| {3})?(--[\w-]+)(?: [A-Z.]+)* +(?:\[.*)?│$", re.MULTILINE)
+
+
+@pytest.mark.parametrize("verb", dict.fromkeys([*_VERBS, *VERBS]))
+def test_every_option_has_help(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Words stand beside the name of each option, before its choices and its default."""
+    assert main([*verb.split(), "--help"]) == 0
+    bare = BARE_OPTION.findall(capsys.readouterr().out)
+    assert not bare, f"describe {', '.join(bare)} under `Args:` in the docstring of the function behind {verb!r}"
 
 
 @pytest.mark.parametrize("verb", [*_VERBS])

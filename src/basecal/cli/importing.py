@@ -66,12 +66,13 @@ def import_verb(read: Callable[..., Imported]) -> Callable[..., int]:
     parameters = [_option(each) for each in declared.parameters.values() if each.name != _PROGRESS]
     parameters += [_REPLACE, _SESSION]
 
-    def verb(cell: Path, *sources: Path, replace: bool = False, session: bool = False, **options: object) -> int:
+    def verb(cell: Path, *sources: Path, **options: Any) -> int:
         """Read, bring in and report."""
+        manner = {each.name: options.pop(each.name, each.default) for each in (_REPLACE, _SESSION)}
         with counting("reading") as step:
             watched = {_PROGRESS: step} if _PROGRESS in declared.parameters else {}
             imported = read(cell, *sources, **options, **watched)
-        return finish_import(cell, imported, replace, session)
+        return finish_import(cell, imported, **manner)
 
     verb.__doc__ = read.__doc__
     vars(verb)["__signature__"] = declared.replace(parameters=parameters, return_annotation=int)
