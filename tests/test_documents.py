@@ -107,13 +107,14 @@ def test_glossary_has_ten_words() -> None:
 def test_every_import_is_documented() -> None:
     """Each kind of import has its section, in the order of the registry, and no other has one."""
     page = (DOCS / "importing.md").read_text(encoding="utf-8")
-    assert re.findall(r"^## `(.+)`$", page, re.MULTILINE) == list(IMPORTERS)
+    described = re.findall(r"^## `(.+)`$", page, re.MULTILINE)
+    assert described == list(IMPORTERS), "docs/importing.md: one heading ## `KIND` for each, in the registry's order"
 
 
 def test_every_driver_is_documented() -> None:
     """The table has each driver with all of its options; a section has each option with what it is unless stated."""
     rows = dict(re.findall(r"^\| `(\w+)` \| (?:both|robots|cameras) \| (.+?) \|", page("data_format.md"), re.MULTILINE))
-    assert list(rows) == list(DRIVERS)
+    assert list(rows) == list(DRIVERS), "docs/data_format.md: one row for each driver, in the registry's order"
     for name in DRIVERS:
         assert [option for option in options_of(name) if f"`{option}`" not in rows[name]] == []
     for section in page("drivers.md").split("\n## ")[1:]:

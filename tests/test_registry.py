@@ -93,7 +93,9 @@ def test_the_check_bites(source: str) -> None:
 def test_every_module_is_registered(folder: str, face: str, table: Mapping[str, object]) -> None:
     """Each name has its module, and no module that has the face of one is left out."""
     faces = {path.stem for path in (SOURCE / folder).glob("*.py") if f"\n{face}" in path.read_text(encoding="utf-8")}
-    assert faces == {name.replace("-", "_") for name in table}
+    named = {name.replace("-", "_") for name in table}
+    assert not faces - named, f"name in src/basecal/{folder}, in the table of its kind: {sorted(faces - named)}"
+    assert not named - faces, f"the table of {folder} names what no module of that name holds: {sorted(named - faces)}"
 
 
 def test_names_of_targets_are_those_of_the_table() -> None:

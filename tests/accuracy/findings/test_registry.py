@@ -25,10 +25,13 @@ def documented_codes() -> set[str]:
 
 def test_every_code_is_documented_and_no_other():
     """Codes in the source and headings of docs/findings.md are the same."""
-    assert codes_in_source() == documented_codes()
+    made, described = codes_in_source(), documented_codes()
+    assert not made - described, f"describe in docs/findings.md, by a heading `### `CODE``: {sorted(made - described)}"
+    assert not described - made, f"remove from docs/findings.md, nothing makes them: {sorted(described - made)}"
 
 
 def test_every_check_is_registered():
     """Each file of findings but the registry and its types gives a check that the registry lists."""
     listed = {check.__module__.rpartition(".")[2] for check in (*registry.INPUT_CHECKS, *registry.ANSWER_CHECKS)}
-    assert listed == {path.stem for path in FINDINGS.glob("*.py")} - {"__init__", "evidence", "registry"}
+    unlisted = {path.stem for path in FINDINGS.glob("*.py")} - {"__init__", "evidence", "registry"} - listed
+    assert not unlisted, f"add to INPUT_CHECKS or ANSWER_CHECKS of findings/registry.py: {sorted(unlisted)}"

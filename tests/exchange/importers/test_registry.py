@@ -34,4 +34,5 @@ def test_every_module_is_registered() -> None:
     """Each module of the folder has an importer that a line of the table names."""
     folder = Path(inspect.getfile(IMPORTERS["poses"])).parent
     modules = {path.stem for path in folder.glob("*.py")} - {"__init__", "registry"}
-    assert modules == {read.__module__.rpartition(".")[2] for read in IMPORTERS.values()}
+    unlisted = modules - {read.__module__.rpartition(".")[2] for read in IMPORTERS.values()}
+    assert not unlisted, f"add to IMPORTERS of importers/registry.py: {sorted(unlisted)}"
