@@ -78,6 +78,22 @@ def test_an_example_adds_its_kind(kind: str, tmp_path: Path) -> None:
         take(step, tmp_path)
 
 
+@pytest.mark.parametrize("kind", examples())
+def test_the_table_has_the_files_of_the_example(kind: str) -> None:
+    """With the module's name for NAME, and the test under it, whose room the house holds."""
+    row = re.search(rf"^\| {kind.lower()} \|(.*)$", TEXT, re.MULTILINE)
+    assert row is not None, f"the table of files lacks {kind.lower()}"
+    stated = set(re.findall(r"`(\S+)`", row[1]))
+    steps = examples()[kind]
+    module = steps[0].path
+    assert module is not None
+    made = {step.path for step in steps if step.path} - {module} | {
+        module.replace(f"{Path(module).stem}.py", "NAME.py")
+    }
+    own_test = re.sub(r"src/basecal/(.*)/(\w+)\.py", r"tests/\1/test_NAME.py", module)
+    assert stated - {"docs/draw_targets.py"} == made | {own_test}
+
+
 def test_every_kind_has_an_example() -> None:
     """Whatever has a table."""
     kinds = {"An exporter", "An importer", "A finding", "An effect", "A target", "A lens", "A driver"}
