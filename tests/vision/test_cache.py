@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,18 @@ def test_read_as_written(detection: Detection | None, tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.sigma_px, detection.sigma_px)
     assert (again.ids is None) == (detection.ids is None)
     assert detection.ids is None or np.array_equal(again.ids, detection.ids)
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "link"])
+def test_only_files_of_the_cell_are_read(tmp_path: Path, kind: str) -> None:
+    """Neither a pipe, which would be waited for, nor what a link leads to outside."""
+    cache.write(tmp_path / "outside", "a", FOUND)
+    cache.write(tmp_path / "cell", "b", FOUND)
+    path = tmp_path / "cell" / "derived" / "detections" / "a.json"
+    source = tmp_path / "outside" / "derived" / "detections" / "a.json"
+    assert source.is_file()
+    os.mkfifo(path) if kind == "pipe" else path.symlink_to("/dev/zero" if kind == "device" else source)
+    assert cache.read(tmp_path / "cell", "a") is None
 
 
 def test_key_holds_all_that_matters(monkeypatch: pytest.MonkeyPatch) -> None:

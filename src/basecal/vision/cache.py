@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from basecal.bounded_file import read_bounded
+from basecal.cell.format.paths import own_file
 from basecal.cell.format.writing import write_atomically
 from basecal.cell.target import Target
 from basecal.errors import InputError
@@ -18,6 +20,7 @@ VERSION = 5
 """Raised whenever a detector gives other numbers."""
 
 _FOLDER = Path("derived", "detections")
+_LARGEST_BYTES = 2**26  # of a million points
 
 
 def key(target: Target, size_px: tuple[int, int] | None, image: bytes, background: bytes | None) -> str:
@@ -30,7 +33,7 @@ def key(target: Target, size_px: tuple[int, int] | None, image: bytes, backgroun
 def read(folder: Path, name: str) -> tuple[Detection | None] | None:
     """What was detected, in a tuple since that may be nothing; None if it is not known."""
     try:
-        data = json.loads((folder / _FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+        data = json.loads(read_bounded(own_file(folder, str(_FOLDER / f"{name}.json")), _LARGEST_BYTES))
         if data["pixels"] is None:
             return (None,)
         pixels, sigma_px = read_only(data["pixels"], (None, 2)), read_only(data["sigma_px"], (len(data["pixels"]),))

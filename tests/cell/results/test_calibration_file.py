@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -303,3 +304,19 @@ def test_only_folders_named_as_runs_are_runs(tmp_path: Path) -> None:
             os.utime(folder / "calibration.json", ns=(1, 1))
     assert run_names(tmp_path) == ("20260101T000000Z-10", "20260101T000000Z-2", "20260101T000000Z")
     assert latest_run(tmp_path / "nowhere") is None
+
+
+@pytest.mark.parametrize("link", ["runs", "runs/20260102T030405Z", "runs/20260102T030405Z/calibration.json"])
+def test_no_run_is_read_through_a_link_out_of_the_cell(tmp_path: Path, link: str) -> None:
+    """Wherever the link is."""
+    outside, cell = tmp_path / "outside", tmp_path / "cell"
+    for folder in (outside, cell):
+        (folder / "runs" / "20260102T030405Z").mkdir(parents=True)
+        (folder / "runs" / "20260102T030405Z" / "calibration.json").write_text("{}")
+    assert run_names(cell) == ("20260102T030405Z",)
+    there = cell / link
+    shutil.rmtree(there) if there.is_dir() else there.unlink()
+    there.symlink_to(outside / link)
+    for read in (latest_run, run_names, lambda folder: run_folder(folder, "20260102T030405Z")):
+        with pytest.raises(DatasetError, match="is a link that leads out of the cell"):
+            read(cell)

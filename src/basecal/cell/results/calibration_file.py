@@ -107,10 +107,19 @@ def run_names(folder: str | Path) -> tuple[str, ...]:
 
 def _runs_by_time(folder: str | Path) -> list[Path]:
     """Folders of runs, the one that was written last first."""
-    runs = Path(folder) / RUNS
-    found = [(match, run) for run in runs.glob("*") if (match := _RUN.fullmatch(run.name)) and (run / FILE).is_file()]
+    found = [(match, run) for run in _runs(folder) if (match := _RUN.fullmatch(run.name))]
     written = [((run / FILE).stat().st_mtime_ns, match[1], int(match[2] or 1), run) for match, run in found]
     return [run for *_, run in sorted(written, reverse=True)]
+
+
+def _runs(folder: str | Path) -> list[Path]:
+    """Folders of a cell's runs that have a calibration.
+
+    Raises:
+        DatasetError: if a link among them leads out of the cell.
+    """
+    runs = own_file(folder, RUNS)
+    return [own_file(folder, f"{RUNS}/{run.name}/{FILE}").parent for run in runs.glob("*") if (run / FILE).is_file()]
 
 
 def run_folder(folder: str | Path, name: str) -> Path:
@@ -118,11 +127,12 @@ def run_folder(folder: str | Path, name: str) -> Path:
 
     Raises:
         FrameNotFound: if there is none.
+        DatasetError: if a link among the runs leads out of the cell.
     """
-    runs = sorted(run.name for run in (Path(folder) / RUNS).glob("*") if (run / FILE).is_file())
+    runs = {run.name: run for run in _runs(folder)}
     if name not in runs:
-        raise FrameNotFound(name, runs)
-    return Path(folder) / RUNS / name
+        raise FrameNotFound(name, sorted(runs))
+    return runs[name]
 
 
 def input_hashes(folder: str | Path, cell: Cell | None = None) -> dict[str, str]:
