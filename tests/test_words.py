@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tests.words import Name, complaints, docstrings, fault, messages, names, sentences, word_count
+from tests.words import Name, complaints, docstrings, documents, fault, messages, names, sentences, word_count
 
-NAME_FAULTS, SENTENCE_FAULTS = 2, 221  # ceilings, to be lowered with every room that is renamed
+NAME_FAULTS, SENTENCE_FAULTS, DOCUMENT_FAULTS = 2, 211, 174  # ceilings, to be lowered with every room that is renamed
 
 
 @pytest.mark.parametrize(
@@ -60,3 +60,4 @@ def test_names_get_no_worse() -> None:
 def test_sentences_get_no_worse() -> None:
     """Sentences that are too long or hold a replaced word stay below a ceiling, to be lowered likewise."""
     assert len(list(complaints(iter([*docstrings(), *messages()])))) <= SENTENCE_FAULTS
+    assert len(list(complaints(documents()))) <= DOCUMENT_FAULTS

@@ -63,4 +63,4 @@ def test_targets_of_several_robots_are_told_apart(tmp_path, capsys):
     assert [each.target.options["dictionary"] for each in targets] == ["DICT_6X6_50", "DICT_4X4_50", "DICT_5X5_50"]
     assert capsys.readouterr().err == ""
     assert main(["new", str(tmp_path / "d"), "--robots", "3", "--target", "chessboard"]) == 0
-    assert "no picture tells 'target' from 'target2', both chessboard" in capsys.readouterr().err
+    assert "'target' and 'target2' look the same, both chessboard" in capsys.readouterr().err

@@ -49,15 +49,13 @@ def test_nothing_moved_names_nothing() -> None:
     data = verification_dict(still)
     assert (data["frame"], data["shift_mm"]) == (None, None)
     text = verification_text(still)
-    assert text.startswith("NOT MOVED: 2 samples as calibrated (p = 0.4)")
+    assert text.startswith("NOT MOVED: 2 samples agree with the calibration (p = 0.4)")
     assert "sample 41 is off alone and was left out" in text
 
 
 def test_what_cannot_be_told_says_what_to_do() -> None:
     blind = Verification(None, 1.0, None, (), None, ())
-    assert verification_text(blind).startswith(
-        "CANNOT TELL: these samples do not show whether anything moved: take more"
-    )
+    assert verification_text(blind).startswith("UNDECIDED: these samples do not show whether anything moved. Take more")
     assert verification_dict(blind)["moved"] is None
     assert verification_dict(blind)["detectable_mm"] is None
 
@@ -82,4 +80,4 @@ def test_comparisons() -> None:
     ]
     alike = replace(found, agree=True)
     assert comparison_dict(["one", "two", "three"], [alike, found])["agree"] is False
-    assert comparison_text(["one", "two"], [replace(found, agree=None)]).startswith("CANNOT TELL")
+    assert comparison_text(["one", "two"], [replace(found, agree=None)]).startswith("UNDECIDED")

@@ -95,7 +95,7 @@ def _prepare(folder: Path) -> None:
     """Make the folder, or clear what an earlier demo wrote there; anything else is left alone.
 
     Raises:
-        DatasetError: if the folder leads out of itself by a link.
+        DatasetError: if the folder leads outside by a link.
         InputError: if it holds a cell that no demo made.
     """
     from basecal.cell.format.paths import own_file

@@ -43,11 +43,11 @@ def verification_text(verification: Verification) -> str:
     count = f"{len(verification.samples)} sample{'s' if len(verification.samples) > 1 else ''}"
     if verification.moved is None or verification.shift is None:
         lines = [
-            "CANNOT TELL: these samples do not show whether anything moved: take more of them, of the targets that "
-            "were calibrated, with both arms turned, or calibrate from more of them first"
+            "UNDECIDED: these samples do not show whether anything moved. Take more samples of the calibrated "
+            "targets, with both arms rotated, or calibrate from more samples first."
         ]
     elif not verification.moved:
-        lines = [f"NOT MOVED: {count} as calibrated (p = {verification.chance:.2g})"]
+        lines = [f"NOT MOVED: {count} agree with the calibration (p = {verification.chance:.2g})"]
     else:
         likeliest = _shift_sentence(verification.shift)
         lines = [f"MOVED: {count} are not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
@@ -161,7 +161,7 @@ def _all_agree(comparisons: Sequence[Comparison]) -> bool | None:
 
 def comparison_text(names: Sequence[str], comparisons: Sequence[Comparison]) -> str:
     """Lines joined by newlines: whether they agree, and what differs."""
-    verdict = {True: "AGREE", False: "DISAGREE", None: "CANNOT TELL: no transform is in both"}[_all_agree(comparisons)]
+    verdict = {True: "AGREE", False: "DISAGREE", None: "UNDECIDED: no transform is in both"}[_all_agree(comparisons)]
     lines = [verdict]
     for name, each in zip(names[1:], comparisons, strict=True):
         lines.append(f"{name} against {names[0]}")

@@ -23,7 +23,7 @@ LINE_WIDTH = 100
 _FULL_TRANSFORMS = 3  # transforms with all their numbers, of which a line tells the others
 _FULL_FINDINGS = 4  # findings that are told in full: more have one cause, which is among the first
 _INFO_LINES = 14  # lines into which what only informs has to fit, or is named by its code
-_EMPTY_ANSWER = "no transform is asked for and observable."
+_EMPTY_ANSWER = "no requested transform is observable."
 
 
 def summary(cell: Cell, calibration: Calibration) -> str:

@@ -19,7 +19,7 @@ def test_dots_stand_where_residuals_go():
     assert len(at) == 200
     right, down = at.mean(0) - 166.0
     assert right > 2 * down > 0
-    assert "50 % are shorter than 0.5" in figure.caption
+    assert "50 % are below 0.5" in figure.caption
 
 
 def test_many_points_are_thinned_and_long_ones_stand_on_the_ring():

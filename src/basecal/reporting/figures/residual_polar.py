@@ -39,7 +39,7 @@ def residual_polar(camera: str, views: Sequence[PointResiduals]) -> Figure:
     also = f" {len(left_out)} orange ones were left out." if len(left_out) else ""
     few = f"{len(shown)} of {len(off)} points drawn. " if len(shown) < len(off) else ""
     caption = (
-        f"{few}{_HALF} % are shorter than {half:.3g} px, {_MOST_OF} % than {most:.3g} px.{outside}{also} A cloud "
-        "that is not round and centred is an error shared by points."
+        f"{few}{_HALF} % are below {half:.3g} px, {_MOST_OF} % below {most:.3g} px.{outside}{also} A cloud that is not "
+        "round and centred: a shared error."
     )
     return Figure(f"{camera}, residuals by direction", svg, caption)

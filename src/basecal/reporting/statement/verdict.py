@@ -59,7 +59,7 @@ def headline(cell: Cell, calibration: Calibration) -> Headline:
     """How well the requested transforms are known, or why they are not."""
     word, reason = verdict_word(calibration), _first_reason(calibration.findings)
     if word == "REFUSED":
-        return Headline(word, reason or "the transforms asked for are unobservable.")
+        return Headline(word, reason or "the requested transforms are unobservable.")
     tolerance = calibration.tolerance
     answer = _answer(cell, calibration) if tolerance is None else tolerance_sentence(tolerance)
     if calibration.verdict == "doubtful":
