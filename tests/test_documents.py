@@ -87,13 +87,17 @@ def test_reference_lists_every_public_name() -> None:
     """The page of public names has each name of `basecal.__all__`, where it is defined, once."""
     listed = re.findall(r"^::: (\S+)$", (DOCS / "api" / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
     at_home = [f"{getattr(basecal, name).__module__}.{name}" for name in basecal.__all__]
-    assert sorted(listed) == sorted(at_home)
+    missing, unknown = set(at_home) - set(listed), set(listed) - set(at_home)
+    assert not missing, f"add to docs/api/index.md, each by a line `::: NAME`: {sorted(missing)}"
+    assert not unknown, f"remove from docs/api/index.md, or add to basecal.__all__: {sorted(unknown)}"
+    assert len(listed) == len(at_home)
 
 
 def test_reference_has_every_package() -> None:
     """Every package but the command line has a page."""
     packages = {path.parent.name for path in (ROOT / "src" / "basecal").glob("*/__init__.py")} - {"cli"}
-    assert {path.stem for path in (DOCS / "api").glob("*.md")} - {"index"} == packages
+    pages = {path.stem for path in (DOCS / "api").glob("*.md")} - {"index"}
+    assert pages == packages, f"docs/api has one page a package: {sorted(pages ^ packages)}"
 
 
 def test_glossary_has_ten_words() -> None:

@@ -42,5 +42,5 @@ def test_calibration_keys() -> None:
 def test_table_of_kinds() -> None:
     """The table of target kinds is the one that docs/draw_targets.py writes."""
     script = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "draw_targets.py"))
-    assert script["table"]() in TEXT
+    assert script["table"]() in TEXT, "write the table and the figures anew: python docs/draw_targets.py"
     assert script["with_table"](TEXT) == TEXT

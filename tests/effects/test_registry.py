@@ -30,8 +30,10 @@ def test_each_face_is_there_or_lacks_with_a_reason(name):
     """Never both, and a reason is a phrase."""
     effect = EFFECTS[name]
     assert effect.name == name
-    assert effect.faces | effect.absent.keys() == set(get_args(Face))
-    assert not effect.faces & effect.absent.keys()
+    missing, twice = set(get_args(Face)) - effect.faces - effect.absent.keys(), effect.faces & effect.absent.keys()
+    assert not missing, f"give {name} these faces, or say under `absent` why it lacks them: {sorted(missing)}"
+    assert not twice, f"{name} has these faces, and says that it lacks them: {sorted(twice)}"
+    assert effect.absent.keys() <= set(get_args(Face))
     assert all(len(reason.split()) >= 4 for reason in effect.absent.values())
 
 
@@ -45,7 +47,7 @@ def test_faces_elsewhere_name_a_module(name):
 @pytest.mark.parametrize("name", EFFECTS)
 def test_what_is_found_has_words(name):
     """An effect that score tests look for is put into words."""
-    assert (EFFECTS[name].candidates is None) == (EFFECTS[name].words is None)
+    assert (EFFECTS[name].candidates is None) == (EFFECTS[name].words is None), "candidates and words go together"
 
 
 def test_faults_have_names_of_their_own():
