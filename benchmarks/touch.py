@@ -49,7 +49,7 @@ from basecal.cell import Calibration, Cell
 from basecal.estimation.solve import solve
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.planning.plan import Plan
-from basecal.planning.touches import NEXT_MARK, plan_touches
+from basecal.planning.touches import NEXT_MARK, PLACES, ROTATIONS, plan_touches
 from benchmarks import touch_recordings
 from benchmarks.common import Kept, on_one_core, table, write
 
@@ -60,7 +60,7 @@ EDGE = {"wall": "edge", "mark_a": "point", "mark_b": "point"}
 FAULTS = ("moved mark", "wrong mark", "bent tip")
 TASK = np.array([0.6, 0.1, 0.3])
 DRAWS = 25  # of the errors of touches in each cell of a plan
-RICH = {"places": 48, "rotations": 100}  # of the next mark and of tips: what more candidates would bring
+FEW = {"places": PLACES // 2, "rotations": ROTATIONS // 2}  # to choose from: what fewer candidates lose
 Lines = list[dict[str, Any]]
 
 CONTACTS: dict[str, tuple[Callable[[], Cell], Callable[[np.random.Generator], Lines]]] = {
@@ -202,12 +202,12 @@ def is_named(found: Calibration, about: set[str]) -> bool:
 
 
 def plans(kept: Kept, cells: int) -> dict[str, Any]:
-    """Median errors at the task [m] after planned, random and richly planned touches, of all cells and draws."""
+    """Median errors at the task [m] after touches of fewer candidates, random and planned ones, of all draws."""
     draws = ((seed, np.random.default_rng([seed, 5])) for seed in range(cells))
     errors = [kept.of(f"plan {seed}", partial(planned_errors, rng)) for seed, rng in draws]
-    planned, random, rich = np.median(np.concatenate(errors), axis=0).tolist()
-    medians = {"planned_m": planned, "random_m": random, "rich_m": rich}
-    return {**medians, "ratio": planned / random, "rich_ratio": rich / random, "trials": cells, "draws": DRAWS}
+    few, random, planned = np.median(np.concatenate(errors), axis=0).tolist()
+    medians = {"planned_m": planned, "random_m": random, "few_m": few}
+    return {**medians, "ratio": planned / random, "few_ratio": few / random, "trials": cells, "draws": DRAWS}
 
 
 def planned_errors(rng: np.random.Generator) -> list[list[float]]:
@@ -217,11 +217,11 @@ def planned_errors(rng: np.random.Generator) -> list[list[float]]:
     cell = _guessed_cell(list(two), rng)
     known = recorded(cell, lines)
     plan = partial(plan_touches, cell, known, calibrate(cell, known), TASK[None], count=12)
-    planned, rich = plan(), plan(**RICH)
+    few, planned = plan(**FEW), plan()
 
     def touches() -> list[Lines]:
         """To come."""
-        return [_planned_lines(rng, planned, two), _random_lines(rng, two), _planned_lines(rng, rich, two)]
+        return [_planned_lines(rng, few, two), _random_lines(rng, two), _planned_lines(rng, planned, two)]
 
     return [[_task_error(cell, lines, more, rng) for more in touches()] for _ in range(DRAWS)]
 
@@ -304,8 +304,8 @@ time:
 
 A third mark and twelve touches as `plan --touches` has them leave {1e3 * plan["planned_m"]:.2f} mm at the task, random
 ones {1e3 * plan["random_m"]:.2f} mm: {plan["ratio"]:.2f} times as much (medians of {plan["trials"]} cells with
-{plan["draws"]} draws). With {RICH["places"]} places and {RICH["rotations"]} rotations to choose from it would be
-{plan["rich_ratio"]:.2f}."""
+{plan["draws"]} draws). It chooses among {PLACES} places and {ROTATIONS} rotations; half as many of both leave
+{plan["few_ratio"]:.2f} times as much."""
     return "\n\n".join([about, *touch_recordings.section(result.get("recordings", {}))])
 
 

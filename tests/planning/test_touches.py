@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from basecal.cell.format.yaml_text import yaml_text
 from basecal.cli import main
 from basecal.errors import InputError
 from basecal.geometry import SE3
+from basecal.planning import touches
 from basecal.planning.touches import NEXT_MARK, plan_touches
 
 TASK = np.array([[0.6, 0.1, 0.3]])
@@ -33,7 +35,7 @@ def test_the_next_mark_is_off_the_line_and_touched_by_both():
     cell = guessed_cell(list(TWO))
     recording = recorded(cell, touch_lines(np.random.default_rng(0), 12, 2e-4, TWO))
     calibration = calibrate(cell, recording)
-    plan = plan_touches(cell, recording, calibration, TASK, count=8, places=2)
+    plan = plan_touches(cell, recording, calibration, TASK, count=8, places=2, rotations=40)
     along = (TWO["mark_b"] - TWO["mark_a"]) / np.linalg.norm(TWO["mark_b"] - TWO["mark_a"])
     assert np.linalg.norm(np.cross(plan.marks[NEXT_MARK] - TWO["mark_a"], along)) > 0.25
     tips = {sample.observations[0].tip for sample in plan.samples if sample.observations[0].mark == NEXT_MARK}
@@ -52,8 +54,9 @@ def test_a_plan_begins_at_touches():
         plan_touches(cell, Recording(), None, TASK, count=4)
 
 
-def test_the_verb_says_where_to_make_the_mark(tmp_path, capsys):
+def test_the_verb_says_where_to_make_the_mark(tmp_path, monkeypatch, capsys):
     """A line for the mark, one for each touch; the file holds what is to be touched."""
+    monkeypatch.setattr(touches, "plan_touches", partial(plan_touches, places=1, rotations=20))
     cell = guessed_cell(list(TWO))
     folder = write_folder(
         tmp_path / "mycell", yaml_text(cell_to_dict(cell)), touch_lines(np.random.default_rng(0), 12, 2e-4, TWO)

@@ -23,10 +23,10 @@ from basecal.planning.sketch import Sketch
 NEXT_MARK = "next_mark"
 """Name of a mark that is not there yet."""
 
-PLACES = 32
+PLACES = 48
 """Places of the next mark that are tried, far from one another and from what was touched."""
 
-ROTATIONS = 80
+ROTATIONS = 100
 """Touches of each mark by each tip that are tried."""
 
 _DRAWS, _REACHED = 40_000, 400  # places, and of these as many as are in reach of all arms, which may be few
