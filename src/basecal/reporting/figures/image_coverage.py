@@ -8,8 +8,7 @@ import numpy as np
 
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, STRIP, image_grid
-from basecal.reporting.svg import drawing, element
+from basecal.reporting.figures.image_grid import FAINTEST, image_grid
 
 
 def image_coverage(camera: str, size_px: tuple[int, int] | None, views: Sequence[PointResiduals]) -> Figure:
@@ -29,9 +28,7 @@ def image_coverage(camera: str, size_px: tuple[int, int] | None, views: Sequence
         grid.tile(int(square), float(share), f"{number} point{'s' if number > 1 else ''}")
         for square, share, number in zip(some, shade, count[some].tolist(), strict=True)
     ]
-    frame = element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{grid.height:.1f}")
-    strip = grid.strip("1 point", str(count.max()))
-    svg = drawing(IMAGE_WIDTH, grid.height + STRIP, f"points in the image of {camera}", frame, *tiles, *strip)
+    svg = grid.drawing(f"points in the image of {camera}", "1 point", str(count.max()), *tiles)
     caption = (
         f"Points were seen in {len(some)} of {len(count)} squares ({100 * len(some) / len(count):.0f} %), "
         f"at most {count.max()} in one. What the lens does in the others is not checked."

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.geometry import Array, IntArray
-from basecal.reporting.svg import element, text
+from basecal.reporting.svg import drawing, element, text
 
 IMAGE_WIDTH = 640.0
 STRIP = 30.0  # below an image, for its size and the bar of its shades
@@ -57,6 +57,11 @@ class ImageGrid:
         width, height = np.minimum(self.pitch * self.scale, np.array([IMAGE_WIDTH - left, self.height - top]))
         place = {"x": f"{left:.1f}", "y": f"{top:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
         return element("rect", element("title", text(label)), class_="tile", fill_opacity=f"{share:.2f}", **place)
+
+    def drawing(self, title: str, low_label: str, high_label: str, *inside: str) -> str:
+        """The image with elements over its frame, and below it the bar of their shades."""
+        frame = element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{self.height:.1f}")
+        return drawing(IMAGE_WIDTH, self.height + STRIP, title, frame, *inside, *self.strip(low_label, high_label))
 
     def strip(self, low_label: str, high_label: str) -> list[str]:
         """Below the image: its size, and a bar from the shade of the least to that of the most."""

@@ -9,9 +9,8 @@ from basecal.geometry import Array, Camera
 from basecal.reporting.charts import fitted_scale
 from basecal.reporting.figures.contours import contours
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, STRIP, image_grid
+from basecal.reporting.figures.image_grid import FAINTEST, image_grid
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.svg import drawing, element
 
 _EXACT_PX = 1e-6  # shown for less
 
@@ -34,9 +33,7 @@ def lens_uncertainty(name: str, camera: Camera, covariance: Array) -> Figure | N
         for k, sigma in zip(known.tolist(), sigmas[known].tolist(), strict=True)
     ]
     lines = contours(sigmas.reshape(rows, columns), grid.pitch * grid.scale) if len(known) == len(sigmas) else []
-    frame = element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{grid.height:.1f}")
-    strip = grid.strip(two_digits(low), f"{two_digits(high)} px")
     title = f"{name}, uncertainty of the lens"
-    svg = drawing(IMAGE_WIDTH, grid.height + STRIP, title, frame, *tiles, *lines, *strip)
+    svg = grid.drawing(title, two_digits(low), f"{two_digits(high)} px", *tiles, *lines)
     caption = "1 sigma per axis of where the lens images a ray, without what a rotation of the camera absorbs."
     return Figure(title, svg, caption)

@@ -9,8 +9,8 @@ import numpy as np
 from basecal.accuracy.residuals.point_residuals import PointResiduals
 from basecal.geometry import Array
 from basecal.reporting.figures.figure import Figure
-from basecal.reporting.figures.image_grid import FAINTEST, IMAGE_WIDTH, STRIP, image_grid
-from basecal.reporting.svg import drawing, element, nice_ceiling, segments, text, three_digits
+from basecal.reporting.figures.image_grid import FAINTEST, image_grid
+from basecal.reporting.svg import element, nice_ceiling, segments, text, three_digits
 
 _ARROW_SHARE = 0.8  # of a square, for an arrow as long as the ruler
 _FEWEST_POINTS = 3  # whose mean is drawn: of fewer it is the noise of single points
@@ -45,13 +45,11 @@ def residual_map(camera: str, size_px: tuple[int, int] | None, views: Sequence[P
     bar_px = nice_ceiling(float(np.max(np.linalg.norm(mean[held], axis=-1), initial=0.0)))
     longer = _ARROW_SHARE * grid.pitch * grid.scale / bar_px
     ruler = np.array([[12.0, grid.height - 12], [12 + bar_px * longer, grid.height - 12]])
-    svg = drawing(
-        IMAGE_WIDTH,
-        grid.height + STRIP,
+    svg = grid.drawing(
         f"reprojection errors in the image of {camera}",
-        element("rect", class_="frame", width=f"{IMAGE_WIDTH:g}", height=f"{grid.height:.1f}"),
+        "0",
+        f"{top:g} px rms",
         *tiles,
-        *grid.strip("0", f"{top:g} px rms"),
         element("path", class_="arrows", d=_arrows(foot, foot + mean[held] * longer)),
         element("path", class_="ruler", d=segments([ruler])),
         element(
