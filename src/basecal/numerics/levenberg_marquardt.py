@@ -19,7 +19,8 @@ from basecal.numerics.structured_secant import usable_curvature, with_secant
 CONVERGED_SIGMAS = 1e-5  # what may be left to go, in sigmas of the unknowns: no statistic of a result shows it
 _SMALLEST_STEP = 1e-13  # [m, rad]: rounding of poses a metre away
 _LEAST_PROMISE = 0.5  # of what the step before promised: what is eliminated moves less each time until rounding is left
-_FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
+FIRST_DAMPING = 1e-9  # of the scaled diagonal: Gauss-Newton, yet regular where a direction is not observable
+PRIOR_DAMPING = 1e-13  # likewise where priors make each regular: more would hide a prior of degrees beside micrometres
 # Of the cost, what a step promises where the gradient's change over it tells of the optimum, for starts whose residuals
 # say nothing of sigmas.
 _NEAR_SHARE = 1e-3
@@ -87,11 +88,13 @@ class Stop:
         iterations: Steps at most.
         dof: Residuals less unknowns, a number or (b,), which scales the sigmas.
         sigmas: What may be left to go; where `dof` is 1 the square of it is a share of the cost.
+        damping: The least, of the scaled diagonal.
     """
 
     iterations: int = 100
     dof: float | Array = 1.0
     sigmas: float = CONVERGED_SIGMAS
+    damping: float = FIRST_DAMPING
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +183,7 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
         about.cost,
         about,
         np.broadcast_to(np.maximum(np.asarray(stop.dof, dtype=np.float64), 1.0), (count,)),
-        np.full(count, _FIRST_DAMPING),
+        np.full(count, stop.damping),
         np.full(count, 2.0),
         np.zeros(count),
         None if isinstance(about.hessian, SparseHessian) else np.zeros_like(about.hessian),
@@ -215,7 +218,7 @@ def _iterate(
     after, cost = _linearise(system, candidate, flight.about)
     better = cost <= flight.cost * (1 + _COST_ROUNDING)
     bend = _bend(flight, after, step, better & _is_near(flight, expected))
-    flight = _accept_step(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend)
+    flight = _accept_step(flight, candidate, after, cost, better, np.maximum(expected, 1e-300), bend, stop.damping)
     stuck, lost = ~better & settled, ~better & (flight.damping > _LARGEST_DAMPING)
     for ended, converged in ((stuck, True), (lost & ~stuck, False)):
         if ended.any():
@@ -232,7 +235,7 @@ def _is_gauss_newton(flight: _Flight[S, L], stop: Stop) -> BoolArray:
     undamped = flight.damping <= _GAUSS_NEWTON_DAMPING
     if undamped.all():
         return undamped
-    step = _damped_step(flight.about, np.full(len(undamped), _FIRST_DAMPING))
+    step = _damped_step(flight.about, np.full(len(undamped), stop.damping))
     decrement = _quadratic(flight.about, step)
     straight: BoolArray = undamped | (decrement <= stop.sigmas**2 * _scale(flight))
     return straight
@@ -268,6 +271,7 @@ def _accept_step(
     is_better: BoolArray,
     expected_decrease: Array,
     bend: Array | None,
+    least_damping: float,
 ) -> _Flight[S, L]:
     """The flight after a step, taken where it is `is_better`; elsewhere the damping grows."""
     with np.errstate(invalid="ignore"):
@@ -277,7 +281,7 @@ def _accept_step(
         tells = np.isfinite(drop) & (np.abs(drop - expected_decrease) > _COST_ROUNDING * cost)
     drop = np.where(tells, drop, expected_decrease)
     gain = np.clip(drop / expected_decrease, -_LARGEST_GAIN, _LARGEST_GAIN)
-    eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), _FIRST_DAMPING)
+    eased = np.maximum(flight.damping * np.maximum(0.1, 1 - (2 * gain - 1) ** 3), least_damping)
     stiffened = (
         np.maximum(flight.damping, _GAUSS_NEWTON_DAMPING) * flight.growth
     )  # less would try nearly the same step again

@@ -14,6 +14,7 @@ from basecal.accuracy.clocks.correction import (
     line_times,
     remaining_step,
 )
+from basecal.accuracy.curved_covariance import curved_covariance
 from basecal.accuracy.held_gauges import held_gauges
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.phrases.null_space import describe_null_space
@@ -75,6 +76,7 @@ def _estimates(case: Case) -> dict[str, Any]:
     order = tuple(n for n in estimates if solution.problem.unknowns[n].status != "fixed")
     gauges = held_gauges(solution, order) if solution.converged else ()
     joint = sum((gauge.covariance for gauge in gauges), solution.joint_transform_covariance(list(order)))
+    joint = joint + curved_covariance(case.answers[0], order) if solution.converged else joint
     blocks = {name: joint[at : at + 6, at : at + 6] for name, at in zip(order, range(0, len(joint), 6), strict=True)}
     return {
         "transforms": {n: replace(e, covariance=blocks.get(n, e.covariance)) for n, e in estimates.items()},

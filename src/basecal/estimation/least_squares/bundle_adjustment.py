@@ -13,7 +13,14 @@ from basecal.estimation.least_squares.sparse_normal_equations import is_sparse, 
 from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, BoolArray, IntArray
 from basecal.numerics.batch import concatenate, take
-from basecal.numerics.levenberg_marquardt import CONVERGED_SIGMAS, Optima, Stop, levenberg_marquardt
+from basecal.numerics.levenberg_marquardt import (
+    CONVERGED_SIGMAS,
+    FIRST_DAMPING,
+    PRIOR_DAMPING,
+    Optima,
+    Stop,
+    levenberg_marquardt,
+)
 from basecal.numerics.sparse_hessian import SparseHessian
 
 ROUGH_SIGMAS = 1e-2  # what may be left to go where more rounds follow
@@ -95,7 +102,7 @@ def bundle_adjust(
         weights: What each view counts, (n,) by group; 1 where None.
         sigmas: What may be left to go.
     """
-    stop = Stop(iterations, dof, sigmas)
+    stop = Stop(iterations, dof, sigmas, _least_damping(problem))
     if not is_sparse(problem):
         only = take(_optimise(problem, state.spread(problem, 1), weights, stop), 0)
         normal = replace(only.about, cost=only.cost)
@@ -110,6 +117,12 @@ def bundle_adjust(
     return Optimum(
         end, cost, bool(optima.converged[0]), int(optima.iterations[0]), dense_equations, optima.about.hessian
     )
+
+
+def _least_damping(problem: Problem) -> float:
+    """Less where a robot's parameters have priors, which may be all that is known of them."""
+    sigmas = [sigma for model in problem.models.values() for sigma in model.sigmas.values()]
+    return PRIOR_DAMPING if any(sigma is not None for sigma in sigmas) else FIRST_DAMPING
 
 
 def bundle_adjust_batch(
@@ -128,7 +141,7 @@ def bundle_adjust_batch(
         iterations: At most.
         weights: What each view counts, (n,) or (b, n) by group; 1 where None.
     """
-    optima = _optimise(problem, states, weights, Stop(iterations, dof))
+    optima = _optimise(problem, states, weights, Stop(iterations, dof, damping=_least_damping(problem)))
     return OptimumBatch(optima.state, optima.cost, optima.about.hessian, optima.converged, optima.iterations)
 
 

@@ -134,6 +134,11 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
     return NormalEquations(cost, gradient, symmetric, eliminated, log_det, tuple(views), system)
 
 
+def prior_information(problem: Problem, state: State) -> Array:
+    """What of the hessian the priors make, (..., p, p)."""
+    return _priors(problem, state)[0]
+
+
 def retract(problem: Problem, state: State, normal: NormalEquations, step: Array) -> State:
     """The state after a step of the unknowns, (..., p), with the stop errors that are best to first order then."""
     columns = problem.columns

@@ -12,20 +12,21 @@ import numpy as np
 
 from basecal.cell import Unknown
 from basecal.effects.registry import ROBOT_PARAMETERS
-from basecal.estimation.least_squares.normal_equations import linearise
+from basecal.estimation.least_squares.normal_equations import linearise, prior_information
 from basecal.estimation.observability.motions import null_directions
 from basecal.estimation.observability.null_space import NullDirection, separate_null_space
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.view.points import PointMeasurement
 from basecal.geometry import Array
 from basecal.numerics.sparse_hessian import SparseHessian
-from basecal.numerics.spectral import scaled_spectrum, spectrum
+from basecal.numerics.spectral import Spectrum, scaled_spectrum, spectrum
 
 _UNOBSERVABLE_SIGMA = 0.3  # [m, rad] of a direction: larger, no linear theory of it holds
 _NO_INFORMATION_SIGMA = 30.0  # [m, rad]: so wide a direction has no information but rounding
 _TOUCHED_SHARE = 1e-3  # share of a null direction in an unknown above which it belongs to it
 _SMALLEST_FACTOR = 1e-4  # noise estimated from exact data counts as a hundredth of a sigma at least
 _DISTORTION_SCALE = 10.0  # a distortion term of 10 is as far off as a radian
+_PRIOR_SHARE = 0.5  # of an eigenvalue that priors make: rounding, which makes the rest, has either sign
 _ENOUGH_VIEWS = 40  # views by which the shape of null directions is found
 
 
@@ -57,7 +58,7 @@ def analyse_observability(problem: Problem, state: State, hessian: Array, factor
     length = _length(problem, state)
     scale = _scales(problem, state, length)
     noise = max(factor, _SMALLEST_FACTOR)
-    of = scaled_spectrum(_without_null_directions(problem, state, hessian), noise / _NO_INFORMATION_SIGMA**2, 1 / scale)
+    of = _information_spectrum(problem, state, hessian, noise / _NO_INFORMATION_SIGMA**2, scale)
     values, vectors, singular = of.values, of.vectors, ~of.held
     inverse = of.inverse
     onto_held = of.inverse_root @ of.root.T
@@ -96,6 +97,14 @@ def condition_number(problem: Problem, state: State, hessian: SparseHessian, fac
     if smallest < noise / _UNOBSERVABLE_SIGMA**2 or null_directions(problem, state).shape[1]:
         return None
     return float(np.sqrt(largest / smallest))
+
+
+def _information_spectrum(problem: Problem, state: State, hessian: Array, least: float, scale: Array) -> Spectrum:
+    """The information taken apart; what a prior says is no rounding, however much more the views say of the rest."""
+    of = scaled_spectrum(_without_null_directions(problem, state, hessian), least, 1 / scale)
+    scaled = of.vectors / of.scale[:, None]
+    of_priors = np.sum(scaled * (prior_information(problem, state) @ scaled), axis=0)
+    return replace(of, held=of.held | ((of.values > least) & (of_priors > _PRIOR_SHARE * of.values)))
 
 
 def _without_null_directions(problem: Problem, state: State, hessian: Array) -> Array:
