@@ -14,14 +14,16 @@ import numpy as np
 from scipy.special import chdtr
 
 from basecal.accuracy.model_comparison.comparison import decide
-from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, log_chance
+from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, compare_evidence, log_chance
 from basecal.estimation.least_squares.studentized_residuals import LeaveOneOut, leave_one_out
+from basecal.estimation.noise.hyperpriors import ROBOT_RAD
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, integrate_solution, solve_from
 from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
+from basecal.geometry import Array
 from basecal.numerics.spectral import spectrum
 
 _LEAST_CHANCE = 1e-300  # a chance, and a sum of squares, that is no number any more
@@ -72,6 +74,33 @@ def contradicted_sigmas(solution: Solution) -> tuple[ContradictedSigma, ...]:
     if not found and len(stated) == len(sums) > 1:
         found = [f for f in [judge_sigma("", False, solution.cost, solution.dof)] if f is not None]
     return tuple(sorted(found, key=lambda f: -abs(np.log(f.ratio))))
+
+
+def unlikely_sigmas(solution: Solution, settings: Settings) -> tuple[ContradictedSigma, ...]:
+    """Stated sigmas of robots far below any arm's, if the data are likelier with these estimated.
+
+    Unstated noise of views takes up what such robots leave: no residual contradicts them.
+    """
+    problem = solution.problem
+    below = {
+        name: float(problem.stops.sigma[k, 3:].mean())
+        for k, name in enumerate(problem.stops.robot)
+        if name not in problem.unstated and is_below_arms(problem.stops.sigma[k])
+    }
+    if not below or not solution.converged or solution.noise.logs is None:
+        return ()
+    opened = replace(problem, unstated=problem.unstated | below.keys(), held=False)
+    rival = with_noise(replace(solution, problem=opened), settings).noise
+    compared = compare_evidence("noise of robots", solution.noise.plain_surprise - rival.plain_surprise)
+    found = {name: float(rival.robots[name][3:].mean() / stated) for name, stated in below.items()}
+    return tuple(
+        ContradictedSigma(name, True, ratio, compared.chance) for name, ratio in found.items() if compared.is_taken
+    )
+
+
+def is_below_arms(sigma: Array) -> bool:
+    """Whether sigmas of a robot's poses, (6,) [m, rad], are less than any arm's: made up, or in a wrong unit."""
+    return bool(np.mean(sigma[3:]) < ROBOT_RAD[0] / ROBOT_RAD[1] ** 2)
 
 
 def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> ContradictedSigma | None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
-from basecal.accuracy.phrases.changed_frame import changed_frame
+from basecal.accuracy.phrases.changed_frame import ChangedFrame, changed_frame
 from basecal.accuracy.phrases.outlier import outlier_reason
 from basecal.accuracy.phrases.outlier_cause import outlier_causes
 from basecal.accuracy.phrases.sample_list import list_samples
@@ -77,16 +77,17 @@ def _distance_phrase(outliers: Sequence[LeftOut]) -> str:
 def agreeing_samples(evidence: Evidence) -> list[Finding]:
     """A warning if no answer rests on most samples: which of them agree with one another."""
     robust = evidence.robust
-    cause = changed_frame(evidence.recorded, evidence.cell, robust.agreeing) if robust.agreeing else ""
-    return agreement_findings(robust, cause)
+    changed = changed_frame(evidence.recorded, evidence.cell) if robust.agreeing else None
+    return agreement_findings(robust, changed)
 
 
-def agreement_findings(robust: RobustSolution, cause: str = "") -> list[Finding]:
+def agreement_findings(robust: RobustSolution, changed: ChangedFrame | None = None) -> list[Finding]:
     """The same of a solution that nothing else is known about, but what changed between the samples."""
-    numbers = sorted(robust.agreeing)
+    numbers = sorted(robust.agreeing if changed is None else changed.agreeing)
     if not numbers:
         return []
     what = f"Of {robust.samples} samples only {len(numbers)} agree with one another: {list_samples(numbers)}."
+    cause = "" if changed is None else changed.sentence
     why = f"{cause} Nothing was left out, and the answer is not to be trusted.".lstrip()
     if cause:
         do: tuple[str, ...] = ("Import the samples from there on into a cell of their own, or record them again.",)

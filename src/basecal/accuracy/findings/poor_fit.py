@@ -6,7 +6,7 @@ import numpy as np
 
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.touch_noise import is_touch_noise
-from basecal.accuracy.stated_sigmas import ContradictedSigma
+from basecal.accuracy.stated_sigmas import ContradictedSigma, is_below_arms
 from basecal.cell import Finding
 from basecal.cell.calibration import Severity
 from basecal.geometry import Array
@@ -43,8 +43,8 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     about = _robots_alike(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
     whose = f"poses of {' or '.join(about)}" if sigma.of_robot else f"what {sigma.about} saw" if about else "everything"
     found = evidence.solution.noise.robots.get(sigma.about)
-    if found is not None and not sigma.is_too_small:
-        stated = evidence.recorded.stops.sigma[[name == sigma.about for name in evidence.recorded.stops.robot]].mean(0)
+    stated = _stated_noise(sigma, evidence)
+    if found is not None and stated is not None and (not sigma.is_too_small or is_below_arms(stated)):
         what = f"The stated noise of {sigma.about} is {_noise(stated)}; the data show {_noise(found)}."
         do = (f"State noise of {_noise(found)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
         return Finding("poor-fit", "warning", about, what, do, "The answer is by the noise that the data show.")
@@ -57,6 +57,13 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     do = ("Check units, directions, the lens and the target's size, or state larger sigmas.",)
     severity: Severity = "warning" if sigma.ratio > _LITTLE_RATIO else "info"
     return Finding("poor-fit", severity, about, what, do, why)
+
+
+def _stated_noise(sigma: ContradictedSigma, evidence: Evidence) -> Array | None:
+    """What was stated of a robot, (6,) [m, rad]; None of what is no robot's."""
+    stops = evidence.recorded.stops
+    own = [name == sigma.about for name in stops.robot]
+    return np.asarray(stops.sigma[own].mean(0)) if sigma.of_robot and any(own) else None
 
 
 def _robots_alike(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import NotConverged
-from basecal.estimation.outliers.agreeing_samples import CLEAR_GAP
+from basecal.estimation.outliers.agreeing_samples import CLEAR_GAP, agreeing_samples
 from basecal.estimation.problem.problem import Problem
 from basecal.estimation.solve import Solution, solve_problem
 from basecal.geometry import PoseEstimate
@@ -17,29 +19,53 @@ from basecal.numerics.spectral import spectrum
 _FEWEST_SAMPLES = 4  # of a part: as many as determine a mount and a base with something left over
 
 
-def changed_frame(problem: Problem, cell: Cell, agreeing: Sequence[int]) -> str:
-    """A sentence about the one transform that differs between the samples that agree and the rest; else nothing.
+class ChangedFrame(NamedTuple):
+    """Numbers of the samples that agree, all before or all after the rest, and a sentence about what differs there."""
+
+    agreeing: tuple[int, ...]
+    sentence: str
+
+
+def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
+    """The one transform that differs between earlier and later samples; None if there is none.
+
+    One half of the samples at least is of one frame alone: what it explains clearly tells where the other begins.
 
     Args:
         problem: Of all samples.
         cell: What exists.
-        agreeing: Numbers of the samples that agree, all before or all after the rest.
     """
     numbers = np.unique(np.concatenate([group.sample for group in problem.groups]))
-    is_agreeing = np.isin(numbers, list(agreeing))
+    if len(numbers) < 2 * _FEWEST_SAMPLES:
+        return None
+    halves = _solve_parts(problem, cell, int(numbers[len(numbers) // 2]))
+    agreeing = agreeing_samples(problem, [half.state for half in halves])
+    is_agreeing = np.isin(numbers, agreeing)
     edges = np.flatnonzero(np.diff(is_agreeing))
     if len(edges) != 1 or min(is_agreeing.sum(), (~is_agreeing).sum()) < _FEWEST_SAMPLES:
-        return ""
+        return None
     first_sample = int(numbers[edges[0] + 1])
-    try:
-        before, after = (solve_problem(_part(problem, first_sample, is_later), cell) for is_later in (False, True))
-    except NotConverged:
-        return ""
+    parts = _solve_parts(problem, cell, first_sample)
+    first = _differing(*parts) if len(parts) == 2 else ""
+    return ChangedFrame(agreeing, _sentence(first, first_sample, parts)) if first else None
+
+
+def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Solution]:
+    """The samples before one, and the others, each solved alone; without those that cannot be."""
+    parts = []
+    for is_later in (False, True):
+        with suppress(NotConverged):
+            parts.append(solve_problem(_part(problem, first_sample, is_later), cell))
+    return parts
+
+
+def _differing(before: Solution, after: Solution) -> str:
+    """The transform that differs far more than all others, in sigmas; "" if none does."""
     shared = before.transforms.keys() & after.transforms.keys() - before.observability.unobservable
     sigmas = {name: _sigmas(before.transforms[name], after.transforms[name]) for name in shared}
     first, *others = sorted(sigmas, key=lambda name: -sigmas[name]) or [""]
     is_alone = bool(first) and sigmas[first] > CLEAR_GAP * max((sigmas[name] for name in others), default=1.0)
-    return _sentence(first, first_sample, (before, after)) if is_alone else ""
+    return first if is_alone else ""
 
 
 def _part(problem: Problem, first_sample: int, is_later: bool) -> Problem:

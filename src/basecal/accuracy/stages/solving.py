@@ -94,7 +94,7 @@ def refuse_unexplained_poses(case: Case) -> Case:
         return case
     assert case.robust is not None
     last, robust = case.solution, case.robust
-    changed = changed_frame(case.problem, case.cell, robust.agreeing) if robust.agreeing else ""
+    changed = changed_frame(case.problem, case.cell)
     agreement = agreement_findings(robust, changed)
     why = (
         unobservable_by_poses(case.cell, case.problem)
