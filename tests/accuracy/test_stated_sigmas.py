@@ -16,6 +16,7 @@ from basecal.accuracy.stated_sigmas import (
     _view_squares,
     contradicted_sigmas,
     judge_sigma,
+    unlikely_sigmas,
     without_contradicted,
 )
 from basecal.cell import Robot
@@ -294,3 +295,15 @@ def test_of_robots_taken_as_stated_no_noise_is_opened(monkeypatch):
     """Only what was seen."""
     found = [too_small("eye", True), too_small("wrist", False)]
     assert opened(monkeypatch, found, "stated") == ("from", {"wrist"}, {"third"})
+
+
+def test_noise_below_any_arm_is_refuted_by_evidence():
+    """Views whose noise is unstated take up what robots of a tenth of a micrometre leave; true sigmas stay."""
+    for factor, robots in ((1e-3, ["eye", "hand"]), (1.0, [])):
+        made = simulate(Scenario(samples=16, robot_noise=(1e-4, 2e-4), state_pixel_noise=False), 0)
+        stated = {n: Robot(n, None if r.noise is None else factor * r.noise) for n, r in made.cell.robots.items()}
+        cell = replace(made.cell, robots=stated)
+        plain = solve_problem(build_problem(cell, made.recording)[0], cell, Settings(robot_noise="estimated"))
+        found = unlikely_sigmas(plain, Settings())
+        assert [each.about for each in found] == robots
+        assert all(each.ratio == pytest.approx(1e3, rel=0.5) for each in found)

@@ -271,7 +271,7 @@ def _accept_step(
     is_better: BoolArray,
     expected_decrease: Array,
     bend: Array | None,
-    least_damping: float,
+    least_damping: float = FIRST_DAMPING,
 ) -> _Flight[S, L]:
     """The flight after a step, taken where it is `is_better`; elsewhere the damping grows."""
     with np.errstate(invalid="ignore"):

@@ -14,6 +14,7 @@ from tests.shared.real_recordings import data_folder
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.findings.outlier_samples import agreeing_samples, agreement_findings, far_stops, outlier_samples
+from basecal.accuracy.phrases.changed_frame import ChangedFrame
 from basecal.cell import Cell, CellCamera, CellTarget, Intrinsics, Recording, Robot, RobotState, Sample, Unknown
 from basecal.cell.targets.charuco import charuco_target
 from basecal.estimation.outliers.left_out import LeftOut
@@ -173,7 +174,9 @@ def test_samples_that_close_the_loop_among_themselves_are_told():
     (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust)
     assert (finding.severity, finding.about) == ("warning", ("3", "4", "5"))
     assert "Of 20 samples only 3 agree with one another: samples 3 to 5." in finding.message
-    (finding,) = agreement_findings(robust(agreeing=(5, 3, 4), samples=20).robust, "From sample 6 on it differs.")
+    (finding,) = agreement_findings(
+        robust(agreeing=(5, 3, 4), samples=20).robust, ChangedFrame((3, 4, 5), "From sample 6 on it differs.")
+    )
     assert finding.why.startswith("From sample 6 on it differs. Nothing was left out")
 
 

@@ -24,6 +24,7 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     robust = SimpleNamespace(solution="without them")
     contradicted = tuple(SimpleNamespace(is_too_small=each) for each in small)
     monkeypatch.setattr(judging, "contradicted_sigmas", lambda solution: contradicted)
+    monkeypatch.setattr(judging, "unlikely_sigmas", lambda *words: ())
     monkeypatch.setattr(judging, "without_contradicted", lambda *words: robust)
     monkeypatch.setattr(judging, "systematic_error", lambda *words: given.append(words) or "found")
     before = Case(MADE.cell, MADE.recording, Settings(), packed="all", robust=SimpleNamespace(solution="as stated"))

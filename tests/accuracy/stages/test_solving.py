@@ -95,6 +95,7 @@ def test_views_that_are_not_explained_are_refused(monkeypatch, hidden, expected)
     monkeypatch.setattr(solving, "unobservable_by_poses", lambda *given: [Finding(c, "error", (), "") for c in hidden])
     monkeypatch.setattr(solving, "explaining_offsets", lambda *given: [])
     monkeypatch.setattr(solving, "hopeless", lambda *given: Finding("poor-fit", "error", (), ""))
+    monkeypatch.setattr(solving, "changed_frame", lambda *given: None)
     monkeypatch.setattr(solving, "agreement_findings", lambda *given: [Finding("agree", "info", (), "")])
     before = case(
         robust=SimpleNamespace(solution=SOLVED, agreeing=()), findings=(Finding("poor-fit", "info", (), ""), WARNING)

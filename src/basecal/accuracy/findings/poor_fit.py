@@ -43,8 +43,8 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     about = _robots_alike(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
     whose = f"poses of {' or '.join(about)}" if sigma.of_robot else f"what {sigma.about} saw" if about else "everything"
     found = evidence.solution.noise.robots.get(sigma.about)
-    stated = _stated_noise(sigma, evidence)
-    if found is not None and stated is not None and (not sigma.is_too_small or is_below_arms(stated)):
+    stated = np.zeros(6) if found is None else _stated_noise(sigma.about, evidence)
+    if found is not None and (not sigma.is_too_small or is_below_arms(stated)):
         what = f"The stated noise of {sigma.about} is {_noise(stated)}; the data show {_noise(found)}."
         do = (f"State noise of {_noise(found)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
         return Finding("poor-fit", "warning", about, what, do, "The answer is by the noise that the data show.")
@@ -59,11 +59,10 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     return Finding("poor-fit", severity, about, what, do, why)
 
 
-def _stated_noise(sigma: ContradictedSigma, evidence: Evidence) -> Array | None:
-    """What was stated of a robot, (6,) [m, rad]; None of what is no robot's."""
+def _stated_noise(robot: str, evidence: Evidence) -> Array:
+    """What was stated of a robot, (6,) [m, rad]."""
     stops = evidence.recorded.stops
-    own = [name == sigma.about for name in stops.robot]
-    return np.asarray(stops.sigma[own].mean(0)) if sigma.of_robot and any(own) else None
+    return np.asarray(stops.sigma[[name == robot for name in stops.robot]].mean(0))
 
 
 def _robots_alike(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:

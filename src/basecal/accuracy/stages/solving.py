@@ -13,6 +13,7 @@ from basecal.accuracy.input_check.explaining_offsets import explaining_offsets
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
 from basecal.accuracy.phrases.changed_frame import changed_frame
 from basecal.accuracy.stages.case import Case
+from basecal.cell import Finding
 from basecal.estimation.outliers.likely_lenses import with_likely_lenses
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import solve_robustly
@@ -92,14 +93,20 @@ def refuse_unexplained_poses(case: Case) -> Case:
     """Refuse poses that do not explain the views: directions that they hide lead a solver astray, or they are wrong."""
     if is_explained(case):
         return case
-    assert case.robust is not None
-    last, robust = case.solution, case.robust
-    changed = changed_frame(case.problem, case.cell)
-    agreement = agreement_findings(robust, changed)
+    last = case.solution
     why = (
         unobservable_by_poses(case.cell, case.problem)
         or explaining_offsets(last.problem, last.state, case.stated_settings)
-        or [replace(each, severity="error") for each in agreement if changed]
-        or [hopeless(last.problem, last.state), *agreement]
+        or _disagreement(case)
     )
     return case.refuse([*why, *(finding for finding in case.findings if finding.code != why[0].code)])
+
+
+def _disagreement(case: Case) -> list[Finding]:
+    """Errors about samples of which earlier and later ones differ by a frame, or that poses and views do not agree."""
+    assert case.robust is not None
+    changed, last = changed_frame(case.problem, case.cell), case.solution
+    agreement = agreement_findings(case.robust, changed)
+    if changed is not None:
+        return [replace(each, severity="error") for each in agreement]
+    return [hopeless(last.problem, last.state), *agreement]
