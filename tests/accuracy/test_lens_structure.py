@@ -14,6 +14,7 @@ from tests.simulated_problem import simulated_problem
 
 from basecal.accuracy import lens_structure
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.covariance.widening import widen
 from basecal.accuracy.lens_structure import (
     LensStructure,
     _answer_step,
@@ -30,7 +31,6 @@ from basecal.accuracy.lens_structure import (
 )
 from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL
 from basecal.accuracy.residuals.fit import single_view_pose
-from basecal.accuracy.widening import widen
 from basecal.estimation.problem.build import build_problem
 from basecal.estimation.problem.problem import State
 from basecal.estimation.settings import Settings

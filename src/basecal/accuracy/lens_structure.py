@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.accuracy.covariance.widening import solution_step
 from basecal.accuracy.model_comparison.nested_models import SINGLE_LEVEL, compare_nested_models
 from basecal.accuracy.residuals.fit import single_view_pose
-from basecal.accuracy.widening import solution_step
 from basecal.estimation.problem.view_group import ViewGroup
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_from

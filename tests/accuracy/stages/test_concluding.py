@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from basecal.accuracy.covariance.widening import widen
 from basecal.accuracy.stages import concluding
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.widening import widen
 from basecal.cell import Certificate, ClockOffset, Finding
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tests.touch_cells import recorded, touch_cell, touch_lines
 
+from basecal.accuracy.covariance.widening import solution_step
 from basecal.accuracy.systematic_errors import expected_sizes
 from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_posterior, with_expected_sizes
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.widening import solution_step
 from basecal.cell import RobotState
 from basecal.effects import lens_sag, mount_bend, target_size
 from basecal.effects.faces.found_effect import FoundEffect

@@ -8,12 +8,12 @@ import pytest
 from scipy.stats import f
 from tests.evidence import evidence_of
 
+from basecal.accuracy.covariance.widening import widen
 from basecal.accuracy.findings.systematic_error import systematic_error as findings
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors import search
 from basecal.accuracy.systematic_errors.search import _reconciling, systematic_error
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.widening import widen
 from basecal.cell import Recording, RobotState, Sample
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found_effect import FoundEffect

@@ -81,13 +81,13 @@ def agreeing_samples(evidence: Evidence) -> list[Finding]:
     return agreement_findings(robust, changed)
 
 
-def agreement_findings(robust: RobustSolution, changed: ChangedFrame | None = None) -> list[Finding]:
+def agreement_findings(robust: RobustSolution, change: ChangedFrame | None = None) -> list[Finding]:
     """The same of a solution that nothing else is known about, but what changed between the samples."""
-    numbers = sorted(robust.agreeing if changed is None else changed.agreeing)
+    numbers = sorted(robust.agreeing if change is None else change.agreeing)
     if not numbers:
         return []
     what = f"Of {robust.samples} samples only {len(numbers)} agree with one another: {list_samples(numbers)}."
-    cause = "" if changed is None else changed.sentence
+    cause = "" if change is None else change.sentence
     why = f"{cause} Nothing was left out, and the answer is not to be trusted.".lstrip()
     if cause:
         do: tuple[str, ...] = ("Import the samples from there on into a cell of their own, or record them again.",)

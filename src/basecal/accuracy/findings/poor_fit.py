@@ -43,7 +43,7 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     about = _robots_alike(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
     whose = f"poses of {' or '.join(about)}" if sigma.of_robot else f"what {sigma.about} saw" if about else "everything"
     found = evidence.solution.noise.robots.get(sigma.about)
-    stated = np.zeros(6) if found is None else _stated_noise(sigma.about, evidence)
+    stated = np.zeros(6) if found is None else _mean_noise(sigma.about, evidence)
     if found is not None and (not sigma.is_too_small or is_below_arms(stated)):
         what = f"The stated noise of {sigma.about} is {_noise(stated)}; the data show {_noise(found)}."
         do = (f"State noise of {_noise(found)}: sigma_t_m is in metres, sigma_r_rad in radians.",)
@@ -59,8 +59,8 @@ def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     return Finding("poor-fit", severity, about, what, do, why)
 
 
-def _stated_noise(robot: str, evidence: Evidence) -> Array:
-    """What was stated of a robot, (6,) [m, rad]."""
+def _mean_noise(robot: str, evidence: Evidence) -> Array:
+    """The noise that is stated of a robot, (6,) [m, rad]."""
     stops = evidence.recorded.stops
     return np.asarray(stops.sigma[[name == robot for name in stops.robot]].mean(0))
 

@@ -46,7 +46,7 @@ def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
         return None
     first_sample = int(numbers[edges[0] + 1])
     parts = _solve_parts(problem, cell, first_sample)
-    first = _differing(*parts) if len(parts) == 2 else ""
+    first = _find_difference(*parts) if len(parts) == 2 else ""
     return ChangedFrame(agreeing, _sentence(first, first_sample, parts)) if first else None
 
 
@@ -59,10 +59,10 @@ def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Soluti
     return parts
 
 
-def _differing(before: Solution, after: Solution) -> str:
+def _find_difference(first_part: Solution, second_part: Solution) -> str:
     """The transform that differs far more than all others, in sigmas; "" if none does."""
-    shared = before.transforms.keys() & after.transforms.keys() - before.observability.unobservable
-    sigmas = {name: _sigmas(before.transforms[name], after.transforms[name]) for name in shared}
+    shared = first_part.transforms.keys() & second_part.transforms.keys() - first_part.observability.unobservable
+    sigmas = {name: _sigmas(first_part.transforms[name], second_part.transforms[name]) for name in shared}
     first, *others = sorted(sigmas, key=lambda name: -sigmas[name]) or [""]
     is_alone = bool(first) and sigmas[first] > CLEAR_GAP * max((sigmas[name] for name in others), default=1.0)
     return first if is_alone else ""

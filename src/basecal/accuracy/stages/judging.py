@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.certify import prove_solution
+from basecal.accuracy.covariance.widening import largest_shift, widen
 from basecal.accuracy.cross_validation.closed_form_rival import ClosedFormRival
 from basecal.accuracy.cross_validation.held_out_places import place_errors
 from basecal.accuracy.cross_validation.robot_model_selection import choose_robot_model
@@ -20,7 +21,6 @@ from basecal.accuracy.stated_sigmas import contradicted_sigmas, unlikely_sigmas,
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.systematic_errors.search import systematic_error
 from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
-from basecal.accuracy.widening import largest_shift, widen
 from basecal.effects import fixed_transform
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from basecal.accuracy.covariance.widening import solution_step
 from basecal.accuracy.model_comparison.nested_models import (
     DISAGREES,
     FALSE_DISCOVERIES,
@@ -23,7 +24,6 @@ from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
 from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.accuracy.widening import solution_step
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma

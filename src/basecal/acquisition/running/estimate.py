@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.accuracy.covariance.widening import widen
 from basecal.accuracy.noise_summary import noise_summary
 from basecal.accuracy.robot_parameters import robot_parameters
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
 from basecal.accuracy.systematic_errors.search import running_error
-from basecal.accuracy.widening import widen
 from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from basecal.accuracy.widening import largest_shift, solution_step, widen
+from basecal.accuracy.covariance.widening import largest_shift, solution_step, widen
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 

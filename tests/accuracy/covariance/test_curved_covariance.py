@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from tests.journeys.raw import BOARD, LENS
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.curved_covariance import curved_covariance
+from basecal.accuracy.covariance.curved_covariance import curved_covariance
 from basecal.estimation.solve import solve
 from basecal.geometry import Array
 from basecal.simulation import Scenario, SimulatedCell, simulate

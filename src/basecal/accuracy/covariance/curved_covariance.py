@@ -19,7 +19,7 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum
 
-_ROUNDS = 5  # of Newton's method: each squares what a step of degrees is aside
+_MAX_ITERATIONS = 5  # of Newton's method: each squares what a step of degrees is aside
 # Over the sigma of a product of two normals, whose tails are long: then an ellipsoid of 99 % holds 98.9 %, not 96.7 %.
 _TAILS = 2.0
 _LEAST_SHARE = 0.1  # of the smallest sigma, by which an arc leaves its tangent before it counts
@@ -71,7 +71,7 @@ def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State:
     problem = solution.noise.hold_sigmas(solution.problem)
     state, is_free, unit = solution.state.spread(problem, len(sigmas)), sigmas == 0, np.eye(steps.shape[1])
     normal = linearise(problem, state)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ITERATIONS):
         state = retract(problem, state, normal, sigmas @ steps.T)
         normal = linearise(problem, state)
         hessian = np.where(is_free[:, None] & is_free[..., None], steps.T @ normal.hessian @ steps, unit)
