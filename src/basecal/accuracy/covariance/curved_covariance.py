@@ -1,8 +1,8 @@
 """What the curvature of a cell's equations adds to the covariance of its transforms.
 
 A first joint that is known to degrees moves a base along an arc, which leaves its tangent by more than the sigmas
-across it. The best state at a step of z_i sigmas along the least known directions is off their tangents by the sum of
-q_ij z_i z_j, whose second moments are added. Source: docs/mathematics.md (7.1).
+across it. At z_i sigmas along the least known directions the best state is off their tangents by the sum of
+q_ij z_i z_j. The second moments of that sum are added. Source: docs/mathematics.md (7.1).
 """
 
 from __future__ import annotations

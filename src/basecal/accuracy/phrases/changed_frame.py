@@ -29,7 +29,7 @@ class ChangedFrame(NamedTuple):
 def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
     """The one transform that differs between earlier and later samples; None if there is none.
 
-    One half of the samples at least is of one frame alone: what it explains clearly tells where the other begins.
+    One half of the samples at least is of one frame alone: the samples that it explains end where the frame changed.
 
     Args:
         problem: Of all samples.
@@ -51,7 +51,7 @@ def changed_frame(problem: Problem, cell: Cell) -> ChangedFrame | None:
 
 
 def _solve_parts(problem: Problem, cell: Cell, first_sample: int) -> list[Solution]:
-    """The samples before one, and the others, each solved alone; without those that cannot be."""
+    """The samples before one, and the others, each solved alone, if it converges."""
     parts = []
     for is_later in (False, True):
         with suppress(NotConverged):
