@@ -22,7 +22,7 @@ from basecal.studies.solvers.registry import SOLVERS
 from basecal.studies.study_file import read_study
 from torment import besides, disks, system_calls
 from torment.cells import KINDS, calibration, cell_text, made, moved_or_good, write
-from torment.damage import HOSTILE_TEXTS, damaged, places
+from torment.damage import HOSTILE_TEXTS, at, damaged, places
 from torment.exports import EXPORTS
 from torment.foreign import read_damaged_tables
 from torment.hostile_cell import hostile_cell
@@ -209,9 +209,9 @@ def hostile_page(chance: Random, folder: Path) -> str:
     data = json.loads((latest_run(made(kind).folder) / "calibration.json").read_text())
     before = _active(page(cell, read_recording(made(kind).folder, cell), calibration(kind)))
     hostile = chance.choice(HOSTILE_TEXTS)
-    texts = [place for place in places(data) if place and isinstance(_at(data, place), str)]
+    texts = [place for place in places(data) if place and isinstance(at(data, place), str)]
     for place in chance.sample(texts, min(3, len(texts))):
-        _at(data, place[:-1])[place[-1]] = hostile
+        at(data, place[:-1])[place[-1]] = hostile
     try:
         shown = page(cell, read_recording(made(kind).folder, cell), calibration_from_dict(data), title=hostile)
     except InputError:
@@ -220,12 +220,6 @@ def hostile_page(chance: Random, folder: Path) -> str:
     if added:
         raise Fell(f"the page has {sorted(added)} by {hostile!r}")
     return "answered"
-
-
-def _at(data: Any, place: tuple[Any, ...]) -> Any:
-    for key in place:
-        data = data[key]
-    return data
 
 
 WHOLE: dict[str, Trial] = {
