@@ -173,3 +173,14 @@ def test_tips_that_touch_neither_bend_nor_slide():
     solution = solve(cell, recorded(cell, touch_lines(np.random.default_rng(1), 24, 2e-4, is_stated=True)))
     found = with_expected_sizes(cell, solution, None)
     np.testing.assert_allclose(found.covariance, solution.covariance, rtol=1e-3, atol=1e-12)
+
+
+def test_what_carries_a_single_point_neither_bends_nor_slides():
+    """Lights and reflectors are light: the camera's bracket bends, theirs does not."""
+    made = simulate(Scenario(samples=20, target="led"), 2)
+    solution = solve(made.cell, made.recording, STATED)
+    problem = solution.noise.hold_sigmas(solution.problem)
+    situation = Situation(problem, solution.state, problem, {}, solution.noise)
+    given = expected_sizes._cell_effects(made.cell, situation, None)
+    bent = {each.candidate.about[0] for each in given if each.effect in ("mount_bend", "mount_play")}
+    assert bent == {"eye_flange_from_wrist"}

@@ -186,12 +186,12 @@ def _split_effects(
 
 
 def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -> Iterator[Expected]:
-    tools = _tool_mounts(cell)
+    rigid = _tool_mounts(cell) | situation.problem.point_mounts
     for name in CONTAINED:
         effect = EFFECTS[name]
         assert effect.expected is not None
         assert effect.candidates is not None
-        loaded = (each for each in effect.candidates(situation) if each.about[0] not in tools)
+        loaded = (each for each in effect.candidates(situation) if each.about[0] not in rigid)
         yield from (Expected(name, candidate, effect.expected.sigmas) for candidate in loaded)
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
