@@ -122,8 +122,7 @@ def section(result: Mapping[str, Any]) -> Iterator[str]:
         yield (
             f"Both sessions differ by an M2 of {result['sessions']['sessions_m2']:.1f}. Their places are {apart} mm "
             "apart as fitted,\nas reported and by plain least squares. M2 has three freedoms: it is below 2 in 43 of "
-            "100. Arms bend by an expected\nsize, and what the points show of it moves the mean; least squares take it "
-            "for zero. Most of the width is that of\nunknown noise, which 13 and 16 points hardly show."
+            "100. Most of the width is that of\nunknown noise, which 13 and 16 points hardly show."
         )
 
 
