@@ -17,7 +17,7 @@ from basecal.estimation.noise.neighbourhoods import goes_by_neighbourhoods
 from basecal.estimation.problem.problem import State
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
-from basecal.numerics.spectral import scaled_spectrum
+from basecal.numerics.spectral import scaled_spectrum, spectrum
 
 _MAX_ITERATIONS = 5  # of Newton's method: each squares what a step of degrees is aside
 # Over the sigma of a product of two normals, whose tails are long: then an ellipsoid of 99 % holds 98.9 %, not 96.7 %.
@@ -45,6 +45,8 @@ def curved_covariance(solution: Solution, order: Sequence[str]) -> Array:
     ahead[count:] = ahead[first] + ahead[second]
     nowhere = np.zeros((1, ahead.shape[1]))  # descents end anywhere within a share of a sigma: that is no curvature
     states = _best_states(solution, np.concatenate([nowhere, ahead, -ahead]), directions.steps)
+    if states is None:  # directions that nothing tells lead to infinity: they are refused
+        return np.zeros((6 * len(order), 6 * len(order)))
     at = solution.state.transforms
     off = np.concatenate([(at[name].inverse() @ states.transforms[name]).log() for name in order], axis=1)
     own, pairs = np.split(0.5 * np.add(*np.split(off[1:], 2)) - off[0], [count])
@@ -66,8 +68,8 @@ def _directions(solution: Solution, order: Sequence[str]) -> _Directions:
     return _Directions(of.root[:, of.held], wide[-_MOST_DIRECTIONS:])
 
 
-def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State:
-    """The states of least cost that are so many sigmas along directions, (b, m), those of none being free; a batch."""
+def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State | None:
+    """The states of least cost so many sigmas along directions, (b, m), those of none being free; None at infinity."""
     problem = solution.noise.hold_sigmas(solution.problem)
     state, is_free, unit = solution.state.spread(problem, len(sigmas)), sigmas == 0, np.eye(steps.shape[1])
     normal = linearise(problem, state)
@@ -75,5 +77,7 @@ def _best_states(solution: Solution, sigmas: Array, steps: Array) -> State:
         state = retract(problem, state, normal, sigmas @ steps.T)
         normal = linearise(problem, state)
         hessian = np.where(is_free[:, None] & is_free[..., None], steps.T @ normal.hessian @ steps, unit)
-        sigmas = -np.linalg.solve(hessian, (is_free * (normal.gradient @ steps))[..., None])[..., 0]
+        if not np.isfinite(hessian).all():
+            return None
+        sigmas = -(spectrum(hessian).inverse @ (is_free * (normal.gradient @ steps))[..., None])[..., 0]
     return state
