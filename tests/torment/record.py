@@ -7,6 +7,7 @@ sum into the table of docs/reliability.md.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -103,6 +104,11 @@ def summed(rows: Iterable[Row]) -> str:
         commits.setdefault(row.what, {})[str(row.commit)] = None
     shown = [(what, f"{counts.total():,}", *columns(counts), ", ".join(commits[what])) for what, counts in came.items()]
     return table(HEAD, shown)
+
+
+def without_folders(text: str) -> str:
+    """Text with files by their names alone: folders are those of one machine."""
+    return re.sub(r"(?<![\w.])/(?:[^\s/\"';]+/)+", "", text)
 
 
 def columns(counts: Counter[str]) -> tuple[str, str, str, str]:

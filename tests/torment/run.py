@@ -70,7 +70,7 @@ def some(name: str, first: int, count: int) -> Row:
         try:
             what = tried(name, seed)
         except Fell as error:
-            what, why = "fell", str(error)[:_LONGEST_WHY]
+            what, why = "fell", record.without_folders(str(error))[:_LONGEST_WHY]
             print(f"{name}, seed {seed}: {error}", file=sys.stderr, flush=True)
         came[what] += 1
         if what in REMARKABLE:

@@ -57,3 +57,12 @@ def test_recorded_seeds_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_the_page_has_what_is_recorded() -> None:
     """docs/reliability.md's table is that of benchmarks/results/torment.json: `python -m torment.record` writes it."""
     assert page(record.PAGE.read_text(), read()) == record.PAGE.read_text()
+
+
+def test_what_fell_names_no_folder_of_a_machine():
+    """Files by their names; nothing that is recorded holds an absolute path."""
+    told = 'see /tmp/a-b/basecal.txt <- File "/usr/lib/python3/linalg.py", line 144, 3 m/s'
+    assert record.without_folders(told) == 'see basecal.txt <- File "linalg.py", line 144, 3 m/s'
+    for row in record.read():
+        for found in row.seeds.values():
+            assert all(record.without_folders(why) == why for why in found.values())
