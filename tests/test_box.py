@@ -43,6 +43,9 @@ def read_frames(words):
         raise InputError("is no such file")
     if kind == "fault":
         raise ZeroDivisionError("by what it holds")
+    if kind == "own fault":
+        from basecal.errors import nearest
+        nearest(None, ["a"])
     if kind == "crash":
         import os; os.abort()
     print("noise")
@@ -81,6 +84,40 @@ def test_what_takes_too_much_is_ended(tmp_path: Path, kind: str, message: str) -
     assert next(found) == ([kind, 1.5], b"first")
     with pytest.raises(InputError, match=message):
         list(found)
+
+
+def test_a_fault_of_this_package_is_none_of_the_file() -> None:
+    """It comes with its traceback in the box, and is no error of the input."""
+    with pytest.raises(box.BoxFault, match=r"^TypeError 'NoneType'") as found:
+        list(box.frames("boxed_tasks", ["own fault"], 0))
+    assert not isinstance(found.value, InputError)
+    assert "in nearest" in found.value.__notes__[0]
+
+
+def raised(text: str, module: str) -> Exception:
+    """What a text raises as a line of a module."""
+    with pytest.raises(Exception) as found:  # noqa: PT011
+        exec(textwrap.dedent(text), {"__name__": module})
+    return found.value
+
+
+@pytest.mark.parametrize(
+    ("text", "module", "is_own"),
+    [
+        ("{}['x']", "basecal.exchange.bags", True),
+        ("import json; json.loads(3)", "basecal.exchange.bags", True),
+        ("{}['x']", "rosbags.reader", False),
+        ("import json; json.loads(3)", "rosbags.reader", False),
+        ("import sqlite3; sqlite3.connect(':memory:').execute('x')", "basecal.exchange.bags", False),
+        ("open('/no/such')", "basecal.exchange.bags", False),
+        ("from basecal.errors import InputError; raise InputError('x')", "basecal.exchange.bags", False),
+    ],
+)
+def test_whose_fault_it_is(text: str, module: str, is_own: bool) -> None:
+    """By whose line raised it, lines of Python's own modules aside, and by whose kind of error it is."""
+    error = raised(text, module)
+    error.__traceback__ = error.__traceback__.tb_next if error.__traceback__ else None  # without this test's line
+    assert box.is_own_fault(error) is is_own
 
 
 def test_what_is_silent_is_ended() -> None:
@@ -149,6 +186,6 @@ def test_what_moves_is_stopped_if_the_parent_is_killed(tmp_path: Path, number: s
 def test_what_is_silent_is_interrupted_before_it_is_killed(tmp_path: Path) -> None:
     """So that it can stop what it moves."""
     stopped = tmp_path / "stopped"
-    with pytest.raises(InputError, match=r"gave no answer within 0\.5 s"):
-        list(box.frames("boxed_tasks", ["arm", str(stopped)], 0, ending_s=5.0, silence_s=0.5))
+    with pytest.raises(InputError, match=r"gave no answer within 3 s"):
+        list(box.frames("boxed_tasks", ["arm", str(stopped)], 0, ending_s=5.0, silence_s=3.0))
     assert stopped.exists()

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from importlib import import_module
@@ -28,6 +29,7 @@ _ORPHAN_S = 1.0  # that a process has to end after its parent
 _LEAST_S, _BYTES_PER_S = 20, 4e6  # of the processor: for any file, and how slowly a large one may be read
 _LEAST_BYTES, _TIMES = 2**30, 50  # that may come of a file: 1 GiB, or so many times its own
 _LENGTHS = struct.Struct("<II")
+_OWN = ("basecal", "__main__")  # rooms of modules: `__main__` is this one, where it is a process
 
 Frame = tuple[Any, bytes]
 """Plain data, as JSON has it, and bytes."""
@@ -39,6 +41,10 @@ class BoxError(InputError):
 
 class LibraryError(InputError):
     """A library in the box could not read the file; without the file's name."""
+
+
+class BoxFault(RuntimeError):
+    """A fault of this package in the box, which no file excuses; its traceback there is a note of it."""
 
 
 _ERRORS: dict[Any, type[BasecalError]] = {each.exit_code: each for each in (UsageError, InputError)}
@@ -58,6 +64,7 @@ def frames(
 
     Raises:
         InputError: if it cannot read them, or takes more than it may; without the name of the file.
+        BoxFault: if the module is at fault.
     """
     seconds, most = int(_LEAST_S + size / _BYTES_PER_S), _LEAST_BYTES + _TIMES * size
     command = [sys.executable, "-m", "basecal.box", module, str(seconds), str(most), *words]
@@ -123,12 +130,17 @@ def _read(stream: IO[bytes]) -> Frame | None:
 
     Raises:
         InputError: with the reason, if it could not be read.
+        BoxFault: if the module is at fault.
     """
     lengths = stream.read(_LENGTHS.size)
     if len(lengths) < _LENGTHS.size:
         return None
     first, second = _LENGTHS.unpack(lengths)
     data, content = json.loads(stream.read(first)), stream.read(second)
+    if isinstance(data, dict) and "fault" in data:
+        fault = BoxFault(data["fault"])
+        fault.add_note(data["traceback"])
+        raise fault
     if isinstance(data, dict) and "refused" in data:
         raise _ERRORS.get(data.get("code"), LibraryError)(data["refused"])
     return data, content
@@ -187,6 +199,20 @@ def _end_with_parent() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def is_own_fault(error: Exception) -> bool:
+    """Whether an error is a fault of this package: of a kind of Python's own, and raised by a line of this package.
+
+    What a library raises, in its own lines or by a kind of its own, is of the file that it reads.
+    """
+    if isinstance(error, BoxFault):
+        return True
+    if type(error).__module__ != "builtins" or isinstance(error, OSError | EOFError):
+        return False
+    frames_of_error = reversed([frame for frame, _ in traceback.walk_tb(error.__traceback__)])
+    rooms = [str(frame.f_globals.get("__name__", "")).partition(".")[0] for frame in frames_of_error]
+    return next((room for room in rooms if room not in sys.stdlib_module_names), _OWN[0]) in _OWN
+
+
 def main() -> None:
     """Run the task that the words of this process name; what libraries print goes nowhere."""
     out = os.fdopen(os.dup(1), "wb")
@@ -200,7 +226,10 @@ def main() -> None:
     except BasecalError as error:
         _write(({"refused": str(error), "code": error.exit_code}, b""), out)
     except Exception as error:
-        _write(({"refused": " ".join(f"{type(error).__name__} {error}".split())}, b""), out)
+        what = " ".join(f"{type(error).__name__} {error}".split())
+        is_own = is_own_fault(error)
+        told = {"fault": what, "traceback": "".join(traceback.format_exception(error))} if is_own else {"refused": what}
+        _write((told, b""), out)
 
 
 if __name__ == "__main__":

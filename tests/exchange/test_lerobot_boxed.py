@@ -53,6 +53,39 @@ def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest
         list(lerobot_boxed.read_frames(["0", path]))
 
 
+@pytest.mark.parametrize(
+    ("state", "stamp", "episode"),
+    [
+        ([[1.0], [2.0, 3.0]], [0.0, 1.0], [0, 0]),
+        ([[1.0], None], [0.0, 1.0], [0, 0]),
+        ([[], []], [0.0, 1.0], [0, 0]),
+        ([[1.0], [None]], [0.0, 1.0], [0, 0]),
+        (["a", "b"], [0.0, 1.0], [0, 0]),
+        ([[[1.0]], [[2.0]]], [0.0, 1.0], [0, 0]),
+        ([{"a": 1.0}, {"a": 2.0}], [0.0, 1.0], [0, 0]),
+        ([[1.0], [2.0]], [0.0, None], [0, 0]),
+        ([[1.0], [2.0]], [0.0, 1.0], ["a", "b"]),
+        (None, [0.0, 1.0], [0, 0]),
+    ],
+)
+def test_columns_of_something_else(tmp_path: Path, state: object, stamp: object, episode: object) -> None:
+    """Rows of several lengths, holes, words, lists of lists and a column that is not there are of the file."""
+    columns = {"timestamp": stamp, "episode_index": episode} | ({} if state is None else {"observation.state": state})
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table(columns), path)
+    with pytest.raises(InputError, match=r"a\.parquet: not a table of LeRobot \(\w+\), expected observation\.state"):
+        list(lerobot_boxed.read_frames(["0", str(path)]))
+
+
+def test_stamps_may_be_lists_of_one(tmp_path: Path) -> None:
+    """As some versions write them."""
+    columns = {"observation.state": [[1, 2], [3, 4]], "timestamp": [[0.0], [0.5]], "episode_index": [0, 0]}
+    pq.write_table(pa.table(columns), tmp_path / "a.parquet")
+    ((sizes, content),) = lerobot_boxed.read_frames(["0", str(tmp_path / "a.parquet")])
+    assert sizes == [2, 0, 0]
+    np.testing.assert_array_equal(np.frombuffer(content).reshape(2, 3), [[0, 1, 2], [0.5, 3, 4]])
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="needs the most memory that a process had [kB]")
 @pytest.mark.parametrize(("rows", "groups", "numbers"), [(200_000, 60, _MOTORS), (4, 3, 20_000_000)])

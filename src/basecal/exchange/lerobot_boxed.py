@@ -9,9 +9,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from pyarrow.parquet import ParquetFile
 
-from basecal.box import Frame
+from basecal.box import Frame, is_own_fault
 from basecal.errors import InputError
 from basecal.geometry import Array
 
@@ -29,7 +30,9 @@ def read_frames(words: Sequence[str]) -> Iterator[Frame]:
             yield from _frames(path, int(words[0]))
         except (MemoryError, InputError):
             raise
-        except (pa.ArrowException, OSError, ValueError, LookupError, TypeError) as error:
+        except Exception as error:  # of Arrow, of a dozen kinds
+            if is_own_fault(error):
+                raise
             expected = f"expected {', '.join(_COLUMNS[:2])} and {_COLUMNS[2]}"
             raise InputError(f"{path}: not a table of LeRobot ({type(error).__name__}), {expected}") from None
 
@@ -39,12 +42,27 @@ def _frames(path: str, episode: int) -> Iterator[Frame]:
     if table.metadata.num_rows > _MOST_ROWS:
         raise InputError(f"{path}: has more than {_MOST_ROWS} rows; cut it")
     for batch in table.iter_batches(_AT_ONCE, columns=_COLUMNS, use_threads=False):
-        episodes = np.array(batch.column("episode_index").to_pylist(), dtype=np.int64).reshape(-1)
+        episodes = _numbers(batch, "episode_index")[:, 0]
         of_episode = batch.filter(pa.array(episodes == episode))
         rows = _rows(of_episode) if len(of_episode) else np.zeros((0, 1))
         yield [rows.shape[1] - 1, int(episodes.min()), int(episodes.max())], rows.tobytes()
 
 
 def _rows(batch: pa.RecordBatch) -> Array:
-    stamps = [float(np.ravel(stamp)[0]) for stamp in batch.column("timestamp").to_pylist()]
-    return np.column_stack([stamps, np.array(batch.column(STATE).to_pylist(), dtype=np.float64)])
+    return np.column_stack([_numbers(batch, "timestamp")[:, 0], _numbers(batch, STATE)])
+
+
+def _numbers(batch: pa.RecordBatch, name: str) -> Array:
+    """A column (rows, numbers of each), of one number or a list of them a row.
+
+    Raises:
+        ArrowException: if it holds anything else.
+    """
+    column = batch.column(name)
+    is_list = column.type.num_fields > 0
+    widths = pc.unique(pc.list_value_length(column)).to_pylist() if is_list else [1]
+    values = column.flatten() if is_list else column
+    if len(widths) != 1 or not widths[0] or values.null_count:
+        raise pa.ArrowInvalid(f"{name}: rows of {widths} numbers, {values.null_count} of them none")
+    numbers: Array = values.cast(pa.float64()).to_numpy(zero_copy_only=False)
+    return numbers.reshape(len(column), -1)

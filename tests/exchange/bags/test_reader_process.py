@@ -6,6 +6,7 @@ import os
 import sqlite3
 import struct
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.bag_of_cell import BEGIN_S, new_bag
 
 from basecal import box
 from basecal.errors import DatasetError
+from basecal.exchange.bags import bag as bags
 from basecal.exchange.bags.bag import Bag, open_bag
 
 COUNT = 200
@@ -99,6 +101,33 @@ def test_tables_that_calculate_are_refused(tmp_path: Path, messages: str) -> Non
     """An endless view, columns that are calculated, tables of modules."""
     with pytest.raises(DatasetError, match="messages are not a plain table"):
         opened(small_database(tmp_path / "a.db3", messages))
+
+
+@pytest.mark.parametrize("values", ["1, 'soon', x'00'", "1, 1, 1000000000"])
+def test_rows_that_are_no_messages_end_a_cut_database(tmp_path: Path, values: str) -> None:
+    """A number in place of bytes is not so many zeros."""
+    table = "CREATE TABLE messages(topic_id, timestamp, data);"
+    path = small_database(tmp_path / "a.db3", f"{table} INSERT INTO messages VALUES ({values})")
+    content = bytearray(path.read_bytes())
+    content[28:32] = (99).to_bytes(4, "big")  # pages that it says it has
+    path.write_bytes(content)
+    bag = opened(path)
+    assert not list(bag.read(["/joint_states"]))
+    assert bag.damage
+
+
+def test_a_fault_of_the_reader_is_not_called_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It passes through as what it is, with the words of its traceback."""
+    path = written(tmp_path, "ros1")
+    fault = box.BoxFault("TypeError")
+
+    def faulty(*given: object) -> Iterator[box.Frame]:
+        raise fault
+        yield
+
+    monkeypatch.setattr(bags, "frames", faulty)
+    with pytest.raises(box.BoxFault):
+        opened(path)
 
 
 def mcap_of_one_chunk(path: Path, content: bytes, compression: bytes, size: int) -> Path:

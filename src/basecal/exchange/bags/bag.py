@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from basecal.bounded_file import check_regular, read_bounded
-from basecal.box import Frame, LibraryError, frames
+from basecal.box import Frame, LibraryError, frames, is_own_fault
 from basecal.errors import DatasetError, InputError, MissingExtra
 from basecal.exchange.bags.tag_poses import POSE_DEFINITIONS
 from basecal.exchange.bags.tags import DEFINITIONS
@@ -167,6 +167,8 @@ def _name_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         raise DatasetError(str(path), f"cannot be read: {error.strerror or error}") from None
     except Exception as error:
+        if is_own_fault(error):
+            raise
         raise _damage_error(path, error) from None
 
 

@@ -19,7 +19,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from basecal.box import Frame
+from basecal.box import Frame, is_own_fault
 from basecal.errors import InputError
 
 _MOST_MESSAGES = 5_000_000  # of a recording of hours
@@ -51,6 +51,8 @@ def _messages(reader: Any, connections: Collection[Connection]) -> Iterator[Fram
         except MemoryError:
             raise
         except Exception as error:
+            if is_own_fault(error):
+                raise
             yield {"damage": " ".join(f"{error}".split()) or type(error).__name__}, b""
             return
         yield [connection.topic, recorded_ns], raw
@@ -72,7 +74,7 @@ class _Mcap(McapReader):
         try:
             super()._open()
         except Exception as error:
-            if not self.data_start:
+            if not self.data_start or is_own_fault(error):
                 raise
             self.damage = str(error)
             self._scan()
@@ -141,8 +143,10 @@ class _Sqlite(Sqlite3Reader):
         with closing(self._connect()) as database:
             try:
                 for key, stamp, data in database.execute("SELECT topic_id, timestamp, data FROM messages"):
+                    if not (isinstance(stamp, int) and isinstance(data, bytes)):
+                        raise sqlite3.DataError("a message has no bytes, or no time")
                     if key in connections:
-                        yield connections[key], int(stamp), bytes(data)
+                        yield connections[key], stamp, data
             except sqlite3.DatabaseError as error:
                 self.damage = str(error)
 
