@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import cache
+from multiprocessing import Pipe
 from pathlib import Path
 from random import Random
 from shutil import copytree
@@ -28,6 +29,7 @@ from shared.second_process import own_host, second_process
 from torment.cells import cell_text, made
 from torment.damage import torn_bytes
 from torment.faulty_link import choose_link, linked, played, reach
+from torment.warm import server
 
 Stage = Callable[[Random, Path], AbstractContextManager[list[str]]]
 """A context in which the words of a command line connect a driver to what is hostile."""
@@ -194,8 +196,6 @@ def _sent_by_udp(chance: Random) -> Iterator[int]:
 @contextmanager
 def ros2_stage(chance: Random, folder: Path) -> Iterator[list[str]]:
     """A publisher of ROS 2 whose messages lie, in a domain of its own."""
-    from shared.ros2_domain import LOOPBACK
-
     domain = _FIRST_DOMAIN + next(_COUNT) % _DOMAINS
     name, driver = chance.choice(
         [
@@ -206,9 +206,24 @@ def ros2_stage(chance: Random, folder: Path) -> Iterator[list[str]]:
         ]
     )
     words = _check(folder, name, {"kind": "ros2", "domain": domain, "reconnect_s": _RECONNECT_S, **driver})
-    with second_process("torment.ros2_liar", domain, chance.randrange(2**31), CYCLONEDDS_URI=LOOPBACK):
-        os.environ["CYCLONEDDS_URI"] = LOOPBACK
+    with _liar(domain, chance.randrange(2**31)):
         yield words
+
+
+@contextmanager
+def _liar(domain: int, seed: int) -> Iterator[None]:
+    from torment import ros2_liar
+
+    ready, is_ready = Pipe(duplex=False)
+    process = server().Process(target=ros2_liar.main, args=(domain, seed, is_ready.send), daemon=True)
+    process.start()
+    is_ready.close()
+    try:
+        ready.recv()
+        yield
+    finally:
+        process.kill()
+        process.join()
 
 
 def prepare(name: str) -> None:

@@ -1,7 +1,7 @@
 """What was tried so far, by ranges of seeds, so that runs of many days add up and none counts twice.
 
 A line of `benchmarks/results/torment.json` for each kind of trial and commit; `python -m torment.record` writes their
-sum into the table of docs/reliability.md.
+sum into the tables of docs/reliability.md and SECURITY.md.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from pathlib import Path
 _ROOT = Path(__file__).parents[2]
 FILE = _ROOT / "benchmarks" / "results" / "torment.json"
 PAGE = _ROOT / "docs" / "reliability.md"
+PROMISES = _ROOT / "SECURITY.md"
 REMARKABLE = ("fell", "good and moved")  # what is kept with its seed
 HEAD = ("what", "tried", "answered", "refused", "else", "fell", "commits")
 
@@ -128,5 +129,60 @@ def page(text: str, rows: Iterable[Row]) -> str:
     return "".join([*lines[:start], summed(rows) + "\n", *lines[end:]])
 
 
+def promises(text: str, rows: Iterable[Row], modules: Mapping[str, str]) -> str:
+    """The text of SECURITY.md with its counts of seeds written anew, of promises and of sessions.
+
+    Args:
+        text: The text.
+        rows: What was tried.
+        modules: The module of each kind of trial, by which a promise names its trials.
+    """
+    tried: Counter[str] = Counter()
+    came: dict[str, Counter[str]] = {}
+    for row in rows:
+        tried[row.what] += row.end - row.first
+        came.setdefault(row.what, Counter()).update(row.came)
+    lines, head = [], ""
+    for line in text.splitlines():
+        head = line if line.startswith(("| promise |", "| driver |")) else head if line.startswith("|") else ""
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if head.startswith("| promise |") and line != head and not line.startswith("|---"):
+            line = "| " + " | ".join([*cells[:2], _seeds(cells[1], tried, modules)]) + " |"
+        elif head.startswith("| driver |") and cells[0] in _SESSIONS:
+            found = came.get(_SESSIONS[cells[0]], Counter())
+            line = "| " + " | ".join([cells[0], f"{found.total()}", *(f"{found[each]}" for each in _ENDS)]) + " |"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+_SESSIONS = {
+    "UR": "driver ur",
+    "OPC UA": "driver opcua",
+    "ROS 2": "driver ros2",
+    "OpenCV": "driver opencv",
+    "simulated cell": "driver simulated, peer",
+}
+_ENDS = ("answered", "refused", "interrupted", "ended before its interrupt", "fell")
+
+
+def _seeds(trial: str, tried: Counter[str], modules: Mapping[str, str]) -> str:
+    """How many seeds the trials that a promise names were given, and of how many kinds; `tests` if it names none."""
+    named = set(re.findall(r"(\w+)\.py", trial))
+    alone = re.findall(r"`([\w ]+)` of `", trial)
+    kinds = alone or [kind for kind, module in modules.items() if module in named or "outcome" in named]
+    counts = [tried[kind] for kind in kinds]
+    if not counts:
+        return "tests"
+    return f"{sum(counts):,}" + (f" of {len(counts)} kinds, at least {min(counts):,} each" if len(counts) > 1 else "")
+
+
+def trial_modules() -> dict[str, str]:
+    """The module of each kind of trial, without its package."""
+    from torment.run import TRIALS
+
+    return {name: getattr(trial, "func", trial).__module__.rpartition(".")[2] for name, trial in TRIALS.items()}
+
+
 if __name__ == "__main__":
     PAGE.write_text(page(PAGE.read_text(), read()))
+    PROMISES.write_text(promises(PROMISES.read_text(), read(), trial_modules()))

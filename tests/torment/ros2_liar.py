@@ -1,12 +1,10 @@
-"""A publisher of ROS 2 that lies, as a process: `python -m torment.ros2_liar DOMAIN SEED`; it ends with its input."""
+"""A publisher of ROS 2 that lies, in a process of its own."""
 
 from __future__ import annotations
 
 import os
 import socket
 import struct
-import sys
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -55,8 +53,8 @@ def _change(data: bytes, fault: str, chance: Random) -> bytes:
     return data + bytes(chance.choice([1, 10**6])) if fault == "huge" else data
 
 
-def main(domain: int, seed: int) -> None:
-    """Send until the standard input ends, from a moment on with a fault."""
+def main(domain: int, seed: int, tell: Callable[[str], object]) -> None:
+    """Tell that it begins, and send until the process is ended, from a moment on with a fault."""
     chance = Random(seed)
     fault, until_s = chance.choice(_FAULTS), time.monotonic() + chance.choice([0.0, 1.0, 4.0])
     publisher = Publisher(domain, 0.0, 0.0, 64, 48)
@@ -65,7 +63,7 @@ def main(domain: int, seed: int) -> None:
         topic: [Speaker(domain, *topic, is_latched=False) for _ in range(1 + (fault == "two"))] for topic in messages
     }
     noise = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    print("ready", flush=True)
+    tell("ready")
     began_ns = time.time_ns()
     while os.getppid() != 1:
         lies = time.monotonic() > until_s
@@ -81,8 +79,3 @@ def main(domain: int, seed: int) -> None:
             port = _PORT_OF_DOMAIN_0 + _PORTS_OF_A_DOMAIN * domain + chance.randrange(20)
             noise.sendto(b"RTPS" + chance.randbytes(chance.choice([16, 200, 1400])), ("127.0.0.1", port))
         time.sleep(_PERIOD_S)
-
-
-if __name__ == "__main__":
-    threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
-    main(int(sys.argv[1]), int(sys.argv[2]))

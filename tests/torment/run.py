@@ -23,6 +23,7 @@ from torment.outcome import Fell
 from torment.readers import READERS, Trial
 from torment.record import REMARKABLE, Row, commit, table
 from torment.trials import WHOLE
+from torment.warm import boxes
 
 TRIALS: dict[str, Trial] = {**READERS, **WHOLE}
 GROUPS = {"readers": list(READERS), "whole": list(WHOLE)}
@@ -44,7 +45,8 @@ def tried(name: str, seed: int) -> str:
     where = _MEMORY if _MEMORY.is_dir() else None
     with TemporaryDirectory(prefix="torment-", dir=where, ignore_cleanup_errors=True) as folder:
         most = max(peak_mb(), resident_mb() + _LARGEST_MB - _BY_ITSELF_MB)
-        came = TRIALS[name](Random(f"{name} {seed}"), Path(folder))
+        with boxes():
+            came = TRIALS[name](Random(f"{name} {seed}"), Path(folder))
     if peak_mb() > most:
         raise Fell(f"took {peak_mb():.0f} MB")
     return came

@@ -7,7 +7,6 @@ command reports that it runs, and end by 130 within two seconds; what ended befo
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import resource
 import signal
@@ -16,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, partial
+from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from random import Random
@@ -27,6 +26,7 @@ from torment import record
 from torment.devices import STAGES, prepare
 from torment.outcome import CODES, Fell
 from torment.record import Row, table
+from torment.warm import boxes, server
 
 MOST_BYTES = 2**30  # of address space
 PATIENCE_S = 90.0  # of any driver that is connected again for a second; a picture of a simulated cell may take 60 s
@@ -35,16 +35,6 @@ _DELAYS_S = (0.1, 0.5, 1.0, 2.0, 5.0)  # from the report of a command to its int
 _LOOK_S = 0.01  # between looks whether it reports
 _EARLY = "ended before its interrupt"
 _SHOWN = 300  # characters of what was printed
-_PRELOADED = ["basecal.cli.driver_check", "basecal.acquisition.driver_check.check_process", "basecal.cell.files"]
-_PRELOADED += [f"basecal.acquisition.drivers.{kind}" for kind in ("ur", "opcua", "ros2", "opencv", "simulated")]
-_PRELOADED += ["rtde_receive", "rtde_control", "asyncua.sync", "cyclonedds.sub"]
-
-
-@cache
-def _context() -> multiprocessing.context.ForkServerContext:
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_PRELOADED)
-    return context
 
 
 def _command(words: Sequence[str], said: str) -> None:
@@ -58,7 +48,8 @@ def _command(words: Sequence[str], said: str) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    os._exit(main(words))
+    with boxes():
+        os._exit(main(words))
 
 
 class Came(NamedTuple):
@@ -78,7 +69,7 @@ def session(name: str, chance: Random, folder: Path) -> Came:
     delay_s = chance.choice(_DELAYS_S) * chance.random() if chance.random() < 0.3 else None
     said = folder / "said"
     with STAGES[name](chance, folder) as words:
-        process = _context().Process(target=_command, args=(words, str(said)))
+        process = server().Process(target=_command, args=(words, str(said)))
         process.start()
         began_s = time.monotonic()
         is_interrupted = delay_s is not None and _runs_until(process, said, delay_s)

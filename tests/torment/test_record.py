@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,26 @@ def test_recorded_seeds_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_the_page_has_what_is_recorded() -> None:
     """docs/reliability.md's table is that of benchmarks/results/torment.json: `python -m torment.record` writes it."""
     assert page(record.PAGE.read_text(), read()) == record.PAGE.read_text()
+
+
+def test_the_promises_have_what_is_recorded() -> None:
+    """SECURITY.md's counts are those of benchmarks/results/torment.json: `python -m torment.record` writes them."""
+    text = record.PROMISES.read_text()
+    assert record.promises(text, read(), record.trial_modules()) == text
+
+
+def test_seeds_of_a_promise() -> None:
+    """Those of the trials of the modules that it names, of one kind alone, or cases of tests."""
+    modules = {"poses": "readers", "URDF": "readers", "page": "trials", "view": "others"}
+    tried = Counter({"poses": 1500, "URDF": 20, "page": 3})
+    for trial, expected in (
+        ("`tests/torment/readers.py`", "1,520 of 2 kinds, at least 20 each"),
+        ("`tests/torment/others.py`, `tests/test_box.py`", "0"),
+        ("`page` of `tests/torment/trials.py`", "3"),
+        ("`tests/torment/outcome.py`, every command", "1,523 of 4 kinds, at least 0 each"),
+        ("`tests/test_box.py`", "tests"),
+    ):
+        assert record._seeds(trial, tried, modules) == expected
 
 
 def test_what_fell_names_no_folder_of_a_machine():
