@@ -18,13 +18,24 @@ HOLD = 0.99
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("persona", [opencv_arm, opencv_cameras, ros_sessions, three_makers, production])
+@pytest.mark.parametrize(
+    ("persona", "seed"),
+    [
+        (opencv_arm, 0),
+        (opencv_cameras, 0),
+        (opencv_cameras, 9),  # two draws with a frontal view that an arm's noise beside a wrong shape made an outlier
+        (opencv_cameras, 11),
+        (ros_sessions, 0),
+        (three_makers, 0),
+        (production, 0),
+    ],
+)
 def test_from_files_to_an_answer(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, persona: Callable[[Path, int], Persona]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, persona: Callable[[Path, int], Persona], seed: int
 ) -> None:
     """Each command ends well, the calibration among them, and what is found is the truth."""
     monkeypatch.chdir(tmp_path)
-    made = persona(tmp_path, 0)
+    made = persona(tmp_path, seed)
     run(*made.commands)
     for name, truth in made.truth.items():
         assert squared_error(tmp_path / made.cell, name, truth) < chi2.ppf(HOLD, 6), name

@@ -40,8 +40,8 @@ READING_STAGES = (
 SOLVING_STAGES = (
     Stage(None, solving.solve_all),
     Stage("conventions", solving.screen_conventions),
-    Stage(None, pose_noise.shape_pose_noise),
     Stage(None, solving.leave_outliers_out),
+    Stage(None, pose_noise.shape_pose_noise),
     Stage(None, solving.widen_lenses),
     Stage(None, solving.join_static_scene),
     Stage("noise", solving.integrate_noise),

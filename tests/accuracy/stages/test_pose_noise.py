@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.stages.pose_noise import shape_pose_noise
-from basecal.accuracy.stages.solving import solve_all
+from basecal.accuracy.stages.pose_noise import likely_size, shape_pose_noise
+from basecal.accuracy.stages.solving import leave_outliers_out, solve_all
 from basecal.cell import PoseObservation
 from basecal.estimation.problem.build import build_problem
-from basecal.estimation.settings import STATED
+from basecal.estimation.settings import DEFAULT
 from basecal.estimation.view.pose_errors import corner_covariances
 from basecal.geometry import SE3, Array
 from basecal.simulation import Scenario, simulate
@@ -29,7 +29,7 @@ def case_of(errors: Array, sigma: Array | None = None) -> Case:
     )
     recording = replace(MADE.recording, samples=samples)
     problem, _ = build_problem(MADE.cell, recording)
-    return solve_all(Case(MADE.cell, recording, STATED, packed=problem))
+    return leave_outliers_out(solve_all(Case(MADE.cell, recording, DEFAULT, packed=problem)))
 
 
 def error_of(case: Case) -> float:
@@ -37,10 +37,21 @@ def error_of(case: Case) -> float:
     return float(np.linalg.norm(off.log()))
 
 
+def seen_poses() -> list[SE3]:
+    return [sample.observations[0].camera_from_target for sample in MADE.recording.samples]
+
+
+def arm_errors(seed: int) -> Array:
+    """As an arm's flange has them, carried to the target."""
+    mount = MADE.truth["arm_flange_from_wrist"]
+    flange_from_target = mount @ SE3.stack(seen_poses())
+    errors = np.random.default_rng(seed + 100).normal(size=(len(flange_from_target), 6)) * np.repeat([1e-4, 2e-4], 3)
+    return (flange_from_target.inverse() @ SE3.exp(errors) @ flange_from_target).log()
+
+
 def tilted_errors(seed: int) -> Array:
-    seen = [sample.observations[0].camera_from_target for sample in MADE.recording.samples]
-    covariance = corner_covariances(SE3.stack(seen), 0.03) * (0.2 / 900) ** 2
-    drawn = np.random.default_rng(seed).normal(size=(len(seen), 6))
+    covariance = corner_covariances(SE3.stack(seen_poses()), 0.03) * (0.2 / 900) ** 2
+    drawn = np.random.default_rng(seed).normal(size=(len(covariance), 6))
     return (np.linalg.cholesky(covariance) @ drawn[..., None])[..., 0]
 
 
@@ -59,3 +70,10 @@ def test_equal_errors_stay_equal() -> None:
     assert shape_pose_noise(case) is case
     stated = case_of(tilted_errors(0), np.repeat([1e-3, 1e-3], 3))
     assert shape_pose_noise(stated) is stated
+
+
+def test_sizes_of_targets_are_found() -> None:
+    """The evidence of the target's size peaks near the truth, of arms with errors as large as those of the views."""
+    distance = np.median([np.linalg.norm(each.translation) for each in seen_poses()])
+    sizes = [likely_size(case_of(tilted_errors(seed) + arm_errors(seed)), "board") for seed in range(3)]
+    assert all(size is not None and 0.5 < size * distance / 0.03 < 2 for size in sizes)

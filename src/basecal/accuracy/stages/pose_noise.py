@@ -2,72 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from basecal.accuracy.model_comparison.likelihoods import compare_likelihoods
 from basecal.accuracy.stages.case import Case
-from basecal.accuracy.stages.solving import solve_all
+from basecal.accuracy.stages.solving import is_explained, leave_outliers_out, solve_all
+from basecal.estimation.noise.robot_noise import without_errors
+from basecal.estimation.outliers.noise_and_outliers import with_noise
+from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.solve import Solution
 from basecal.estimation.view.pose_errors import corner_covariances, whitening_matrix
 from basecal.estimation.view.poses import PoseMeasurement
-from basecal.geometry import Array
+from basecal.geometry import SE3, Array
 
 _SIZES = (0.02, 0.04, 0.08, 0.15, 0.3)  # half of a target's side, of its median distance
-_TAIL_FREEDOMS = 5.0  # of Student's t: poses of targets have gross errors
-_SCALE_STEPS = 30  # of the fixed point of a scale
 _FEWEST_VIEWS = 6
 
 
 def shape_pose_noise(case: Case) -> Case:
     """Weigh poses without stated noise by what their views hold, if their errors are clearly likelier so."""
-    solution = case.solution
-    groups = [_shaped_group(solution, group) for group in case.problem.groups]
-    if all(new is old for new, old in zip(groups, case.problem.groups, strict=True)):
+    if not is_explained(case):
         return case
-    return solve_all(replace(case, packed=case.problem.with_groups(groups)))
+    packed = case.problem
+    sizes = {target: size for target in _open_targets(packed) if (size := likely_size(case, target)) is not None}
+    if not sizes:
+        return case
+    weighed = replace(case, packed=_shape_errors(packed, case.solution.state, sizes), robust=None)
+    return leave_outliers_out(solve_all(weighed))
 
 
-def _shaped_group(solution: Solution, group: ViewGroup) -> ViewGroup:
-    """The group with the likeliest shape of errors; itself if equal errors are as likely."""
+def _open_targets(problem: Problem) -> list[str]:
+    """Targets before the camera, of which poses without stated noise were measured."""
+    return sorted({group.target for group in problem.groups if _is_open(group)})
+
+
+def _is_open(group: ViewGroup) -> bool:
     views = group.measurement
     if not isinstance(views, PoseMeasurement) or np.any(views.stated) or len(group) < _FEWEST_VIEWS:
-        return group
-    measured = views.measured_camera_from_target
-    predicted = solution.state.camera_from_target(group, solution.problem.stops)
-    error = (measured.inverse() @ predicted).log()
-    equal = float(_log_likelihoods(error, np.broadcast_to(np.eye(6), (len(error), 6, 6))).sum())
-    shapes = list(_shapes(views))
-    ratios = np.array([float(_log_likelihoods(error, shape).sum()) - equal for shape in shapes])
-    if not compare_likelihoods("pose errors by tilt", ratios).is_taken:
-        return group
-    best = shapes[int(np.argmax(ratios))]
-    return replace(group, measurement=replace(views, shape=best))
+        return False
+    return bool(np.all(views.measured_camera_from_target.translation[:, 2] > 0))
 
 
-def _shapes(views: PoseMeasurement) -> Iterator[Array]:
-    """Whitenings by targets of several sizes, of targets before the camera."""
-    measured = views.measured_camera_from_target
-    if np.all(measured.translation[:, 2] > 0):
-        distance = float(np.median(np.linalg.norm(measured.translation, axis=-1)))
-        for size in _SIZES:
-            yield whitening_matrix(corner_covariances(measured, size * distance))
+def likely_size(case: Case, target: str) -> float | None:
+    """Half of a target's side over its median distance, by the evidence; None if equal errors are as likely."""
+    solution = replace(case.solution, problem=replace(case.solution.problem, held=False))
+    equal = with_noise(solution, case.settings).noise.surprise
+    ratios = np.zeros(len(_SIZES))
+    for k, size in enumerate(_SIZES):
+        problem = _shape_errors(solution.problem, solution.state, {target: size})
+        ratios[k] = (equal - with_noise(replace(solution, problem=problem), case.settings).noise.surprise) / 2
+    return _peak(ratios) if compare_likelihoods("pose errors by tilt", ratios).is_taken else None
 
 
-def _log_likelihoods(error: Array, shape: Array) -> Array:
-    """Of each view's translation and rotation (n,), by Student's t with the scales that are likeliest."""
-    whitened = (shape @ error[..., None])[..., 0]
-    total = np.linalg.slogdet(shape)[1]
-    for half in (whitened[:, :3], whitened[:, 3:]):
-        squares = np.sum(half**2, axis=1)
-        variance = max(float(np.median(squares)) / 3, 1e-300)
-        for _ in range(_SCALE_STEPS):
-            weight = (_TAIL_FREEDOMS + 3) / (_TAIL_FREEDOMS + squares / variance)
-            variance = float(np.mean(weight * squares)) / 3
-        total = (
-            total - (_TAIL_FREEDOMS + 3) / 2 * np.log1p(squares / variance / _TAIL_FREEDOMS) - 1.5 * np.log(variance)
-        )
-    return np.asarray(total)
+def _peak(ratios: Array) -> float:
+    """The size at which a parabola through the largest ratio and its neighbours peaks."""
+    at = int(np.clip(np.argmax(ratios), 1, len(_SIZES) - 2))
+    logs = np.log(_SIZES)
+    bend, slope, _ = np.polyfit(logs[at - 1 : at + 2], ratios[at - 1 : at + 2], 2)
+    peak = -slope / (2 * bend) if bend < 0 else logs[int(np.argmax(ratios))]
+    return float(np.exp(np.clip(peak, logs[at - 1], logs[at + 1])))
+
+
+def _shape_errors(problem: Problem, state: State, sizes: Mapping[str, float]) -> Problem:
+    """The problem with the errors of these targets' poses as of four corners of this size each."""
+    recorded = without_errors(problem, state)
+    groups = []
+    for group in problem.groups:
+        views = group.measurement
+        if group.target in sizes and _is_open(group) and isinstance(views, PoseMeasurement):
+            pose = recorded.camera_from_target(group, problem.stops)
+            shape = _whitening(views.measured_camera_from_target, pose, sizes[group.target])
+            group = replace(group, measurement=replace(views, shape=shape))
+        groups.append(group)
+    return problem.with_groups(groups)
+
+
+def _whitening(measured_pose: SE3, predicted_pose: SE3, size: float) -> Array:
+    """(n, 6, 6) at the predicted poses, of which noise takes no part; at measured ones where these are far from it."""
+    distance = np.linalg.norm(measured_pose.translation, axis=-1)
+    is_near = np.linalg.norm(predicted_pose.translation - measured_pose.translation, axis=-1) < distance / 2
+    rotation = np.where(is_near[:, None, None], predicted_pose.rotation, measured_pose.rotation)
+    at = SE3(rotation, np.where(is_near[:, None], predicted_pose.translation, measured_pose.translation))
+    return whitening_matrix(corner_covariances(at, size * float(np.median(distance))))
