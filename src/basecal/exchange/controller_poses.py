@@ -23,6 +23,7 @@ from basecal.exchange.controllers.registry import CONTROLLERS
 from basecal.exchange.importing.imported import Row
 from basecal.exchange.importing.text_table import TextTable, is_picture, parse_number, read_text_table, rows_of_numbers
 from basecal.exchange.poses import METRES, read_poses
+from basecal.exchange.yaskawa_job import is_job, job_positions
 from basecal.geometry import SE3, Array
 
 
@@ -141,7 +142,7 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
         stamps = [None] * len(poses) if stream.stamps_s is None else stream.stamps_s.tolist()
         return PoseRows(poses, tuple(Row(stamp_s=stamp) for stamp in stamps))
     names = (_STAMP, *how.names) if is_stream else how.names
-    table = read_text_table(read_table_text(path, "a table of poses"), path, names)
+    table = read_text_table(_table_text(path, reading), path, names)
     if len(table.rows) > MOST_POSES:
         raise DatasetError(path, f"{len(table.rows)} poses, expected at most {MOST_POSES}")
     is_short = reading.name == "matrix" and table.header is not None and "m30" not in map(plain_column, table.header)
@@ -157,6 +158,16 @@ def _pose_rows(path: str, reading: Reading, is_stream: bool) -> PoseRows:
         except BasecalError as error:
             raise DatasetError(table.path, str(error), row.line) from None
     return PoseRows(SE3.stack(found), tuple(keyed_rows(table)))
+
+
+def _table_text(path: str, reading: Reading) -> str:
+    """The rows of a table, or of the positions of a Yaskawa job."""
+    text = read_table_text(path, "a table of poses")
+    if not is_job(text):
+        return text
+    if reading.name != "yaskawa":
+        raise DatasetError(path, f"a job of a Yaskawa, read as of {reading.name}: give --format yaskawa")
+    return job_positions(text, path)
 
 
 def _is_stacked(path: str) -> bool:
