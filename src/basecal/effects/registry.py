@@ -86,6 +86,9 @@ CONTAINED = tuple(
 )
 """Effects that every answer contains, as large as they are expected to be, given the data."""
 
+CHANGES_IN_TIME = tuple(name for name, effect in EFFECTS.items() if effect.is_in_time)
+"""Effects that change a frame in time."""
+
 
 def largest_sigma(name: str) -> float:
     """The widest sigma that is expected of the sizes of an effect; infinite if nothing is expected of them."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import FoundEffect, Words, rounded_tangent
+from basecal.effects.faces.found_effect import FoundEffect, Words, by_tangent
 from basecal.effects.faces.views import Views, frame_moves
-from basecal.geometry import Array, IntArray
+from basecal.geometry import Array, BoolArray, IntArray
 
 _MOST_SPLITS = 32  # of a recording in time at which a step is looked for
 _LEAST_SIDE = 3  # samples that see a frame before and after its step
@@ -22,8 +22,19 @@ def candidates(views: Views) -> Iterator[Candidates]:
         splits = _splits(views, name)
         if len(splits):
             since = tuple(map(int, views.samples[splits]))
-            moves = tuple(_step_moves(views, k, name, splits) for k in range(len(views.groups)))
-            yield Candidates("base-moved", (name,) * len(splits), since, "", moves)
+            yield split_frame(views, name, np.arange(len(views.samples))[:, None] >= splits, since)
+
+
+def split_frame(views: Views, name: str, is_moved: BoolArray, since: tuple[int | None, ...]) -> Candidates:
+    """A frame that is elsewhere in some samples, by any tangent, (samples, b) whether in each."""
+
+    def moves(k: int) -> Array | None:
+        """How views of a group move, (n, b, 6, q)."""
+        by_frame = frame_moves(views, k, name)
+        moved = is_moved[views.rank(views.groups[k])][..., None, None]
+        return None if by_frame is None else np.asarray(moved * by_frame[:, None])
+
+    return Candidates("base-moved", (name,) * len(since), since, "", tuple(map(moves, range(len(views.groups)))))
 
 
 def _splits(views: Views, name: str) -> IntArray:
@@ -34,16 +45,9 @@ def _splits(views: Views, name: str) -> IntArray:
     return np.asarray(splits[chosen], dtype=np.int64)
 
 
-def _step_moves(views: Views, k: int, name: str, splits: IntArray) -> Array | None:
-    """How views of a group move, (n, splits, 6, q)."""
-    moves = frame_moves(views, k, name)
-    is_after = views.rank(views.groups[k])[:, None] >= splits
-    return None if moves is None else np.asarray(is_after[..., None, None] * moves[:, None])
-
-
 def words(effect: FoundEffect) -> Words:
     """What moved, by how much and when."""
-    what = f"{effect.about} moved by {rounded_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
+    what = f"{effect.about} moved{by_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
     do = "Check what was bumped, bent, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)
 
@@ -52,6 +56,7 @@ EFFECT = Effect(
     "step",
     candidates=candidates,
     words=words,
+    is_in_time=True,
     elsewhere={"fault": "basecal.simulation.running.faults: base-bumped, board-remounted"},
     absent={
         "statement": "a cell that is moved is another cell",

@@ -20,7 +20,7 @@ from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
-from basecal.effects.faces.candidates import Candidates
+from basecal.effects.faces.candidates import Candidates, combine_candidates
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED, EFFECTS
 from basecal.estimation.least_squares.normal_equations import linearise, retract
@@ -96,7 +96,7 @@ def size_posterior(
 ) -> SizePosterior:
     """What is known of fields of errors and of sizes of effects, one sigma for all of one kind."""
     candidates = [field.candidate(situation) for field in fields] + [each.candidate for each in effects]
-    known = sums(situation.null, _combine_candidates(candidates, situation))
+    known = sums(situation.null, combine_candidates(candidates, situation))
     scores = score_from_sums(situation.null, known)
     count = sum(each.sizes for each in candidates[: len(fields)])
     sigmas = SIGMAS_M if fields else np.ones(1)
@@ -160,18 +160,6 @@ def _nodes(effects: Sequence[Expected]) -> Array:
 def _is_stated(effects: Sequence[Expected]) -> BoolArray:
     """Of which sizes the answer is that of zero, (q,)."""
     return np.repeat([each.effect not in CONTAINED for each in effects], [each.candidate.sizes for each in effects])
-
-
-def _combine_candidates(candidates: Sequence[Candidates], situation: Situation) -> Candidates:
-    """Candidates as one that has the sizes of all."""
-
-    def moves(k: int) -> Array:
-        """Moves of a group by all sizes, (n, 1, 6, q)."""
-        still = np.zeros((len(situation.groups[k]), 1, 6, 0))
-        parts = [(np.zeros((*still.shape[:3], each.sizes)), each.moves[k]) for each in candidates]
-        return np.concatenate([still, *(none if own is None else own for none, own in parts)], axis=-1)
-
-    return Candidates("", ("",), (None,), "", tuple(map(moves, range(len(situation.groups)))))
 
 
 def _split_effects(

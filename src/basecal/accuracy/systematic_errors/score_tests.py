@@ -31,8 +31,8 @@ from basecal.estimation.problem.problem import Problem, State
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
-_HIDDEN = 1e-4  # share of an error's information that the unknowns leave, below which it stands for one of them
-
+HIDDEN = 1e-4
+"""Share of an error's information that the unknowns leave, below which it stands for one of them."""
 
 _LEAST_CHANCE = 1e-300  # a chance that is no number any more
 
@@ -210,7 +210,7 @@ def score_from_sums(model: Linearised, sums: Sums, largest: float = np.inf) -> S
     left = information - across @ model.inverse[np.ix_(tied, tied)] @ across.mT
     left = 0.5 * (left + left.mT)
     size = np.sqrt(np.maximum(np.diagonal(information, axis1=1, axis2=2), 0.0))
-    seen = scaled_spectrum(left, _HIDDEN, np.where(size > 0, size, 1.0))
+    seen = scaled_spectrum(left, HIDDEN, np.where(size > 0, size, 1.0))
     sizes = -(seen.inverse_with_ridge(largest**-2) @ gradient[..., None])[..., 0]
     return Score(gradient, left, -np.vecdot(gradient, sizes), seen.rank, sizes)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,11 +22,13 @@ from basecal.accuracy.model_comparison.nested_models import (
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
 from basecal.accuracy.systematic_errors.confirm import HeldOut
+from basecal.accuracy.systematic_errors.place_scatter import place_scatter
 from basecal.accuracy.systematic_errors.score_tests import Linearised, log_chance_of_gain, score, sums
 from basecal.accuracy.systematic_errors.situation import Situation
-from basecal.effects.faces.candidates import Candidates
+from basecal.accuracy.systematic_errors.suspect import COST, Suspect
+from basecal.effects.faces.candidates import Candidates, combine_candidates
 from basecal.effects.faces.found_effect import FoundEffect
-from basecal.effects.registry import EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
+from basecal.effects.registry import CHANGES_IN_TIME, EFFECTS, RANDOM_EFFECTS, ROBOT_PARAMETERS, largest_sigma
 from basecal.estimation.noise.joint_estimate import model_sigmas, open_robots
 from basecal.estimation.noise.random_effects import shared_errors
 from basecal.estimation.noise.robot_noise import without_errors
@@ -37,41 +39,8 @@ from basecal.estimation.solve import Solution, solve_from
 from basecal.geometry import SE3, Array, BoolArray
 from basecal.numerics.spectral import spectrum
 
-_COST = 0.5  # among errors, one of many costs as much as the unknown that says which: half the log of their number
 _RANK_DIGITS = 6  # that rounding of exactly confounded errors leaves equal
 _MOST_TRIED = 3  # errors that are solved for at most, which bounds the time
-
-
-@dataclass(frozen=True, eq=False)
-class _Suspect:
-    """An error whose score chance hardly makes.
-
-    Attributes:
-        effect: Name of the effect that it is of.
-        candidate: It alone.
-        size: (q,) to first order.
-        freedoms: How many of its sizes the data show.
-        statistic: Its chi-square.
-        log_chance: Logarithm of the chance that any of its code has such a score.
-        screened: The same, or less where stops share no errors, whose sigmas may hold the error itself.
-        several: Logarithm of how many these are.
-        family: How many codes were tested.
-    """
-
-    effect: str
-    candidate: Candidates
-    size: Array
-    freedoms: int
-    statistic: float
-    log_chance: float
-    screened: float
-    several: float
-    family: int = 1
-
-    @property
-    def rank(self) -> float:
-        """Logarithm of its chance among errors of all codes, where no random effect can hold one."""
-        return self.screened + _COST * self.several
 
 
 def systematic_error(
@@ -107,7 +76,7 @@ def systematic_error(
     suspects = list(_confirmed_suspects(situation, _select_suspects(situation, every)))
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
-        discovered = _discovery_mask(suspects, [suspect.log_chance for suspect in suspects])
+        discovered = _discovery_mask(suspects, [suspect.beside_places(0.0, suspect.log_chance) for suspect in suspects])
         certain = [suspects[k] for k in np.flatnonzero(discovered)]
         alike = replace(certain[0], size=0 * certain[0].size) if certain else None
         return None if alike is None else _describe(situation, alike, solution, solution)
@@ -115,9 +84,13 @@ def systematic_error(
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
     # A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
-    chances = [min(each.log_chance, _log_chance(situation, each, before)) for each in suspects]
-    k = int(np.argmin([chance - _COST * each.several for chance, each in zip(chances, suspects, strict=True)]))
-    is_certain = bool(_discovery_mask(suspects, chances)[k])
+    gains = [_gain(situation, each, before) for each in suspects]
+    each_gain = list(zip(suspects, gains, strict=True))
+    chances = [min(each.log_chance, _log_chance(situation, each, gain)) for each, gain in each_gain]
+    certain = _discovery_mask(suspects, [of.beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)])
+    costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
+    k = int(np.lexsort((costs, ~certain))[0])
+    is_certain = bool(certain[k])
     if not is_certain and _is_contained(solution, suspects[k]):
         return None
     after = _solved_again(_without_suspect(solution, situation, suspects[k]), settings)
@@ -151,12 +124,15 @@ def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffec
     return second if first is None or (second is not None and second.is_certain) else first
 
 
-def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[_Suspect]) -> FoundEffect | None:
+def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[Suspect]) -> FoundEffect | None:
     """The first suspect that held-out blocks confirm; it is certain if chance hardly makes its gain."""
     suspect = next(_confirmed_suspects(situation, _select_suspects(situation, suspects)), None)
     if suspect is None:
         return None
-    (is_certain,) = _discovery_mask([suspect], [_log_chance(situation, suspect, solution)], DISAGREES)
+    gain = _gain(situation, suspect, solution)
+    (is_certain,) = _discovery_mask(
+        [suspect], [suspect.beside_places(gain, _log_chance(situation, suspect, gain))], DISAGREES
+    )
     alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
 
@@ -167,7 +143,8 @@ def _reconciling(
     """The error without which the residuals are as stated after all; None where none does that."""
     situation = _situation(as_stated, recorded_problem, stamps)
     every = _suspects(situation)
-    certain = (each for each in _select_suspects(situation, every) if _discovery_mask([each], [each.log_chance])[0])
+    selected = _select_suspects(situation, every)
+    certain = (each for each in selected if _discovery_mask([each], [each.beside_places(0.0, each.log_chance)])[0])
     for suspect in _confirmed_suspects(situation, certain):
         moved = _without_suspect(as_stated, situation, suspect).problem
         after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
@@ -178,7 +155,7 @@ def _reconciling(
 
 
 def _discovery_mask(
-    suspects: Sequence[_Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERIES
+    suspects: Sequence[Suspect], log_chances: Sequence[float], share: float = FALSE_DISCOVERIES
 ) -> BoolArray:
     """Which suspects of these chances are certain, (n,), if so large a share may be false."""
     return discoveries(log_chances, max((suspect.family for suspect in suspects), default=1), share)
@@ -190,17 +167,17 @@ def _situation(solution: Solution, recorded_problem: Problem, stamps: Mapping[in
     )
 
 
-def _null_model(situation: Situation, suspect: _Suspect) -> Linearised:
+def _null_model(situation: Situation, suspect: Suspect) -> Linearised:
     return situation.null_model(suspect.effect, suspect.candidate.about[0])
 
 
-def _confirmed_suspects(situation: Situation, suspects: Iterable[_Suspect]) -> Iterator[_Suspect]:
+def _confirmed_suspects(situation: Situation, suspects: Iterable[Suspect]) -> Iterator[Suspect]:
     """The suspects with which held-out blocks are predicted better."""
     held_out = {model: HeldOut(situation, model) for model in (situation.linearisation, situation.null)}
     return (each for each in suspects if held_out[_null_model(situation, each)].confirms(each.candidate))
 
 
-def _without_suspect(solution: Solution, situation: Situation, suspect: _Suspect) -> Solution:
+def _without_suspect(solution: Solution, situation: Situation, suspect: Suspect) -> Solution:
     """The solution, to be solved again, with every view's recorded hand where an error says that it was."""
     groups = []
     for group, links, moves in zip(solution.problem.groups, situation.links, suspect.candidate.moves, strict=True):
@@ -214,7 +191,7 @@ def _without_suspect(solution: Solution, situation: Situation, suspect: _Suspect
     return replace(solution, problem=solution.problem.with_groups(groups))
 
 
-def _suspects(situation: Situation) -> list[_Suspect]:
+def _suspects(situation: Situation) -> list[Suspect]:
     """Errors that chance hardly makes, the least likely first, one of each code and name."""
     tests: Counter[str] = Counter()
     unlikely = []
@@ -227,24 +204,32 @@ def _suspects(situation: Situation) -> list[_Suspect]:
             screened = np.minimum(chances, score(situation.linearisation, kind, largest).log_chance)
         for b in map(int, np.flatnonzero(screened < np.log(SUSPECTED))):
             found = int(scores.freedoms[b]), float(scores.statistic[b]), float(chances[b]), float(screened[b])
-            unlikely.append(_Suspect(name, kind.single(b), scores.size[b], *found, 0.0))
-    likeliest: dict[tuple[str, str], tuple[float, _Suspect]] = {}
+            unlikely.append(Suspect(name, kind.single(b), scores.size[b], *found, 0.0))
+    likeliest: dict[tuple[str, str], tuple[float, Suspect]] = {}
     for suspect in unlikely:
         code, (name, *_) = suspect.candidate.code, suspect.candidate.about
         several = float(np.log(tests[code]))
         if suspect.screened + several >= np.log(SUSPECTED):
             continue
-        rank = suspect.log_chance + _COST * several
+        rank = suspect.log_chance + COST * several
         if (code, name) not in likeliest or rank < likeliest[code, name][0]:
             chance = suspect.log_chance + several
             likeliest[code, name] = rank, replace(suspect, log_chance=chance, several=several, family=len(tests))
     ranked = sorted(likeliest.values(), key=lambda each: round(each[0], _RANK_DIGITS))
-    return [suspect for _, suspect in ranked]
+    beside = [_with_scatter(situation, suspect) for _, suspect in ranked]
+    return [suspect for suspect in beside if suspect.beside_places(0.0, suspect.screened) < np.log(SUSPECTED)]
 
 
-def _select_suspects(situation: Situation, suspects: Sequence[_Suspect]) -> list[_Suspect]:
+def _with_scatter(situation: Situation, suspect: Suspect) -> Suspect:
+    """The suspect; a change in time with what differs by place."""
+    if suspect.effect not in CHANGES_IN_TIME:
+        return suspect
+    return replace(suspect, scatter=place_scatter(situation, _null_model(situation, suspect), suspect.candidate))
+
+
+def _select_suspects(situation: Situation, suspects: Sequence[Suspect]) -> list[Suspect]:
     """The suspects that are solved for: the least likely ones that move the data each otherwise."""
-    tried: list[_Suspect] = []
+    tried: list[Suspect] = []
     for suspect in suspects:
         if len(tried) < _MOST_TRIED and not any(
             _remaining_chi_square(situation, suspect, other)[1] == 0 for other in tried
@@ -253,7 +238,7 @@ def _select_suspects(situation: Situation, suspects: Sequence[_Suspect]) -> list
     return tried
 
 
-def _alternatives(situation: Situation, suspect: _Suspect, suspects: Sequence[_Suspect]) -> tuple[FoundEffect, ...]:
+def _alternatives(situation: Situation, suspect: Suspect, suspects: Sequence[Suspect]) -> tuple[FoundEffect, ...]:
     """Effects that the data do not distinguish from the chosen one: with one of them, chance makes the rest of it."""
     same = suspect.effect, suspect.candidate.about
     others = [each for each in suspects if (each.effect, each.candidate.about) != same]
@@ -265,25 +250,14 @@ def _alternatives(situation: Situation, suspect: _Suspect, suspects: Sequence[_S
     )
 
 
-def _remaining_chi_square(situation: Situation, suspect: _Suspect, rival: _Suspect) -> tuple[float, int]:
+def _remaining_chi_square(situation: Situation, suspect: Suspect, rival: Suspect) -> tuple[float, int]:
     """Chi-square and freedoms that are left of a suspect beside another: docs/mathematics.md (11.5)."""
     nulls = [_null_model(situation, each) for each in (suspect, rival)]
     null = situation.linearisation if situation.linearisation in nulls else situation.null
     first, second = suspect.candidate, rival.candidate
-    pairs = zip(first.moves, second.moves, strict=True)
-    moves = tuple(_join_moves(pair, (first.sizes, second.sizes)) for pair in pairs)
-    together, alone = score(null, Candidates("", ("",), (None,), "", moves)), score(null, second)
+    together, alone = score(null, combine_candidates((first, second), situation)), score(null, second)
     left = float(together.statistic[0] - alone.statistic[0])
     return max(left, 0.0), int(together.freedoms[0] - alone.freedoms[0])
-
-
-def _join_moves(pair: tuple[Array | None, Array | None], sizes: tuple[int, int]) -> Array | None:
-    """Moves of a group by the sizes of two candidates."""
-    known = next((moves for moves in pair if moves is not None), None)
-    if known is None:
-        return None
-    none = (np.zeros((*known.shape[:3], q)) for q in sizes)
-    return np.concatenate([zero if m is None else m for m, zero in zip(pair, none, strict=True)], axis=-1)
 
 
 def _candidates(situation: Situation) -> Iterator[tuple[str, Candidates]]:
@@ -293,21 +267,25 @@ def _candidates(situation: Situation) -> Iterator[tuple[str, Candidates]]:
             yield name, kind
 
 
-def _log_chance(situation: Situation, suspect: _Suspect, solution: Solution) -> float:
-    """Logarithm of the chance of what the error gains in likelihood, the noise estimated anew.
+def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
+    """What the error gains of minus twice the log likelihood, the noise estimated anew; 0 of noise that is stated.
 
-    Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain;
-    where few residuals tell the noise, chance makes the gain larger. All else is to second order about the solution.
+    Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain. All
+    else is to second order about the solution.
     """
     if solution.noise.logs is None:
         return 0.0
     name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
     before = solution.noise.surprise if name else solution.noise.plain_surprise
-    gain = before - _negative_log_evidence(_without_suspect(solution, situation, suspect), name)
+    return before - _negative_log_evidence(_without_suspect(solution, situation, suspect), name)
+
+
+def _log_chance(situation: Situation, suspect: Suspect, gain: float) -> float:
+    """Logarithm of the chance of a gain; where few residuals tell the noise, chance makes it larger."""
     return log_chance_of_gain(gain, suspect.freedoms, situation.linearisation.residuals) + suspect.several
 
 
-def _is_contained(solution: Solution, suspect: _Suspect) -> bool:
+def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     """Whether errors of joints and links that stops evidently share contain a suspect of the same robot's joints."""
     noise = solution.noise
     name, robots = next(iter(noise.common.items()), ("", {}))
@@ -322,9 +300,9 @@ def timeless_situation(solution: Solution) -> Situation:
 
 
 def candidate_chance(solution: Solution, candidate: Candidates, size: Array, several: float) -> float:
-    """Logarithm of the chance of what one candidate gains among so many, by their logarithm; 0 of stated noise."""
-    suspect = _Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several)
-    return _log_chance(timeless_situation(solution), suspect, solution)
+    """Logarithm of the chance of what one of so many candidates gains, by the logarithm of their number."""
+    suspect, situation = Suspect("", candidate, size, len(size), 0.0, 0.0, 0.0, several), timeless_situation(solution)
+    return _log_chance(situation, suspect, _gain(situation, suspect, solution))
 
 
 def _negative_log_evidence(solution: Solution, name: str) -> float:
@@ -339,7 +317,7 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
     return model_sigmas(problem, solution.state, start, shared, effect.expected).surprise
 
 
-def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:
+def _describe(situation: Situation, suspect: Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:
     """The error with its covariance, its size corrected to first order about `corrected_solution`.
 
     Random effects are those of the null model: the noise of single stops alone gives another size.
@@ -356,7 +334,7 @@ def _describe(situation: Situation, suspect: _Suspect, solution: Solution, corre
     )
 
 
-def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
+def _to_first_order(situation: Situation, suspect: Suspect) -> FoundEffect:
     """The error, and by how much the answer moves if it is corrected, to first order about the answer."""
     found = score(_null_model(situation, suspect), suspect.candidate, largest_sigma(suspect.effect))
     across = sums(situation.linearisation, suspect.candidate).across[0]
@@ -369,7 +347,7 @@ def _to_first_order(situation: Situation, suspect: _Suspect) -> FoundEffect:
     )
 
 
-def _make_effect(situation: Situation, suspect: _Suspect, size: Array, information: Array, shift: Array) -> FoundEffect:
+def _make_effect(situation: Situation, suspect: Suspect, size: Array, information: Array, shift: Array) -> FoundEffect:
     candidate, about = suspect.candidate, suspect.candidate.about[0]
     is_camera, is_target = (
         any(getattr(g, kind) == about for g in situation.problem.groups) for kind in ("camera", "target")

@@ -24,7 +24,8 @@ from basecal.kinematics import SerialChain
 # apart: 1.7 of poses in no order, near 0 on a smooth path.
 _SMOOTH = 0.5
 _FEWEST_ON_PATH = 8
-_ARM_M = 0.5  # what angles count as, beside lengths [m/rad]
+ARM_M = 0.5
+"""What angles count as, beside lengths [m/rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,4 +237,4 @@ class Situation:
 
 def _size(tangents: Array) -> float:
     """Root of the mean square, angles by an arm's length [m]."""
-    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, _ARM_M], 3)) ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum((tangents * np.repeat([1.0, ARM_M], 3)) ** 2, axis=1))))

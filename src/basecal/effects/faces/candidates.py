@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from basecal.effects.faces.views import Views
 from basecal.geometry import Array
 
 
@@ -39,7 +43,24 @@ class Candidates:
         joint = self.joint[index : index + 1]
         return Candidates(self.code, (self.about[index],), (self.since[index],), self.unit, moves, joint)
 
+    def joined(self) -> Candidates:
+        """All of them as one, which has the sizes of all."""
+        moves = (None if m is None else np.moveaxis(m, 1, 2).reshape(len(m), 1, 6, -1) for m in self.moves)
+        return Candidates(self.code, self.about[:1], self.since[:1], self.unit, tuple(moves))
+
 
 def one_candidate(code: str, subject: str, unit: str, moves: tuple[Array | None, ...]) -> Candidates:
     """A candidate alone, whose moves are (n, 6, q) by group."""
     return Candidates(code, (subject,), (None,), unit, tuple(None if m is None else m[:, None] for m in moves))
+
+
+def combine_candidates(candidates: Sequence[Candidates], views: Views) -> Candidates:
+    """Candidates, each alone of its kind, as one that has the sizes of all."""
+
+    def moves(k: int) -> Array:
+        """Moves of a group by all sizes, (n, 1, 6, q)."""
+        still = np.zeros((len(views.groups[k]), 1, 6, 0))
+        parts = [(np.zeros((*still.shape[:3], each.sizes)), each.moves[k]) for each in candidates]
+        return np.concatenate([still, *(none if own is None else own for none, own in parts)], axis=-1)
+
+    return Candidates("", ("",), (None,), "", tuple(map(moves, range(len(views.groups)))))

@@ -87,10 +87,25 @@ def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
     return format_with_sigma(unit * length, unit * sigma)
 
 
-def rounded_tangent(size: Array, covariance: Array) -> str:
-    """Translation [mm] and rotation [deg] of a tangent, (6,), or translation of a point, (3,), with their sigmas."""
-    shift = rounded_length(size[:3], covariance[:3, :3], 1e3)
-    if len(size) == 3:
-        return f"{shift} mm"
-    turn = rounded_length(size[3:], covariance[3:, 3:], float(np.degrees(1)))
-    return f"{shift} mm and {turn} deg"
+def by_tangent(size: Array, covariance: Array) -> str:
+    """` by` the translation [mm] and rotation [deg] of a tangent, (6,), or of a point, (3,), with their sigmas.
+
+    Of each what is known to be more than its sigma; nothing if neither is.
+    """
+    parts = (slice(0, 3), 1e3, "mm"), (slice(3, 6), float(np.degrees(1)), "deg")
+    told = []
+    for where, unit, name in parts:
+        known = _known_part(size[where], covariance[where, where])
+        if known.any():
+            told.append(f"{rounded_length(known, covariance[where, where], unit)} {name}")
+    return " by " + " and ".join(told) if told else ""
+
+
+def _known_part(size: Array, covariance: Array) -> Array:
+    """A vector without the directions that are known least, as many as make it shorter than its sigma; else zero."""
+    axes = np.linalg.eigh(covariance)[1]
+    for count in range(len(size), 0, -1):
+        part = axes[:, :count] @ (axes[:, :count].T @ size)
+        if (part @ part) ** 2 > part @ covariance @ part:
+            return np.asarray(part)
+    return np.zeros_like(size)

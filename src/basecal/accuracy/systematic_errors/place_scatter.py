@@ -1,0 +1,86 @@
+"""By how much more than noise a frame differs from place to place, which a change in time has to exceed.
+
+A recording goes from place to place as time passes. Errors of gears, of points on a body, or of arms that lean on one
+another differ by place and posture and have no model here; a split of the recording in time shows them. So do splits by
+place, beside the change: their mean chi-square over its freedoms is the variance that the change is compared with.
+Source: analysis of variance, Fisher 1925; its freedoms, Satterthwaite 1946; docs/mathematics.md (11.6).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from basecal.accuracy.model_comparison.nested_models import log_chance
+from basecal.accuracy.systematic_errors.score_tests import HIDDEN, Linearised, score, with_random_effects
+from basecal.accuracy.systematic_errors.situation import ARM_M, Situation
+from basecal.effects.faces.candidates import Candidates
+from basecal.effects.step import split_frame
+from basecal.geometry import Array, BoolArray
+from basecal.numerics.spectral import principal_axes, spectrum
+
+_SHARES = (1 / 3, 2 / 3)  # of the samples on one side of a split
+_MOST_AXES = 12  # as two arms have freedoms, which bounds the time
+
+
+class PlaceScatter(NamedTuple):
+    """A variance over that of noise, and by how many freedoms it is known; 1 and infinitely many of noise alone."""
+
+    ratio: float = 1.0
+    freedoms: float = np.inf
+
+    def log_chance(self, statistic: float, freedoms: int) -> float:
+        """Logarithm of the chance that a change scores so much if it is none."""
+        return log_chance(statistic / self.ratio, freedoms, self.freedoms)
+
+
+def place_scatter(situation: Situation, null: Linearised, change: Candidates) -> PlaceScatter:
+    """How a frame differs by place, beside one change of it in time.
+
+    Args:
+        situation: The solved problem.
+        null: Its null model.
+        change: A change of one frame.
+    """
+    is_beyond = _place_splits(situation, change.about[0])
+    splits = split_frame(situation, change.about[0], is_beyond, (None,) * is_beyond.shape[1])
+    beside = with_random_effects(null, tuple(None if moves is None else moves[:, 0] for moves in change.moves))
+    found = score(beside, splits.joined())
+    root = _root_of_each(found.information[0], len(splits.about))
+    scores, correlation = root.T @ found.gradient[0], root.T @ found.information[0] @ root
+    total = float(np.trace(correlation))
+    if total < 1:
+        return PlaceScatter()
+    return PlaceScatter(max(1.0, float(scores @ scores) / total), total**2 / float(np.sum(correlation**2)))
+
+
+def _root_of_each(information: Array, count: int) -> Array:
+    """What turns the gradients of so many splits, (q,), into independent ones of unit variance within each, (q, q)."""
+    width = len(information) // count
+    own = [information[k : k + width, k : k + width] for k in range(0, len(information), width)]
+    return np.asarray(block_diag(*spectrum(np.array(own), HIDDEN).inverse_root))
+
+
+def _place_splits(situation: Situation, name: str) -> BoolArray:
+    """Whether samples are beyond each of some planes across the poses of all flanges, (samples, splits)."""
+    groups = situation.groups
+    seen = np.unique(np.concatenate([situation.rank(g) for k, g in enumerate(groups) if situation.depends(k, name)]))
+    poses = _flange_poses(situation)
+    centred = poses - poses[seen].mean(0)
+    axes = principal_axes(centred[seen])
+    along = centred @ axes.axes[:, : min(axes.dimension, _MOST_AXES)]
+    return np.asarray((along[:, None] > np.quantile(along[seen], _SHARES, axis=0)).reshape(len(along), -1))
+
+
+def _flange_poses(situation: Situation) -> Array:
+    """Places and axes of all flanges as recorded, a row a sample, (samples, 12 robots) [m]."""
+    poses = np.zeros((len(situation.samples), len(situation.robots), 12))
+    for i, robot in enumerate(situation.robots):
+        for k, group in enumerate(situation.groups):
+            if group.robot_end(robot):
+                pose = situation.recorded_pose(k, robot)
+                rows = pose.translation, ARM_M * pose.rotation.reshape(-1, 9)
+                poses[situation.rank(group), i] = np.concatenate(rows, axis=1)
+    return poses.reshape(len(poses), -1)
