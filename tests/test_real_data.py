@@ -215,6 +215,17 @@ def test_two_arms_on_one_turntable_given_by_joints(parameters, held_out_px) -> N
         assert np.all(np.abs(off) < 3 * np.sqrt(np.diag(onto @ base.covariance @ onto.T)))
     assert found.validation is not None
     assert np.sqrt(2) * found.validation.rms_px < 1.05 * held_out_px
+    assert {"base-moved", "drift"}.isdisjoint(f.code for f in found.findings if f.severity == "warning")
+
+
+@pytest.mark.slow
+def test_sockets_that_stood_still() -> None:
+    """Two sockets of a tool at each of three places, entered one after the other: nothing moved between them."""
+    folder = published("mukca_panda_6")
+    cell = read_cell(folder)
+    found = calibrate(cell, read_recording(folder, cell))
+    assert "arm_base_from_tool1" in found.transforms
+    assert {"base-moved", "drift"}.isdisjoint(f.code for f in found.findings)
 
 
 def _stamped_poses(archive: zipfile.ZipFile, name: str) -> tuple[np.ndarray, SE3]:

@@ -87,10 +87,12 @@ def systematic_error(
     gains = [_gain(situation, each, before) for each in suspects]
     each_gain = list(zip(suspects, gains, strict=True))
     chances = [min(each.log_chance, _log_chance(situation, each, gain)) for each, gain in each_gain]
-    certain = _discovery_mask(suspects, [of.beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)])
+    are_certain = _discovery_mask(
+        suspects, [of.beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)]
+    )
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
-    k = int(np.lexsort((costs, ~certain))[0])
-    is_certain = bool(certain[k])
+    k = int(np.lexsort((costs, ~are_certain))[0])
+    is_certain = bool(are_certain[k])
     if not is_certain and _is_contained(solution, suspects[k]):
         return None
     after = _solved_again(_without_suspect(solution, situation, suspects[k]), settings)

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from basecal.geometry import Array
+from basecal.numerics.spectral import scaled_spectrum
 
 FIX = "Or let `basecal fix CELL` do so."
 """What to do about what the files of a cell allow to fix."""
@@ -103,7 +104,7 @@ def by_tangent(size: Array, covariance: Array) -> str:
 
 def _known_part(size: Array, covariance: Array) -> Array:
     """A vector without the directions that are known least, as many as make it shorter than its sigma; else zero."""
-    axes = np.linalg.eigh(covariance)[1]
+    axes = scaled_spectrum(covariance, 0.0).vectors
     for count in range(len(size), 0, -1):
         part = axes[:, :count] @ (axes[:, :count].T @ size)
         if (part @ part) ** 2 > part @ covariance @ part:
