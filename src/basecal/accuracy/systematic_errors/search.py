@@ -91,7 +91,7 @@ def systematic_error(
         suspects, [of.beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)]
     )
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
-    k = int(np.lexsort((costs, ~are_certain))[0])
+    k = min(range(len(costs)), key=lambda i: (not are_certain[i], costs[i]))
     is_certain = bool(are_certain[k])
     if not is_certain and _is_contained(solution, suspects[k]):
         return None
