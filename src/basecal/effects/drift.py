@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from basecal.effects.clock_drift import FEWEST_IN_TIME
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, by_tangent
+from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_tangent
 from basecal.effects.faces.views import Views, elapsed_share, frame_moves
 from basecal.geometry import Array
 
@@ -29,7 +29,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 def words(effect: FoundEffect) -> Words:
     """What drifts, and by how much."""
-    way = by_tangent(effect.size, effect.covariance)
+    way = format_tangent(effect.size, effect.covariance)
     what = f"{effect.about} drifts{way} from the first sample to the last."
     do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN
     return Words("drift", what, do)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import AGAIN, FIX, FoundEffect, Words, by_tangent
+from basecal.effects.faces.found_effect import AGAIN, FIX, FoundEffect, Words, format_tangent
 from basecal.effects.faces.views import Views, frame_moves
 from basecal.geometry import Array
 
@@ -35,7 +35,7 @@ def disagreement(name: str, size: Array, covariance: Array) -> tuple[str, tuple[
     """
     frame = name.rpartition("_from_")[2]
     stated = f"base of {frame.removesuffix('_base')}" if frame.endswith("_base") else f"mount of {frame}"
-    what = f"The stated {stated} disagrees with the data{by_tangent(size, covariance)}."
+    what = f"The stated {stated} disagrees with the data{format_tangent(size, covariance)}."
     return what, (f"Measure {name} again, or state it as a prior with its sigmas.", AGAIN, FIX)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates
 from basecal.effects.faces.effect import Effect
-from basecal.effects.faces.found_effect import FoundEffect, Words, by_tangent
+from basecal.effects.faces.found_effect import FoundEffect, Words, format_tangent
 from basecal.effects.faces.views import Views, frame_moves
 from basecal.geometry import Array, BoolArray, IntArray
 
@@ -25,8 +25,8 @@ def candidates(views: Views) -> Iterator[Candidates]:
             yield split_frame(views, name, np.arange(len(views.samples))[:, None] >= splits, since)
 
 
-def split_frame(views: Views, name: str, is_moved: BoolArray, since: tuple[int | None, ...]) -> Candidates:
-    """A frame that is elsewhere in some samples, by any tangent, (samples, b) whether in each."""
+def split_frame(views: Views, name: str, is_moved: BoolArray, first_samples: tuple[int | None, ...]) -> Candidates:
+    """A frame that is elsewhere in some samples, by any tangent, (samples, b) whether in each of them."""
 
     def moves(k: int) -> Array | None:
         """How views of a group move, (n, b, 6, q)."""
@@ -34,7 +34,9 @@ def split_frame(views: Views, name: str, is_moved: BoolArray, since: tuple[int |
         moved = is_moved[views.rank(views.groups[k])][..., None, None]
         return None if by_frame is None else np.asarray(moved * by_frame[:, None])
 
-    return Candidates("base-moved", (name,) * len(since), since, "", tuple(map(moves, range(len(views.groups)))))
+    return Candidates(
+        "base-moved", (name,) * len(first_samples), first_samples, "", tuple(map(moves, range(len(views.groups))))
+    )
 
 
 def _splits(views: Views, name: str) -> IntArray:
@@ -47,7 +49,7 @@ def _splits(views: Views, name: str) -> IntArray:
 
 def words(effect: FoundEffect) -> Words:
     """What moved, by how much and when."""
-    what = f"{effect.about} moved{by_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
+    what = f"{effect.about} moved{format_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
     do = "Check what was bumped, bent, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)
 

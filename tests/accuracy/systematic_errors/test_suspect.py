@@ -24,6 +24,10 @@ def test_one_of_many_ranks_behind():
 def test_a_change_in_time_is_judged_by_the_larger_of_score_and_gain():
     """Beside what differs by place; other errors keep their chance."""
     moved = replace(ONE, scatter=PlaceScatter(2.0, 50.0))
-    assert ONE.beside_places(90.0, -31.0) == -31.0
-    assert moved.beside_places(10.0, -31.0) == pytest.approx(PlaceScatter(1.0, 50.0).log_chance(30.0, 6) + np.log(32))
-    assert moved.beside_places(90.0, -31.0) == pytest.approx(PlaceScatter(1.0, 50.0).log_chance(45.0, 6) + np.log(32))
+    assert ONE.log_chance_beside_places(90.0, -31.0) == -31.0
+    assert moved.log_chance_beside_places(10.0, -31.0) == pytest.approx(
+        PlaceScatter(1.0, 50.0).log_chance(30.0, 6) + np.log(32)
+    )
+    assert moved.log_chance_beside_places(90.0, -31.0) == pytest.approx(
+        PlaceScatter(1.0, 50.0).log_chance(45.0, 6) + np.log(32)
+    )

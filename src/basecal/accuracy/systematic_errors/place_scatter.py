@@ -47,8 +47,8 @@ def place_scatter(situation: Situation, null: Linearised, change: Candidates) ->
     is_beyond = _place_splits(situation, change.about[0])
     splits = split_frame(situation, change.about[0], is_beyond, (None,) * is_beyond.shape[1])
     beside = with_random_effects(null, tuple(None if moves is None else moves[:, 0] for moves in change.moves))
-    found = score(beside, splits.joined())
-    root = _root_of_each(found.information[0], len(splits.about))
+    found = score(beside, splits.join_sizes())
+    root = _whitening_root(found.information[0], len(splits.about))
     scores, correlation = root.T @ found.gradient[0], root.T @ found.information[0] @ root
     total = float(np.trace(correlation))
     if total < 1:
@@ -56,7 +56,7 @@ def place_scatter(situation: Situation, null: Linearised, change: Candidates) ->
     return PlaceScatter(max(1.0, float(scores @ scores) / total), total**2 / float(np.sum(correlation**2)))
 
 
-def _root_of_each(information: Array, count: int) -> Array:
+def _whitening_root(information: Array, count: int) -> Array:
     """What turns the gradients of so many splits, (q,), into independent ones of unit variance within each, (q, q)."""
     width = len(information) // count
     own = [information[k : k + width, k : k + width] for k in range(0, len(information), width)]

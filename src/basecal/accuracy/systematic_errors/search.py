@@ -76,7 +76,9 @@ def systematic_error(
     suspects = list(_confirmed_suspects(situation, _select_suspects(situation, every)))
     if solution.problem.models:
         # Joints of robots whose kinematics are estimated stand for their poses: no pose of these can be corrected.
-        discovered = _discovery_mask(suspects, [suspect.beside_places(0.0, suspect.log_chance) for suspect in suspects])
+        discovered = _discovery_mask(
+            suspects, [suspect.log_chance_beside_places(0.0, suspect.log_chance) for suspect in suspects]
+        )
         certain = [suspects[k] for k in np.flatnonzero(discovered)]
         alike = replace(certain[0], size=0 * certain[0].size) if certain else None
         return None if alike is None else _describe(situation, alike, solution, solution)
@@ -88,7 +90,7 @@ def systematic_error(
     each_gain = list(zip(suspects, gains, strict=True))
     chances = [min(each.log_chance, _log_chance(situation, each, gain)) for each, gain in each_gain]
     are_certain = _discovery_mask(
-        suspects, [of.beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)]
+        suspects, [of.log_chance_beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)]
     )
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
     k = min(range(len(costs)), key=lambda i: (not are_certain[i], costs[i]))
@@ -133,7 +135,7 @@ def _confirm_first(solution: Solution, situation: Situation, suspects: Sequence[
         return None
     gain = _gain(situation, suspect, solution)
     (is_certain,) = _discovery_mask(
-        [suspect], [suspect.beside_places(gain, _log_chance(situation, suspect, gain))], DISAGREES
+        [suspect], [suspect.log_chance_beside_places(gain, _log_chance(situation, suspect, gain))], DISAGREES
     )
     alternatives = _alternatives(situation, suspect, suspects)
     return replace(_to_first_order(situation, suspect), is_certain=bool(is_certain), alternatives=alternatives)
@@ -146,7 +148,9 @@ def _reconciling(
     situation = _situation(as_stated, recorded_problem, stamps)
     every = _suspects(situation)
     selected = _select_suspects(situation, every)
-    certain = (each for each in selected if _discovery_mask([each], [each.beside_places(0.0, each.log_chance)])[0])
+    certain = (
+        each for each in selected if _discovery_mask([each], [each.log_chance_beside_places(0.0, each.log_chance)])[0]
+    )
     for suspect in _confirmed_suspects(situation, certain):
         moved = _without_suspect(as_stated, situation, suspect).problem
         after = replace(solve_from(moved, as_stated.state, settings), noise=as_stated.noise)
@@ -219,7 +223,9 @@ def _suspects(situation: Situation) -> list[Suspect]:
             likeliest[code, name] = rank, replace(suspect, log_chance=chance, several=several, family=len(tests))
     ranked = sorted(likeliest.values(), key=lambda each: round(each[0], _RANK_DIGITS))
     beside = [_with_scatter(situation, suspect) for _, suspect in ranked]
-    return [suspect for suspect in beside if suspect.beside_places(0.0, suspect.screened) < np.log(SUSPECTED)]
+    return [
+        suspect for suspect in beside if suspect.log_chance_beside_places(0.0, suspect.screened) < np.log(SUSPECTED)
+    ]
 
 
 def _with_scatter(situation: Situation, suspect: Suspect) -> Suspect:

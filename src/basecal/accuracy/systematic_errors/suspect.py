@@ -45,7 +45,7 @@ class Suspect:
         """Logarithm of its chance among errors of all codes, where no random effect can hold one."""
         return self.screened + COST * self.several
 
-    def beside_places(self, gain: float, chance: float) -> float:
+    def log_chance_beside_places(self, gain: float, chance: float) -> float:
         """Logarithm of the chance of its score, or of a larger gain, beside what differs by place.
 
         Args:

@@ -43,7 +43,7 @@ class Candidates:
         joint = self.joint[index : index + 1]
         return Candidates(self.code, (self.about[index],), (self.since[index],), self.unit, moves, joint)
 
-    def joined(self) -> Candidates:
+    def join_sizes(self) -> Candidates:
         """All of them as one, which has the sizes of all."""
         moves = (None if m is None else np.moveaxis(m, 1, 2).reshape(len(m), 1, 6, -1) for m in self.moves)
         return Candidates(self.code, self.about[:1], self.since[:1], self.unit, tuple(moves))

@@ -88,7 +88,7 @@ def rounded_length(values: Array, covariance: Array, unit: float = 1.0) -> str:
     return format_with_sigma(unit * length, unit * sigma)
 
 
-def by_tangent(size: Array, covariance: Array) -> str:
+def format_tangent(size: Array, covariance: Array) -> str:
     """` by` the translation [mm] and rotation [deg] of a tangent, (6,), or of a point, (3,), with their sigmas.
 
     Of each what is known to be more than its sigma; nothing if neither is.
