@@ -85,21 +85,27 @@ def systematic_error(
     if not suspects:
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
-    # A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
-    gains = [_gain(situation, each, before) for each in suspects]
-    each_gain = list(zip(suspects, gains, strict=True))
-    chances = [min(each.log_chance, _log_chance(situation, each, gain)) for each, gain in each_gain]
-    are_certain = _discovery_mask(
-        suspects, [of.log_chance_beside_places(gain, chances[i]) for i, (of, gain) in enumerate(each_gain)]
-    )
+    suspect, is_certain = _least_likely(situation, suspects, before)
+    if not is_certain and _is_contained(solution, suspect):
+        return None
+    after = _solved_again(_without_suspect(solution, situation, suspect), settings)
+    described = _describe(situation, suspect, solution, after)
+    return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspect, every))
+
+
+def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, bool]:
+    """The suspect that chance makes most seldom, certain ones before others, and whether it is certain.
+
+    A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
+    """
+    gains = [_gain(situation, each, solution) for each in suspects]
+    pairs = list(zip(suspects, gains, strict=True))
+    chances = [min(each.log_chance, _log_chance(situation, each, gain)) for each, gain in pairs]
+    beside = [each.log_chance_beside_places(gain, chances[i]) for i, (each, gain) in enumerate(pairs)]
+    are_certain = _discovery_mask(suspects, beside)
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
     k = min(range(len(costs)), key=lambda i: (not are_certain[i], costs[i]))
-    is_certain = bool(are_certain[k])
-    if not is_certain and _is_contained(solution, suspects[k]):
-        return None
-    after = _solved_again(_without_suspect(solution, situation, suspects[k]), settings)
-    described = _describe(situation, suspects[k], solution, after)
-    return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspects[k], every))
+    return suspects[k], bool(are_certain[k])
 
 
 def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffect | None:
