@@ -1,7 +1,7 @@
 """By how much more than noise a frame differs from place to place, which a change in time has to exceed.
 
-A recording goes from place to place as time passes. Errors of gears, of points on a body, or of arms that lean on one
-another differ by place and posture and have no model here; a split of the recording in time shows them. So do splits by
+A recording goes from place to place as time passes. Some errors by place or posture have no model here: those of gears,
+of points on a body, of arms that lean on one another. A split of the recording in time shows them. So do splits by
 place, beside the change: their mean chi-square over its freedoms is the variance that the change is compared with.
 Source: analysis of variance, Fisher 1925; its freedoms, Satterthwaite 1946; docs/mathematics.md (11.6).
 """

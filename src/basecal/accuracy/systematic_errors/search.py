@@ -96,7 +96,7 @@ def systematic_error(
 def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, bool]:
     """The suspect that chance makes most seldom, certain ones before others, and whether it is certain.
 
-    A step and a drift of one base score alike; what they gain with the noise estimated anew tells them apart.
+    A step and a drift of one base have the same score, but not the same gain with the noise estimated anew.
     """
     gains = [_gain(situation, each, solution) for each in suspects]
     pairs = list(zip(suspects, gains, strict=True))
@@ -295,7 +295,7 @@ def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
 
 
 def _log_chance(situation: Situation, suspect: Suspect, gain: float) -> float:
-    """Logarithm of the chance of a gain; where few residuals tell the noise, chance makes it larger."""
+    """Logarithm of the chance of a gain; where few residuals determine the noise, chance makes it larger."""
     return log_chance_of_gain(gain, suspect.freedoms, situation.linearisation.residuals) + suspect.several
 
 
