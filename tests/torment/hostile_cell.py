@@ -2,14 +2,14 @@
 
 `python -m torment.hostile_cell` tries each field with each lure by each verb, and prints what was reached; a trial by
 its seed tries one of them. Nothing connects; of files outside only those are opened that the verb opens for a harmless
-cell too, and those of Python and its packages.
+cell too, and those of Python and its packages. Lures that keep the cell readable are tried several at once: where a
+verb answers, it came past all of them, and where it refuses or reaches anything, halves of them are tried.
 """
 
 from __future__ import annotations
 
 import argparse
-import ctypes
-import io
+import itertools
 import json
 import os
 import re
@@ -18,8 +18,7 @@ import sys
 import sysconfig
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -30,17 +29,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import basecal
-from basecal.cell.files import latest_run, read_truth
-from basecal.cli import main as run_command
+from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording, read_truth
+from basecal.errors import BasecalError
 from basecal.exchange.exporters.registry import EXPORTERS
 from basecal.vision.image_file import png_bytes
+from torment import record
 from torment.cells import cell_text, made
 from torment.damage import at, places
 from torment.outcome import Fell
-from torment.record import table
-from torment.system_calls import is_possible, traced
+from torment.record import Row, table
+from torment.system_calls import is_possible
+from torment.traced import COMMAND, TracedServer
 
-_NEW_NETWORK = 0x40000000  # CLONE_NEWNET
+MAIN = COMMAND
 _CALL = re.compile(r"^(?:\d+ +)?(\w+)\((.*)$", re.M)
 _NAMED = re.compile(r'(?:AT_FDCWD<([^>]*)>|\d+<([^>]*)>)?(?:, )?"((?:[^"\\]|\\.)*)"')
 _OPENED = re.compile(r"= \d+<(/[^>]*)>")
@@ -60,6 +61,11 @@ _ASKS = {
 _CONNECTS = {"connect", "sendto", "sendmsg", "sendmmsg"}
 _INTERNET = re.compile(r"sa_family=AF_INET|sin_addr|sin6_addr")
 _SECRET = "outside"
+EACH = "hostile cell, each"  # in what is recorded
+_TEXTS = 5  # lures of each field, one after another
+_AT_ONCE = 8
+_RECORDED_AT_ONCE = 200  # a multiple of the texts
+_SHOWN = 300  # characters
 _URDF_TEXT = re.compile(r'"([^"]*)"')
 
 _PICTURE = png_bytes(np.zeros((720, 1280), dtype=np.uint8))
@@ -156,8 +162,8 @@ def _data() -> Mapping[str, Any]:
     return {"cell.yaml": cell, "recording/samples.jsonl": samples[:1], f"runs/{run.name}/calibration.json": calibration}
 
 
-def lay(folder: Path, lure: Lure | None) -> None:
-    """Write `cell`, hostile by one lure, beside what verbs take in, and `outside` with files of its names."""
+def lay(folder: Path, lures: Sequence[Lure]) -> None:
+    """Write `cell`, hostile by lures, beside what verbs take in, and `outside` with files of its names."""
     cell, outside = folder / "cell", folder / _SECRET
     copytree(made("joints").folder, cell)
     copytree(made("joints").folder, outside)
@@ -169,20 +175,25 @@ def lay(folder: Path, lure: Lure | None) -> None:
     copytree(cell, folder / "twin")
     (folder / "poses.txt").write_text("0.1 0.2 0.3 0 0 0\n" * 12)
     (folder / "lens.yaml").write_text(_LENS)
-    if lure is None:
-        return
-    if lure.place and lure.file == "eye.urdf":
-        text = made("joints").urdfs["eye.urdf"]
-        value = list(_URDF_TEXT.finditer(text))[lure.place[0]]
-        (cell / lure.file).write_text(text[: value.start(1)] + lure.text + text[value.end(1) :])
-    elif lure.place:
-        data = json.loads(json.dumps(_data()[lure.file]))
-        at(data, lure.place[:-1])[lure.place[-1]] = lure.text
-        _write(cell / lure.file, data)
-    else:
-        path = cell / lure.file
+    for file in {lure.file for lure in lures}:
+        _set(cell, outside, file, {lure.place: lure.text for lure in lures if lure.file == file})
+
+
+def _set(cell: Path, outside: Path, file: str, texts: Mapping[tuple[Any, ...], str]) -> None:
+    """Write texts at their places of a file, or a link that leads out where the place is the file itself."""
+    path = cell / file
+    if () in texts:
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-        path.symlink_to(outside / lure.file)
+        path.symlink_to(outside / file)
+    elif path.suffix == ".urdf":
+        numbers = itertools.count()
+        urdf = made("joints").urdfs[file]
+        path.write_text(_URDF_TEXT.sub(lambda found: f'"{texts.get((next(numbers),), found[1])}"', urdf))
+    else:
+        data = json.loads(json.dumps(_data()[file]))
+        for place, text in texts.items():
+            at(data, place[:-1])[place[-1]] = text
+        _write(path, data)
 
 
 def _write(path: Path, data: Any) -> None:
@@ -193,23 +204,16 @@ def _write(path: Path, data: Any) -> None:
         path.write_text(cell_text(data) if path.suffix == ".yaml" else json.dumps(data))
 
 
-def reached(verb: str, folder: Path, lure: Lure | None) -> tuple[int, set[str]]:
+def reached(verb: str, folder: Path, *lures: Lure) -> tuple[int, set[str]]:
     """Exit code of a verb in a cell, and what it reached outside: its files and hosts."""
-    lay(folder, lure)
-    trace = folder / "trace"
-    words = VERBS[verb](str(folder / "cell"))
-    code = traced(words, folder / "cell", ["-f", "-y", "-s", "4096"], trace, "%file,%network", _leave_network)
-    return code, set(_outside(trace.read_text(errors="replace"), folder))
+    lay(folder, lures)
+    code, calls = _server().run(VERBS[verb](str(folder / "cell")), folder / "cell", MAIN)
+    return code, set(_outside(calls, folder))
 
 
-def _leave_network() -> None:
-    """Put this process into a network namespace that has nothing but itself.
-
-    Raises:
-        OSError: if it may not.
-    """
-    if ctypes.CDLL(None, use_errno=True).unshare(_NEW_NETWORK) != 0:
-        raise OSError(ctypes.get_errno(), "unshare")
+@cache
+def _server() -> TracedServer:
+    return TracedServer()
 
 
 def _outside(trace: str, folder: Path) -> Iterator[str]:
@@ -241,63 +245,126 @@ def _own_folders() -> tuple[str, ...]:
 
 @cache
 def harmless(verb: str) -> frozenset[str]:
-    """What a verb reaches outside of a harmless cell; it imports here what it needs."""
+    """What a verb reaches outside of a harmless cell; the server imports here what it needs."""
     with TemporaryDirectory(prefix="torment-") as name:
-        lay(Path(name), None)
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-            run_command(VERBS[verb](f"{name}/cell"))
+        lay(Path(name), ())
+        _server().prepare(VERBS[verb](f"{name}/cell"), Path(name))
     with TemporaryDirectory(prefix="torment-") as name:
-        return frozenset(reached(verb, Path(name), None)[1])
+        return frozenset(reached(verb, Path(name))[1])
 
 
-def _try(verb: str, folder: Path, lure: Lure) -> str:
-    """What came of a verb in a cell with a lure.
+def _try(verb: str, folder: Path, *lures: Lure) -> str:
+    """What came of a verb in a cell with lures.
 
     Raises:
         Fell: if it reached anything, or ended as none may.
     """
-    code, found = reached(verb, folder, lure)
+    code, found = reached(verb, folder, *lures)
     if found := found - harmless(verb):
-        raise Fell(f"{verb}, {lure}: reached {sorted(found)[:5]}")
+        raise Fell(f"{verb}, {lures}: reached {sorted(found)[:5]}")
     if code not in (0, 1, 2, 3, 4, 5):
-        raise Fell(f"{verb}, {lure}: exit code {code}")
+        raise Fell(f"{verb}, {lures}: exit code {code}")
     return "refused" if code in (2, 3) else "answered"
+
+
+def _count() -> int:
+    nowhere = Path("/nowhere") / _SECRET / "eye.urdf"
+    return len(list(lures(nowhere, nowhere)))
+
+
+def _chosen(folder: Path, numbers: Sequence[int]) -> list[Lure]:
+    known = list(lures(folder / _SECRET / "eye.urdf", folder / "cell"))
+    return [known[number] for number in numbers]
+
+
+@cache
+def _is_readable(number: int) -> bool:
+    """Whether a cell with a lure in a field is read at all."""
+    with TemporaryDirectory(prefix="torment-") as name:
+        (lure,) = _chosen(Path(name), [number])
+        lay(Path(name), [lure])
+        cell = Path(name) / "cell"
+        try:
+            read_recording(cell, read_cell(cell))
+            read_calibration(latest_run(cell) or cell)
+        except BasecalError:
+            return False
+        return bool(lure.place)
+
+
+def _groups(numbers: Sequence[int]) -> Iterator[list[int]]:
+    """Lures that are tried at once: alone where the cell is not read, else several of one text, so of many fields."""
+    yield from ([number] for number in numbers if not _is_readable(number))
+    for text in range(_TEXTS):
+        several = [number for number in numbers if _is_readable(number) and number % _TEXTS == text]
+        yield from (several[k : k + _AT_ONCE] for k in range(0, len(several), _AT_ONCE))
+
+
+def _come(verb: str, numbers: Sequence[int]) -> Iterator[tuple[int, str, str]]:
+    """What came of a verb with each of some lures, and why it fell, if it did."""
+    with TemporaryDirectory(prefix="torment-") as name:
+        try:
+            what, why = _try(verb, Path(name), *_chosen(Path(name), numbers)), ""
+        except Fell as error:
+            what, why = "fell", str(error).replace(name, "")
+    if what == "answered" or len(numbers) == 1:
+        yield from ((number, what, why) for number in numbers)
+        return
+    half = len(numbers) // 2
+    yield from _come(verb, numbers[:half])
+    yield from _come(verb, numbers[half:])
+
+
+def each(verb: str, numbers: Sequence[int], first: int) -> Row:
+    """What came of a verb with some lures, each once; a seed is `first` and the number of the lure."""
+    found = sorted(one for group in _groups(numbers) for one in _come(verb, group))
+    fell = {str(first + number): record.without_folders(why)[:_SHOWN] for number, what, why in found if what == "fell"}
+    for why in fell.values():
+        print(why, file=sys.stderr, flush=True)
+    came = dict(Counter(what for _, what, _ in found))
+    seeds = {"fell": fell} if fell else {}
+    return Row(EACH, record.commit(), first + numbers[0], first + numbers[-1] + 1, came, seeds)
 
 
 def hostile_cell(chance: Random, folder: Path) -> str:
     """One field of a cell that leads out of it, opened by one verb."""
     if not is_possible():
         return "no strace"
-    return _try(
-        chance.choice(list(VERBS)), folder, chance.choice(list(lures(folder / _SECRET / "eye.urdf", folder / "cell")))
-    )
+    verb = chance.choice(list(VERBS))
+    return _try(verb, folder, chance.choice(list(lures(folder / _SECRET / "eye.urdf", folder / "cell"))))
 
 
 def main() -> int:
-    """Try everything, or a share of it, print what came of it by verb, and end with 1 if anything was reached."""
+    """Try everything, or what was not tried yet, print what came of it by verb, and end with 1 if anything fell."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=float("inf"))
-    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", action="append", choices=list(VERBS))
+    parser.add_argument(
+        "--record", type=Path, nargs="?", const=record.FILE, help="what was not tried yet, added to this"
+    )
     asked = parser.parse_args()
-    nowhere = Path("/nowhere") / _SECRET / "eye.urdf"
-    count = len(list(lures(nowhere, nowhere)))
-    trials = [(verb, k) for verb in asked.only or VERBS for k in range(count)]
-    Random(asked.seed).shuffle(trials)
-    end, came = time.monotonic() + asked.seconds, {verb: Counter[str]() for verb in asked.only or VERBS}
-    for verb, k in trials:
+    end, came = time.monotonic() + asked.seconds, dict[str, Counter[str]]()
+    for verb, numbers in _left(asked.only or list(VERBS), asked.record):
         if time.monotonic() > end:
             break
-        with TemporaryDirectory(prefix="torment-") as name:
-            folder = Path(name)
-            lure = list(lures(folder / _SECRET / "eye.urdf", folder / "cell"))[k]
-            try:
-                came[verb][_try(verb, folder, lure)] += 1
-            except Fell as error:
-                came[verb]["fell"] += 1
-                print(error, file=sys.stderr, flush=True)
-    print(table(("verb", "tried", "answered", "refused", "fell"), [_line(verb, each) for verb, each in came.items()]))
-    return 1 if any(each["fell"] for each in came.values()) else 0
+        row = each(verb, numbers, list(VERBS).index(verb) * _count())
+        came.setdefault(verb, Counter()).update(row.came)
+        if asked.record:
+            record.write(record.added(record.read(asked.record), row), asked.record)
+    print(table(("verb", "tried", "answered", "refused", "fell"), [_line(verb, found) for verb, found in came.items()]))
+    return 1 if any(found["fell"] for found in came.values()) else 0
+
+
+def _left(verbs: Sequence[str], path: Path | None) -> Iterator[tuple[str, list[int]]]:
+    """Verbs with lures that are not recorded yet, some at a time."""
+    rows = record.read(path) if path else []
+    tried = {seed for row in rows if row.what == EACH for seed in range(row.first, row.end)}
+    for verb in verbs:
+        first = list(VERBS).index(verb) * _count()
+        for start in range(0, _count(), _RECORDED_AT_ONCE):
+            numbers = list(range(start, min(start + _RECORDED_AT_ONCE, _count())))
+            if not {first + number for number in numbers} & tried:
+                yield verb, numbers
 
 
 def _line(verb: str, came: Counter[str]) -> tuple[object, ...]:

@@ -178,9 +178,11 @@ def _seeds(trial: str, tried: Counter[str], modules: Mapping[str, str]) -> str:
 
 def trial_modules() -> dict[str, str]:
     """The module of each kind of trial, without its package."""
+    from torment.hostile_cell import EACH
     from torment.run import TRIALS
 
-    return {name: getattr(trial, "func", trial).__module__.rpartition(".")[2] for name, trial in TRIALS.items()}
+    known = {name: getattr(trial, "func", trial).__module__.rpartition(".")[2] for name, trial in TRIALS.items()}
+    return {**known, EACH: known["hostile cell"]}
 
 
 if __name__ == "__main__":

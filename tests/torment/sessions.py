@@ -15,6 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -96,25 +97,43 @@ def _reports(process: int, said: Path) -> bool:
     """Whether a command said what it connects to or, with a file of its own cell, started its driver's process."""
     if said.exists() and said.stat().st_size:
         return True
-    try:
-        return bool(Path(f"/proc/{process}/task/{process}/children").read_text())
-    except OSError:  # it ended
-        return False
+    return bool(_children(process))
 
 
 def _exit_code(process: BaseProcess, limit_s: float) -> int:
-    """How a process ends within a limit.
+    """How a process ends within a limit, without the time in which other programs had the processor.
 
     Raises:
         Fell: if it does not; it is killed.
     """
-    process.join(limit_s)
+    began_s, kept_waiting_s = time.monotonic(), _kept_waiting_s(process.pid or 0)
+    left_s = limit_s
+    while process.exitcode is None and left_s > 0:
+        process.join(left_s)
+        lost_s = max(0.0, _kept_waiting_s(process.pid or 0) - kept_waiting_s)
+        left_s = limit_s + lost_s - (time.monotonic() - began_s)
     if process.exitcode is None:
         where = _where(process.pid or 0)
         process.kill()
         process.join()
         raise Fell(f"does not end within {limit_s:g} s: {where}")
     return process.exitcode
+
+
+def _kept_waiting_s(process: int) -> float:
+    """How long a process and its children were ready to run and had no processor [s], which is no fault of theirs."""
+    lost_ns = 0
+    for each in (process, *_children(process)):
+        with suppress(OSError):
+            lost_ns += int(Path(f"/proc/{each}/schedstat").read_text().split()[1])
+    return lost_ns * 1e-9
+
+
+def _children(process: int) -> list[int]:
+    try:
+        return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    except OSError:  # it ended
+        return []
 
 
 def _what(name: str, chance: Random, folder: Path) -> str:
@@ -187,13 +206,12 @@ def main() -> int:
     parser.add_argument("--record", type=Path, nargs="?", const=record.FILE)
     asked = parser.parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    rows = list(_rows(asked.only or list(STAGES), asked.seed, asked.sessions, asked.at_once))
+    rows = []
+    for row in _rows(asked.only or list(STAGES), asked.seed, asked.sessions, asked.at_once):
+        rows.append(row)
+        if asked.record:
+            record.write(record.added(record.read(asked.record), row), asked.record)
     print(table(("what", "sessions", "came"), [(row.what, sum(row.came.values()), row.came) for row in rows]))
-    if asked.record:
-        known = record.read(asked.record)
-        for row in rows:
-            known = record.added(known, row)
-        record.write(known, asked.record)
     return 1 if any(row.came.get("fell") for row in rows) else 0
 
 

@@ -17,7 +17,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -110,14 +109,7 @@ def sites(verb: str) -> list[Site]:
     return found
 
 
-def traced(
-    words: list[str],
-    folder: Path,
-    options: list[str],
-    trace: Path,
-    calls: str = WRITING,
-    prepare: Callable[[], None] = lambda: None,
-) -> int:
+def traced(words: list[str], folder: Path, options: list[str], trace: Path) -> int:
     """Exit code of a command in a process that strace holds; minus the number of a signal that ended it.
 
     Args:
@@ -125,18 +117,16 @@ def traced(
         folder: Where it is run.
         options: Of strace.
         trace: The file of the trace.
-        calls: Which calls are traced.
-        prepare: What the process does before it is held.
     """
     reading, writing = os.pipe()
     sys.stdout.flush()
     sys.stderr.flush()
     child = os.fork()
     if child == 0:
-        _command(words, folder, reading, prepare)
+        _command(words, folder, reading)
     os.close(reading)
     tracer = subprocess.Popen(
-        ["strace", "-qq", "-p", str(child), "-o", str(trace), "-e", f"trace={calls}", *options],
+        ["strace", "-qq", "-p", str(child), "-o", str(trace), "-e", f"trace={WRITING}", *options],
         stderr=subprocess.DEVNULL,
     )
     try:
@@ -149,10 +139,9 @@ def traced(
     return os.waitstatus_to_exitcode(status)
 
 
-def _command(words: list[str], folder: Path, reading: int, prepare: Callable[[], None]) -> None:
+def _command(words: list[str], folder: Path, reading: int) -> None:
     """In the forked process: a command once its parent says so; it does not return."""
     try:
-        prepare()
         nowhere = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):
             os.dup2(nowhere, stream)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import socket
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from basecal.exchange.exporters.registry import EXPORTERS
-from torment import hostile_cell, system_calls
+from torment import hostile_cell
 from torment.hostile_cell import VERBS, Lure, harmless, lures, reached
 from torment.outcome import Fell
 from torment.system_calls import is_possible
@@ -42,29 +39,49 @@ def test_nothing_outside_is_reached(tmp_path: Path, field: str) -> None:
 
 def test_what_is_reached_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A verb that opens what a field names, or connects, falls; one that asks whether it is there does not."""
-
-    def open_outside(words: list[str]) -> int:
-        Path("../outside/eye.urdf").read_text()
-        return 0
-
-    def connect(words: list[str]) -> int:
-        with suppress(OSError):
-            socket.create_connection(("127.0.0.1", 9))
-        return 0
-
-    def ask(words: list[str]) -> int:
-        return 0 if os.path.exists("../outside/eye.urdf") else 70
-
     monkeypatch.setattr(hostile_cell, "harmless", lambda verb: frozenset())
     lure = _FIELDS["relative image"](tmp_path)
-    for name, main, message in (("open", open_outside, r"openat .*outside/eye"), ("connect", connect, "connect")):
+    for name, message in (("open_outside", r"openat .*outside/eye"), ("connect", "connect")):
         (tmp_path / name).mkdir()
-        monkeypatch.setattr(system_calls, "main", main)
+        monkeypatch.setattr(hostile_cell, "MAIN", f"torment.trespassers:{name}")
         with pytest.raises(Fell, match=message):
             hostile_cell._try("detect", tmp_path / name, lure)
-    monkeypatch.setattr(system_calls, "main", ask)
+    monkeypatch.setattr(hostile_cell, "MAIN", "torment.trespassers:ask")
     (tmp_path / "ask").mkdir()
     assert hostile_cell._try("detect", tmp_path / "ask", lure) == "answered"
+
+
+def test_each_lure_counts_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several at once where a verb answers; where it refuses or falls, each gets its own."""
+    tried: list[tuple[int, ...]] = []
+
+    def fake(verb: str, folder: Path, *numbers: int) -> str:
+        tried.append(numbers)
+        if 7 in numbers:
+            raise Fell(f"{folder}: reached")
+        return "refused" if 12 in numbers else "answered"
+
+    monkeypatch.setattr(hostile_cell, "_is_readable", lambda number: number != 1)
+    monkeypatch.setattr(hostile_cell, "_chosen", lambda folder, numbers: numbers)
+    monkeypatch.setattr(hostile_cell, "_try", fake)
+    row = hostile_cell.each("detect", range(40), 100)
+    assert (row.first, row.end) == (100, 140)
+    assert row.came == {"answered": 38, "refused": 1, "fell": 1}
+    assert row.seeds == {"fell": {"107": ": reached"}}
+    assert (1,) in tried
+    assert (0, 5, 10, 15, 20, 25, 30, 35) in tried
+    assert len(tried) < 40
+
+
+def test_several_lures_are_laid(tmp_path: Path) -> None:
+    """Each in its field; the fields beside them are as they were."""
+    found = list(lures(tmp_path / "outside" / "eye.urdf", tmp_path / "cell"))
+    fields = [lure for lure in found if lure.text.startswith("http") and lure.place]
+    some = [next(lure for lure in fields if lure.file == file) for file in sorted({lure.file for lure in fields})]
+    hostile_cell.lay(tmp_path, some)
+    for lure in some:
+        text = (tmp_path / "cell" / lure.file).read_text()
+        assert text.count(lure.text) == 1 + (tmp_path / "twin" / lure.file).read_text().count(lure.text)
 
 
 def test_every_field_is_lured(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from basecal.errors import InputError
 from torment.warm import boxes
 
 TASKS = """
-import os
+import faulthandler, os
 from basecal.errors import InputError
 def read_frames(words):
     yield [os.getpid(), words], b"first"
@@ -22,6 +22,7 @@ def read_frames(words):
     if words[0] == "refuse":
         raise InputError("is no such file")
     if words[0] == "crash":
+        faulthandler.disable()
         os.abort()
 """
 

@@ -45,7 +45,8 @@ class ForkedBox:
         output, stdout = os.pipe()
         ours = (self._held, output)
         self._process = _FORK.Process(target=_run, args=(command[_MODULE_AT:], stdin, stdout, ours))
-        self._process.start()
+        with _without_interrupts():
+            self._process.start()
         self.stdout = os.fdopen(output, "rb")
         os.close(stdin)
         os.close(stdout)
@@ -83,10 +84,21 @@ class ForkedBox:
         self._process.kill()
 
 
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """A context that Ctrl-C does not interrupt before its end: in what Python does about a fork it would be lost."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
 def _run(words: Sequence[str], stdin: int, stdout: int, parents: Sequence[int]) -> None:
     """In the forked process: what `python -m basecal.box` does."""
     os.setsid()
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     for each in parents:
         os.close(each)
     nowhere = os.open(os.devnull, os.O_RDWR)
