@@ -162,7 +162,7 @@ def _bags() -> list[Path]:
         (Path(kept.name) / kind).mkdir()
         writer = new_bag(Path(kept.name) / kind, kind)
         for k in range(40):
-            moved = SE3.exp(np.array([0.01 * (k // 20), 0, 0, 0, 0, 0.1 * (k // 20)]))
+            moved = SE3.exp(np.array([0.5, 0, 0.1 * (k // 20), 0, 0, 0.5 * (k // 20)]))
             for name in ("/arm/pose", "/tag/pose"):
                 writer.pose(name, BEGIN_S + k / 20, moved)
             writer.joints("/joint_states", BEGIN_S + k / 20, ["a", "b"], np.array([0.1, 0.2]))

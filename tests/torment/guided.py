@@ -21,13 +21,15 @@ from types import CodeType, FrameType
 from typing import Any
 
 import basecal
+from basecal.box import is_own_fault
 from basecal.errors import InputError
 from basecal.exchange.bags.reader_process import read_frames
+from torment import record
 from torment.besides import damage_bag
 from torment.foreign import write_damaged_tables
 from torment.outcome import Fell, of_reader
 from torment.readers import READERS, Trial
-from torment.record import table
+from torment.record import Row, table
 
 _SOURCES = str(Path(basecal.__file__).parent)
 _ROOMS = ("/exchange/", "/cell/", "/fields/", "/kinematics/", "/vision/image_file", "/studies/", "/acquisition/capture")
@@ -75,6 +77,8 @@ def read_bag(chance: Random, folder: Path) -> str:
             for topics in ((), ("/joint_states", "/arm/pose")):
                 list(read_frames([str(path), *topics]))
         except Exception as error:  # of its library, which the box tells as what it is
+            if is_own_fault(error):
+                raise
             raise InputError(type(error).__name__) from error
 
     return of_reader(read)
@@ -90,6 +94,8 @@ def read_tables(chance: Random, folder: Path) -> str:
         try:
             list(read_table(["0", str(path)]))
         except Exception as error:  # likewise
+            if is_own_fault(error):
+                raise
             raise InputError(type(error).__name__) from error
 
     return of_reader(read)
@@ -162,9 +168,24 @@ def _changed(words: list[int], chance: Random) -> list[int]:
     return other[: chance.randrange(len(other) + 1)] if chance.random() < 0.5 else other
 
 
-def _rows(kinds: Sequence[str], seconds: float, seed: int, is_guided: bool) -> Iterator[tuple[object, ...]]:
+def recorded_name(kind: str) -> str:
+    """What trials of a kind are in what is recorded: they have numbers, and no seeds."""
+    return f"{kind}, guided"
+
+
+def _record(kind: str, came: Counter[str], path: Path) -> None:
+    rows, name = record.read(path), recorded_name(kind)
+    first = record.next_seed(rows, name)
+    record.write(record.added(rows, Row(name, record.commit(), first, first + came.total(), dict(came))), path)
+
+
+def _rows(
+    kinds: Sequence[str], seconds: float, seed: int, is_guided: bool, path: Path | None
+) -> Iterator[tuple[object, ...]]:
     for kind in kinds:
         came, reached = guided(kind, seconds / len(kinds), Random(f"{kind} {seed}"), is_guided)
+        if path:
+            _record(kind, came, path)
         lines = len(reached.lines & reached.possible)
         yield kind, came.total(), came["answered"], came["refused"], came["fell"], lines, len(reached.possible)
 
@@ -176,9 +197,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", action="append", choices=list(KINDS))
     parser.add_argument("--unguided", action="store_true", help="by new words alone, to compare")
+    parser.add_argument("--record", type=Path, nargs="?", const=record.FILE, help="add the counts to this file")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
-    rows = list(_rows(asked.only or list(KINDS), asked.seconds, asked.seed, not asked.unguided))
+    rows = list(_rows(asked.only or list(KINDS), asked.seconds, asked.seed, not asked.unguided, asked.record))
     print(table(("kind", "tried", "answered", "refused", "fell", "lines", "of"), rows))
     return 1 if any(row[4] for row in rows) else 0
 

@@ -178,10 +178,12 @@ def _seeds(trial: str, tried: Counter[str], modules: Mapping[str, str]) -> str:
 
 def trial_modules() -> dict[str, str]:
     """The module of each kind of trial, without its package."""
+    from torment import guided
     from torment.hostile_cell import EACH
     from torment.run import TRIALS
 
     known = {name: getattr(trial, "func", trial).__module__.rpartition(".")[2] for name, trial in TRIALS.items()}
+    known |= {guided.recorded_name(kind): "guided" for kind in ("bag", "Parquet")}
     return {**known, EACH: known["hostile cell"]}
 
 

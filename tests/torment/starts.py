@@ -52,6 +52,26 @@ def replayed(folder: Path) -> None:
     rmtree(cell / "recording")
 
 
+def with_bag(folder: Path) -> None:
+    """A bag of ROS in which an arm and a tag stand at two places."""
+    from bag_of_cell import BEGIN_S, new_bag
+
+    writer = new_bag(folder, "sqlite3")
+    for k in range(40):
+        moved = SE3.exp(np.array([0.5, 0, 0.1 * (k // 20), 0, 0, 0.5 * (k // 20)]))
+        for name in ("/arm/pose", "/tag/pose"):
+            writer.pose(name, BEGIN_S + k / 20, moved)
+    writer.close().rename(folder / "bag")
+
+
+def with_dataset(folder: Path) -> None:
+    """A cell without a recording, and a dataset of LeRobot for it."""
+    from exchange.test_lerobot import dataset
+
+    unrecorded(folder)
+    dataset(folder / "dataset", [*(f"motor{k}" for k in range(6)), "gripper"])
+
+
 def with_study(folder: Path) -> None:
     """A small study."""
     (folder / "a.yaml").write_text("schema: basecal/study/1\ntrials: 2\ncells: 1\nhold: {samples: 4, target: led}\n")

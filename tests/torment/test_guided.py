@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from random import Random
 
 import pytest
 
-from torment import guided
+from basecal.errors import nearest
+from torment import guided, record
 from torment.guided import Reached, Words
 from torment.outcome import Fell
 
@@ -63,3 +65,22 @@ def test_guidance_reaches_deeper() -> None:
     """In half a minute each, of a URDF: more lines than new words alone."""
     lines = [len(guided.guided("URDF", 30.0, Random(1), is_guided)[1].lines) for is_guided in (True, False)]
     assert lines[0] >= lines[1]
+
+
+def test_guided_runs_add_up(tmp_path: Path) -> None:
+    """By numbers, which two runs do not share."""
+    for _ in range(2):
+        guided._record("bag", Counter({"refused": 3, "answered": 1}), tmp_path / "a.json")
+    (row,) = record.read(tmp_path / "a.json")
+    assert (row.what, row.first, row.end, row.came) == ("bag, guided", 0, 8, {"refused": 6, "answered": 2})
+
+
+def test_a_fault_of_the_reader_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a library raises is refused; what our own lines raise is not."""
+
+    def at_fault(words: list[str]) -> None:
+        nearest(None, ["a"])  # type: ignore[arg-type]
+
+    monkeypatch.setattr(guided, "read_frames", at_fault)
+    with pytest.raises(Fell, match="TypeError"):
+        guided.read_bag(Random(1), tmp_path)

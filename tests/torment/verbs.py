@@ -10,9 +10,10 @@ from typing import NamedTuple
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording, read_verifications
 from torment.cells import made
 from torment.outcome import Fell, of_command
-from torment.starts import PHOTOS, POSES, replayed, start_cell, unrecorded, with_study
+from torment.starts import PHOTOS, POSES, replayed, start_cell, unrecorded, with_bag, with_dataset, with_study
 
 _SIMULATED = 3
+_PLACES, _FRAMES = 2, 3  # of a bag, and of an episode
 
 
 class Verb(NamedTuple):
@@ -81,6 +82,24 @@ VERBS: dict[str, Verb] = {
         lambda folder: [*("import", "images", str(folder / "unrecorded"), str(folder / "photos"), "--camera", "wrist")],
         lambda folder: len(read_recording(folder / "unrecorded").samples) == 1,
         unrecorded,
+    ),
+    "import bag": Verb(
+        "pose",
+        lambda folder: [
+            *("import", "bag", str(folder / "new"), str(folder / "bag"), "--robot", "arm=/arm/pose"),
+            *("--view", "cam,tag=/tag/pose", "--on", "cam=world", "tag=arm"),
+        ],
+        lambda folder: _samples(folder) == _PLACES,
+        with_bag,
+    ),
+    "import lerobot": Verb(
+        "joints",
+        lambda folder: [
+            *("import", "lerobot", str(folder / "unrecorded"), str(folder / "dataset"), "--robot", "eye"),
+            *("--unit", "deg", "--every-s", "0"),
+        ],
+        lambda folder: len(read_recording(folder / "unrecorded").samples) == _FRAMES,
+        with_dataset,
     ),
     "merge": Verb(
         "joints",

@@ -98,13 +98,13 @@ def _run(words: Sequence[str], stdin: int, stdout: int, parents: Sequence[int]) 
     """In the forked process: what `python -m basecal.box` does."""
     os.setsid()
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     for each in parents:
         os.close(each)
     nowhere = os.open(os.devnull, os.O_RDWR)
     for file, stream in ((stdin, 0), (stdout, 1), (nowhere, 2)):
         os.dup2(file, stream)
         os.close(file)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     sys.argv = ["box", *words]
     box.main()
 
