@@ -11,6 +11,7 @@ from basecal.accuracy.model_comparison.nested_models import (
     compare_nested_models,
     discoveries,
     equally_likely,
+    largest_share,
     log_chance,
 )
 
@@ -86,3 +87,12 @@ def test_explanations_are_equal_within_e_cubed():
     """Of likelihood; by costs of twice its logarithm, in the order in which they are given."""
     assert equally_likely([12.0, 7.1, 5.9, 11.8, 30.0]) == [1, 2, 3]
     assert equally_likely([]) == []
+
+
+def test_the_share_of_what_is_there_as_often_as_not():
+    """Half where chance makes it easily, and rising to one; odds are those of Sellke, Bayarri and Berger's table."""
+    assert largest_share(0.0) == largest_share(-1.0) == pytest.approx(0.5)
+    # Their bounds of the probability of the null model at p of 0.05, 0.01 and 0.001: 0.289, 0.111 and 0.0184.
+    for chance, null in ((0.05, 0.289), (0.01, 0.111), (0.001, 0.0184)):
+        assert 1 - largest_share(np.log(chance)) == pytest.approx(null, abs=6e-4)
+    assert largest_share(-1000.0) == 1.0

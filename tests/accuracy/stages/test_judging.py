@@ -9,6 +9,7 @@ import pytest
 
 from basecal.accuracy.stages import judging
 from basecal.accuracy.stages.case import Case
+from basecal.effects.faces.found_effect import FoundEffect
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
@@ -33,6 +34,16 @@ def test_sigmas_that_were_refuted_are_told_to_systematic_errors(monkeypatch, sma
     assert found.evidence.contradicted_sigmas == contradicted
     stamps = {k: s.stamp_s for k, s in enumerate(MADE.recording.samples) if s.stamp_s is not None}
     assert given == [("without them", "all", stamps, Settings(), "as stated" if refuted else None)]
+
+
+def test_an_effect_that_may_be_chance_widens_by_its_share():
+    """Of the variance that its move adds."""
+    solution = solve(MADE.cell, MADE.recording)
+    moved = np.sqrt(np.diag(solution.covariance))
+    named = "length_scale", "length-scale", "hand", False, False, None, "m", np.ones(1), np.eye(1), moved
+    for share in (0.5, 1.0):
+        shift = judging._effect_shift(solution, FoundEffect(*named, share=share))
+        np.testing.assert_allclose(np.outer(shift, shift), share * np.outer(moved, moved))
 
 
 def test_the_covariance_covers_each_effect(monkeypatch):

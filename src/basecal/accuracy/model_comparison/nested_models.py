@@ -1,6 +1,7 @@
 """Effects of which the model in use is the special case of size zero: score tests, and ratios of likelihoods.
 
-Source: Rao 1948, Wilks 1938; of noise that is estimated, Fisher 1925; of many tests, Benjamini & Hochberg 1995.
+Source: Rao 1948, Wilks 1938; of noise that is estimated, Fisher 1925; of many tests, Benjamini & Hochberg 1995; of
+chances as evidence, Sellke, Bayarri & Berger 2001.
 """
 
 from __future__ import annotations
@@ -79,6 +80,12 @@ def compare_evidence(rival: str, gain: float) -> Comparison:
     """A wider model by its gain in evidence: twice the log of the ratio, which is an e-value."""
     decision = Decision.TAKE if gain > _VERY_STRONG else Decision.KEEP
     return Comparison(rival, gain, -0.5 * gain, decision)
+
+
+def largest_share(log_chance: float) -> float:
+    """How probable a wider model of such a chance is at most, if it is true as often as not: (11.7)."""
+    log_chance = min(log_chance, -1.0)
+    return float(1 / (1 - log_chance * np.exp(1 + log_chance)))
 
 
 def discoveries(log_chances: Sequence[float], tests: int, share: float = FALSE_DISCOVERIES) -> BoolArray:

@@ -101,5 +101,5 @@ def _effect_shift(solution: Solution, effect: FoundEffect | ClosedFormRival | Le
     """How far an effect moves the answer, (p,); of confounded effects the one that moves it most."""
     if isinstance(effect, FoundEffect):
         excluded = [each.moved for each in (effect, *effect.alternatives) if each.effect not in CONTAINED]
-        return largest_shift(solution, excluded or [np.zeros_like(effect.moved)])
+        return np.asarray(effect.share**0.5 * largest_shift(solution, excluded or [np.zeros_like(effect.moved)]))
     return effect.moved

@@ -18,6 +18,7 @@ from basecal.accuracy.model_comparison.nested_models import (
     SUSPECTED,
     compare_evidence,
     discoveries,
+    largest_share,
     log_chance,
 )
 from basecal.accuracy.stated_sigmas import contradicted_sigmas
@@ -85,16 +86,17 @@ def systematic_error(
     if not suspects:
         return None
     before = solution if solution.noise.logs is not None else _solved_again(solution, settings)
-    suspect, is_certain = _least_likely(situation, suspects, before)
+    suspect, share, is_certain = _least_likely(situation, suspects, before)
     if not is_certain and _is_contained(solution, suspect):
         return None
     after = _solved_again(_without_suspect(solution, situation, suspect), settings)
     described = _describe(situation, suspect, solution, after)
-    return replace(described, is_certain=is_certain, alternatives=_alternatives(situation, suspect, every))
+    others = _alternatives(situation, suspect, every)
+    return replace(described, is_certain=is_certain, alternatives=others, share=share)
 
 
-def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, bool]:
-    """The suspect that chance makes most seldom, certain ones before others, and whether it is certain.
+def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: Solution) -> tuple[Suspect, float, bool]:
+    """The suspect that chance makes most seldom, certain ones before others, its share, and whether it is certain.
 
     A step and a drift of one base have the same score, but not the same gain with the noise estimated anew.
     """
@@ -105,7 +107,7 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
     are_certain = _discovery_mask(suspects, beside)
     costs = [chance - COST * each.several for chance, each in zip(chances, suspects, strict=True)]
     k = min(range(len(costs)), key=lambda i: (not are_certain[i], costs[i]))
-    return suspects[k], bool(are_certain[k])
+    return suspects[k], largest_share(beside[k] + np.log(suspects[k].family)), bool(are_certain[k])
 
 
 def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffect | None:

@@ -52,6 +52,7 @@ class FoundEffect:
         joint: Which joint of the robot has it, from 0; None if none does.
         is_certain: Whether chance is excluded; other effects predict held-out blocks better all the same.
         alternatives: Effects that the data do not tell from it.
+        share: How probable it is, so that it widens the answer by as much of the variance.
     """
 
     effect: str
@@ -67,6 +68,7 @@ class FoundEffect:
     joint: int | None = None
     is_certain: bool = True
     alternatives: tuple[FoundEffect, ...] = ()
+    share: float = 1.0
 
     @property
     def sigma(self) -> float:
