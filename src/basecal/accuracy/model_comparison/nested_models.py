@@ -83,7 +83,10 @@ def compare_evidence(rival: str, gain: float) -> Comparison:
 
 
 def largest_share(log_chance: float) -> float:
-    """How probable a wider model of such a chance is at most, if it is true as often as not: (11.7)."""
+    """How probable a wider model of such a chance is at most, if it is true as often as not.
+
+    Source: docs/mathematics.md (11.7).
+    """
     log_chance = min(log_chance, -1.0)
     return float(1 / (1 - log_chance * np.exp(1 + log_chance)))
 
