@@ -8,6 +8,8 @@ BENCHMARKS := held_out two_arms semi_synthetic few_pictures real widths sag cali
 # The matrices are small: more threads only wait for one another.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
+# Workers and commands of tests share what one of them compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help setup demo test journeys test-slow safety torment wheels dist lint docs bench mutants clean
 .NOTPARALLEL:
@@ -80,6 +82,7 @@ $(VENV)/.core: pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(PIP) install --upgrade "pip>=25.1"
 	$(INSTALL) --editable .
+	@$(BIN)/python -m compileall -q -j 0 src
 	@touch $@
 
 $(VENV)/.test $(VENV)/.lint $(VENV)/.docs $(VENV)/.dist $(VENV)/.bench: $(VENV)/.%: $(VENV)/.core
