@@ -11,7 +11,7 @@ from tests.made_up_model import ALL_STATED, BLOCKS, COLUMNS, OPEN, ROWS, UNKNOWN
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.estimation.least_squares.jacobians import stop_error_jacobians, unknown_jacobian
 from basecal.estimation.noise.mixed_model import Moments, mixed_model, open_jitter
-from basecal.estimation.noise.reml import _inverse, _rounding_loss, posterior, solve_columns
+from basecal.estimation.noise.reml import _Equations, _rounding_loss, _solve, posterior, scales, solve_columns
 from basecal.estimation.noise.robot_noise import count_stops, with_robot_noise, without_errors
 from basecal.estimation.noise.view_estimates import STATED
 from basecal.estimation.problem.build import build_problem
@@ -126,10 +126,24 @@ def test_columns_alone_are_those_of_the_whole(arms):
     """Without the errors in blocks the columns are as with them, to the last bit."""
     problem, state = at_truth(replace(NOISY, arms=arms, state_pixel_noise=False))
     model, logs = mixed_model(problem, state, ROBOTS), np.log([0.3, 1e-3, 2e-3, 1e-3, 2e-3])
-    whole, alone = posterior(model, logs), solve_columns(model, logs)
-    assert alone.value == whole.value
-    np.testing.assert_array_equal(alone.step, whole.step)
-    np.testing.assert_array_equal(alone.covariance, whole.covariance)
+    whole, alone = posterior(model, logs), solve_columns(model, logs[None], np.arange(len(model.prior)))
+    assert alone.value[0] == whole.value
+    np.testing.assert_array_equal(alone.mean[0], whole.mean_columns)
+    np.testing.assert_array_equal(alone.spread[0], whole.spread)
+
+
+@pytest.mark.parametrize("at_once", [1, 1_000_000])
+def test_nodes_together_are_those_one_by_one(monkeypatch, rng, at_once):
+    """However many are taken at a time, with one part and with several, of some columns in any order."""
+    monkeypatch.setattr("basecal.estimation.noise.mixed_model._AT_ONCE", at_once)
+    model, _ = made_up(rng)
+    nodes, columns = rng.standard_normal((7, 11)), np.array([4, 0, 3])
+    together = solve_columns(model, nodes, columns)
+    for node, value, mean, spread in zip(nodes, together.value, together.mean, together.spread, strict=True):
+        alone = posterior(model, node)
+        assert value == pytest.approx(alone.value, rel=1e-12)
+        np.testing.assert_allclose(mean, alone.mean_columns[columns], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(spread, alone.spread[np.ix_(columns, columns)], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("arms", ["both", "stations"])
@@ -244,13 +258,11 @@ def test_all_that_is_unknown_is_that_of_one_matrix(of_numbers):
         here = slice(block * ROWS, (block + 1) * ROWS)
         np.testing.assert_allclose(found.blocks.own[block], own[here, here], rtol=1e-8, atol=1e-10)
     assert not found.blocks.lost.any()
-    some, known = np.array([1, 4, 10]), solve_columns(model, np.log(sigmas))
-    units = expected.scales[some]
-    of_some = known.rescale(some)
-    np.testing.assert_allclose(of_some[0], mean[some] * units, rtol=1e-6, atol=1e-8)
-    np.testing.assert_allclose(
-        of_some[1], covariance[np.ix_(some, some)] * np.outer(units, units), rtol=1e-6, atol=1e-8
-    )
+    some = np.array([1, 4, 10])
+    known = solve_columns(model, np.log(sigmas)[None], some).take(0)
+    np.testing.assert_allclose(known.mean, mean[some], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(known.spread, covariance[np.ix_(some, some)], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(scales(np.log(sigmas), model.of_columns), expected.scales[:COLUMNS])
 
 
 def test_errors_of_stops_are_in_their_units(of_numbers):
@@ -315,14 +327,20 @@ def test_an_identity_beside_what_would_round_it_away_is_raised():
 
 def test_directions_without_information_are_held_by_a_floor():
     """Of a hundred billionth beside what there was; those below nothing count as there."""
-    log = np.log
+
+    def solve(hessian, information):
+        """Inverse and log determinant."""
+        equations = _Equations(np.zeros(1), np.array([hessian]), np.array([information]), np.zeros((1, 2)))
+        found = _solve(equations, np.arange(2))
+        return found.spread[0], found.value[0]
+
     for last, held in ((0.0, 1e-11), (-1.0, 1e-11), (16 * 3e-11, 4e-11)):
-        inverse, log_det = _inverse(np.diag([4.0, last]), np.array([4.0, 16.0]))
+        inverse, log_det = solve(np.diag([4.0, last]), [4.0, 16.0])
         np.testing.assert_allclose(inverse, np.diag([0.25, 1 / (16 * held)]), rtol=1e-6, atol=1e-6)
-        assert log_det == pytest.approx(log(4.0) + log(16 * held))
-    inverse, log_det = _inverse(np.array([[4.0, 3.0], [1.0, 9.0]]), np.array([4.0, 9.0]))
+        assert log_det == pytest.approx(np.log(4.0) + np.log(16 * held))
+    inverse, log_det = solve([[4.0, 3.0], [1.0, 9.0]], [4.0, 9.0])
     np.testing.assert_allclose(inverse, np.linalg.inv([[4.0, 2.0], [2.0, 9.0]]), rtol=1e-9)
-    assert log_det == pytest.approx(log(32.0))
+    assert log_det == pytest.approx(np.log(32.0))
 
 
 def test_what_would_be_rounded_away_does_not_break_the_sums(rng):
@@ -352,4 +370,4 @@ def test_unknowns_that_cannot_be_told_apart_are_held_beside_what_each_had(rng):
     sigmas = np.ones(11)
     diagonal = np.diag(prior) + sum(np.diag(of.fixed_fixed) for of in moments.values())
     held = replace(model, prior=prior + 1e-11 * np.diag(diagonal))
-    assert solve_columns(model, np.log(sigmas)).value == pytest.approx(written(held, alike, sigmas).value, abs=1e-2)
+    assert posterior(model, np.log(sigmas)).value == pytest.approx(written(held, alike, sigmas).value, abs=1e-2)

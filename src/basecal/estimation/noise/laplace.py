@@ -17,7 +17,7 @@ import numpy as np
 
 from basecal.estimation.noise.hyperpriors import LogNormals
 from basecal.estimation.noise.mixed_model import MixedModel
-from basecal.estimation.noise.reml import Columns, posterior, solve_columns
+from basecal.estimation.noise.reml import Columns, posterior, scales, solve_columns
 from basecal.estimation.noise.secant import Secant, correct_curvature
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import floored_spectrum, scaled_spectrum, spectrum
@@ -69,7 +69,7 @@ class SigmaPosterior:
     @cached_property
     def columns(self) -> Columns:
         """What is known of the columns there, which is asked for again and again."""
-        return solve_columns(self.model, self.logs)
+        return solve_columns(self.model, self.logs[None], np.arange(len(self.model.prior))).take(0)
 
 
 def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = None) -> SigmaPosterior:
@@ -153,8 +153,8 @@ def integrated_covariance(models: Sequence[SigmaPosterior], model: Array, is_qui
     total = np.zeros((len(model), len(model)))
     for share, of in zip(shares / shares.sum() if is_quick else shares, models, strict=True):
         if share:
-            nodes = [(weight, known.covariance, known.step - model) for weight, known in _weighed_nodes(of, is_quick)]
-            total += share * sum(weight * (covariance + np.outer(off, off)) for weight, covariance, off in nodes)
+            weights, _, known = _weighed_nodes(of, np.arange(len(model)), is_quick)
+            total += share * _second_moments(weights, known.mean - model, known.spread)
     return total
 
 
@@ -169,32 +169,39 @@ def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array,
         Mean, (c,), and covariance, (c, c), of the columns' values about the model's state, in metres and radians.
         Means of the squares of the sigmas, (k,).
     """
-    mean, products, squares = (
-        np.zeros(len(columns)),
-        np.zeros((len(columns), len(columns))),
-        np.zeros(len(posterior.logs)),
-    )
-    for weight, known in _weighed_nodes(posterior):
-        here, spread = known.rescale(columns)
-        mean += weight * here
-        products += weight * (spread + np.outer(here, here))
-        squares += weight * np.exp(2 * known.logs)
-    return mean, products - np.outer(mean, mean), squares
+    weights, nodes, known = _weighed_nodes(posterior, columns)
+    sigmas = scales(nodes, posterior.model.of_columns[columns])
+    means = known.mean * sigmas
+    mean = weights @ means
+    products = _second_moments(weights, means, known.spread * sigmas[:, :, None] * sigmas[:, None, :])
+    return mean, products - np.outer(mean, mean), weights @ np.exp(2 * nodes)
 
 
-def _weighed_nodes(posterior: SigmaPosterior, is_quick: bool = False) -> list[tuple[float, Columns]]:
-    """Sigmas that stand for all that they may be, by their weights, which add up to 1, and what is known at each."""
+def _second_moments(weights: Array, means: Array, covariances: Array) -> Array:
+    """Of a mixture of normals with weights (n,), means (n, c) and covariances (n, c, c): (c, c) about zero."""
+    return np.asarray(np.tensordot(weights, covariances, 1) + (weights * means.T) @ means)
+
+
+def _weighed_nodes(
+    posterior: SigmaPosterior, columns: IntArray, is_quick: bool = False
+) -> tuple[Array, Array, Columns]:
+    """Sigmas that stand for all that they may be, and what is known of some columns there.
+
+    Returns:
+        Weights, (n,), that add up to 1; logarithms, (n, k); and the columns.
+    """
+    of = posterior.model
     if np.sqrt(np.diag(posterior.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN_SIGMA):
-        return [(1.0, solve_columns(posterior.model, posterior.logs))]
-    is_wide = np.diag(posterior.covariance).max() > _NEARLY_NORMAL**2 and posterior.model.layout.blocks <= _FEW_STOPS
+        return np.ones(1), posterior.logs[None], solve_columns(of, posterior.logs[None], columns)
+    is_wide = np.diag(posterior.covariance).max() > _NEARLY_NORMAL**2 and of.layout.blocks <= _FEW_STOPS
     tails = is_wide and not is_quick
     nodes, drawn = _draw_nodes(posterior) if tails else _cubature(posterior, is_quick)
-    known = [solve_columns(posterior.model, node) for node in nodes]
-    values = np.array([each.value + posterior.prior.value(each.logs)[0] for each in known])
+    known = solve_columns(of, nodes, columns)
+    values = known.value + np.array([posterior.prior.value(node)[0] for node in nodes])
     values = np.where(np.isfinite(values), values, np.inf) - drawn
     weights = np.exp(-0.5 * (values - values.min()))
-    weights /= weights.sum()
-    return [(float(weight), each) for weight, each in zip(weights, known, strict=True) if weight > 0]
+    counts = weights > 0  # others may hold what is no number
+    return weights[counts] / weights.sum(), nodes[counts], known.take(counts)
 
 
 def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array, Array]:

@@ -16,12 +16,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dtrtrs
 
 from basecal.estimation.noise.mixed_model import MixedModel, Moments, chunks
-from basecal.geometry import Array, IntArray
+from basecal.geometry import Array, BoolArray, IntArray
 from basecal.geometry.rotation import with_identity
 from basecal.numerics.inverse_factors import inverse_factors
 from basecal.numerics.spectral import floored_spectrum
@@ -33,36 +34,21 @@ _ROUNDING = 1e-13  # of such entries, which keeps it regular
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The columns alone, given sigmas: what a node of the sigmas asks for.
+    """Some columns alone, at nodes of the sigmas, or at one.
 
     Attributes:
-        model: The model.
-        logs: (k,) logarithms of the sigmas.
-        value: Minus twice the log of the restricted likelihood.
-        mean: (m,) most likely values, those of scaled columns in sigmas.
-        spread: (m, m) their covariance.
+        value: (...) minus twice the log of the restricted likelihood.
+        mean: (..., c) most likely values, those of scaled columns in sigmas.
+        spread: (..., c, c) their covariance.
     """
 
-    model: MixedModel
-    logs: Array
-    value: float
+    value: Array
     mean: Array
     spread: Array
 
-    @property
-    def step(self) -> Array:
-        """(p,) from the state to the most likely unknowns."""
-        return self.mean[: self.model.width]
-
-    @property
-    def covariance(self) -> Array:
-        """(p, p) of the unknowns."""
-        return self.spread[: self.model.width, : self.model.width]
-
-    def rescale(self, columns: IntArray) -> tuple[Array, Array]:
-        """Mean, (c,), and covariance, (c, c), of some columns, those of errors in metres and radians, not sigmas."""
-        scales = _scales(self.logs, self.model.of_columns)[columns]
-        return self.mean[columns] * scales, self.spread[np.ix_(columns, columns)] * scales[:, None] * scales
+    def take(self, node: int | BoolArray) -> Columns:
+        """At a node, or at some."""
+        return Columns(self.value[node], self.mean[node], self.spread[node])
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +86,8 @@ class Posterior:
     @property
     def stop_errors(self) -> Array:
         """(k, 6) most likely errors of all stops, those in common among them, in units of the problem."""
-        columns = self.mean_columns * _scales(self.logs, self.model.of_columns)
-        return self.model.stop_errors(self.mean_errors * _scales(self.logs, self.model.of_errors), columns)
+        columns = self.mean_columns * scales(self.logs, self.model.of_columns)
+        return self.model.stop_errors(self.mean_errors * scales(self.logs, self.model.of_errors), columns)
 
     def slope(self) -> Array:
         """(k,) derivative of the value to the logarithms."""
@@ -125,7 +111,7 @@ class Posterior:
 
     def _squares_of_mean(self, key: tuple[str, str]) -> float:
         """Sum of squares of a part's residuals at unit sigma at the mean, with what the columns' spread adds."""
-        x = _scales(self.logs, self.model.of_columns)
+        x = scales(self.logs, self.model.of_columns)
         by_spread = np.sum(self.model.parts[key].fixed_fixed * x[:, None] * x * self.spread)
         return self._mean_moments[key][0] + float(by_spread)
 
@@ -142,7 +128,7 @@ class Posterior:
             for sigma in np.unique(which):
                 rows = back[which == sigma]
                 sums[sigma] += rows.T @ rows
-        x = _scales(self.logs, self.model.of_columns)
+        x = scales(self.logs, self.model.of_columns)
         sums *= x[:, None] * x
         scaled = self.model.of_errors >= 0
         alone = np.bincount(self.model.of_errors[scaled], (own + self.mean_errors**2)[scaled], k)
@@ -152,7 +138,7 @@ class Posterior:
     def _expected_by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
         """What is expected of the squares of errors by their sigma, (k,), and of each part's by what errors spread."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
-        x = _scales(self.logs, self.model.of_columns)
+        x = scales(self.logs, self.model.of_columns)
         for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
             back = self._back(here) * x
             across = (back.reshape(-1, back.shape[-1]) @ self.spread).reshape(back.shape)
@@ -165,7 +151,7 @@ class Posterior:
 
     def _back(self, here: slice) -> Array:
         """How errors of some blocks follow from the columns in units of the model, negative, (b, q, m)."""
-        scaled = self.blocks.own[here] * _scales(self.logs, self.model.of_errors[here])[:, None, :]
+        scaled = self.blocks.own[here] * scales(self.logs, self.model.of_errors[here])[:, None, :]
         of_parts = (
             (weight * scaled) @ self.model.parts[key].errors_fixed[here]
             for key, weight in _weights(self.model, self.logs).items()
@@ -190,11 +176,11 @@ class Posterior:
             errors[i] = np.where(self.model.of_errors == i, self.mean_errors, 0.0)
             own[i] = np.sum(columns[i] ** 2) + np.sum(errors[i] ** 2)
         carried = (self.blocks.own @ errors.transpose(1, 2, 0)).transpose(2, 0, 1).reshape(k, -1)
-        scaled = carried * _scales(self.logs, self.model.of_errors).ravel()
+        scaled = carried * scales(self.logs, self.model.of_errors).ravel()
         by_columns = np.zeros(columns.shape)
         for key, weight in _weights(self.model, self.logs).items():
             by_columns += weight * (scaled @ self.model.parts[key].errors_fixed.reshape(-1, columns.shape[-1]))
-        reduced = columns - by_columns * _scales(self.logs, self.model.of_columns)
+        reduced = columns - by_columns * scales(self.logs, self.model.of_columns)
         by_errors = errors.reshape(k, -1) @ carried.T
         return np.asarray(4 * (np.diag(own) - reduced @ self.spread @ reduced.T - by_errors))
 
@@ -203,17 +189,19 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
     """The restricted likelihood at logarithms of sigmas, (k,), and what is known of everything else there."""
     b, q, m = *model.of_errors.shape, len(model.prior)
     blocks = _Blocks(np.empty((b, q)), np.empty((b, q, q)), np.zeros(b), np.empty((m, m)))
-    known = solve_columns(model, logs, blocks)
+    equations = _Equations(*(of[None] for of in _eliminate_errors(model, logs, blocks)))
+    known = _solve(equations, np.arange(m)).take(0)
     # Of the errors there follow those where the columns are zero, and what these move them by.
-    u, at = _scales(logs, model.of_errors), known.mean * _scales(logs, model.of_columns)
+    u, at = scales(logs, model.of_errors), known.mean * scales(logs, model.of_columns)
     by_columns = sum(w * (model.parts[key].errors_fixed @ at) for key, w in _weights(model, logs).items())
     errors = -(blocks.alone + (blocks.own @ (u * by_columns)[..., None])[..., 0])
-    return Posterior(model, logs, known.value, known.mean, errors, known.spread, blocks)
+    return Posterior(model, logs, float(known.value), known.mean, errors, known.spread, blocks)
 
 
-def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], float]:
-    """Of each part, by the sigma that it goes by; 1 where that is stated."""
-    return dict.fromkeys(model.parts, 1.0) | {k: float(np.exp(-2 * logs[at])) for k, at in model.sigmas.views.items()}
+def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], Array]:
+    """Of each part, (...) by the sigma that it goes by; 1 where that is stated."""
+    stated = np.ones(logs.shape[:-1])
+    return dict.fromkeys(model.parts, stated) | {k: np.exp(-2 * logs[..., at]) for k, at in model.sigmas.views.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,90 +221,119 @@ class _Blocks:
     explained: Array
 
 
-def solve_columns(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> Columns:
-    """The restricted likelihood at logarithms of sigmas, (k,), and what is known of the columns there.
+def solve_columns(model: MixedModel, nodes: Array, columns: IntArray) -> Columns:
+    """The restricted likelihood at nodes of the sigmas, and what is known of some columns there.
 
     Args:
         model: The model.
-        logs: The logarithms.
-        blocks: Filled with what is known of the errors in blocks, where that is asked for.
+        nodes: (n, k) logarithms of the sigmas. Some are taken at a time: one by one, NumPy's calls take half the time.
+        columns: (c,) which columns.
     """
+    found = []
+    for here in chunks(len(nodes), model.of_errors.size, len(model.prior)):
+        equations = _eliminate_errors(model, nodes[here])
+        found.append(_solve(equations, columns))
+    return Columns(*(np.concatenate([getattr(of, name) for of in found]) for name in ("value", "mean", "spread")))
+
+
+class _Equations(NamedTuple):
+    """Normal equations of the columns, the errors in blocks eliminated.
+
+    Attributes:
+        value: (...) minus twice the log of the restricted likelihood, but for what the columns add.
+        hessian: (..., m, m).
+        information: (..., m) its diagonal before errors take theirs.
+        gradient: (..., m).
+    """
+
+    value: Array
+    hessian: Array
+    information: Array
+    gradient: Array
+
+
+def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> _Equations:
+    """The columns' equations at logarithms of sigmas, (..., k); `blocks`, for (k,) alone, is filled where given."""
     weights = _weights(model, logs)
-    x, u = _scales(logs, model.of_columns), _scales(logs, model.of_errors)
+    x, u = scales(logs, model.of_columns), scales(logs, model.of_errors)
     cost, fixed, fixed_fixed = _weigh(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
-    value = (
-        sum(2 * model.parts[key].count * logs[at] for key, at in model.sigmas.views.items()) + cost + model.prior_cost
-    )
-    m = len(x)
-    explained, by_errors = np.zeros((m, m)), np.zeros(m)
-    for here in chunks(len(u), u.shape[1], m):
-        scale = u[here]
+    counted = sum(2 * model.parts[key].count * logs[..., at] for key, at in model.sigmas.views.items())
+    value, m = counted + cost + model.prior_cost, x.shape[-1]
+    explained, by_errors = np.zeros(fixed_fixed.shape), np.zeros(x.shape)
+    for here in chunks(*model.of_errors.shape, m):
+        scale = u[..., here, :]
         bu, ux, uu = _weigh(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
-        uu *= scale[:, :, None]
-        uu *= scale[:, None, :]
-        uu = with_identity(uu, np.ones(len(uu)))
+        uu *= scale[..., :, None]
+        uu *= scale[..., None, :]
+        uu = with_identity(uu, np.ones(uu.shape[:-2]))
         lost = _rounding_loss(uu)
         root, log_dets = inverse_factors(uu if lost is None else with_identity(uu, lost))
-        scaled = root * scale[:, None, :]
+        scaled = root * scale[..., None, :]
         whitened, cu = scaled @ ux, (scaled @ bu[..., None])[..., 0]
-        flat = whitened.reshape(-1, m)
-        by_errors += flat.T @ cu.ravel()
-        explained += flat.T @ flat
-        value += float(log_dets.sum()) - float(np.sum(cu**2))
+        flat, flat_cu = whitened.reshape(*logs.shape[:-1], -1, m), cu.reshape(*logs.shape[:-1], -1)
+        by_errors += (flat.mT @ flat_cu[..., None])[..., 0]
+        explained += flat.mT @ flat
+        value = value + log_dets.sum(-1) - np.sum(flat_cu**2, -1)
         if blocks is not None:
             blocks.alone[here] = (root.mT @ cu[..., None])[..., 0]
             np.matmul(root.mT, root, out=blocks.own[here])
             blocks.lost[here] = 0.0 if lost is None else lost
-    explained *= x[:, None] * x
+    by_scales = x[..., :, None] * x[..., None, :]
+    explained *= by_scales
     if blocks is not None:
         blocks.explained[...] = explained
-    gradient = (fixed - by_errors) * x + model.prior_gradient
-    told = fixed_fixed * x[:, None] * x - explained + model.prior
-    spread, log_det = _inverse(told, np.diag(fixed_fixed) * x**2 + np.diag(model.prior))
-    mean = -spread @ gradient
-    return Columns(model, logs, value + float(gradient @ mean) + log_det, mean, spread)
+    information = np.diagonal(fixed_fixed, axis1=-2, axis2=-1) * x**2 + np.diag(model.prior)
+    hessian = fixed_fixed * by_scales - explained + model.prior
+    return _Equations(value, hessian, information, (fixed - by_errors) * x + model.prior_gradient)
+
+
+def _solve(equations: _Equations, columns: IntArray) -> Columns:
+    """What is known of some columns, (c,), at nodes, (n,); what nothing tells is held by a floor, alike at all."""
+    # Of what nothing was seen its own unit.
+    size = 1 / np.sqrt(np.where(equations.information > 0, equations.information, 1.0))
+    scaled = 0.5 * (equations.hessian + equations.hessian.mT) * size[:, :, None] * size[:, None, :]
+    right = np.zeros((*size.shape, len(columns) + 1))
+    right[:, columns, np.arange(len(columns))] = size[:, columns]
+    right[..., -1] = equations.gradient * size
+    try:
+        factor = np.linalg.cholesky(scaled + _FLOOR * np.eye(size.shape[-1]))
+        white = np.array([dtrtrs(lower.T, of, trans=1)[0] for lower, of in zip(factor, right, strict=True)])
+        log_det = 2 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(-1)
+    except np.linalg.LinAlgError:
+        held = floored_spectrum(scaled, _FLOOR)
+        white, log_det = held.inverse_root.mT @ right, held.log_det
+    root, force = white[..., :-1], white[..., -1:]
+    value = equations.value - np.sum(force**2, (-2, -1)) + log_det - 2 * np.log(size).sum(-1)
+    return Columns(value, -(root.mT @ force)[..., 0], root.mT @ root)
 
 
 def _rounding_loss(matrices: Array) -> Array | None:
-    """How much more of I keeps I + S regular, (b,), where S is so large that rounding loses I; None where none does."""
-    size = np.einsum("bii->bi", matrices).max(axis=1)  # no entry is larger than the largest of these
+    """How much more of I keeps I + S regular, (...), where rounding loses I beside S; None where it loses none."""
+    size = np.einsum("...ii->...i", matrices).max(axis=-1)  # no entry is larger than the largest of these
     large = size > _ROUNDS_ONE
     return np.where(large, _ROUNDING * size, 0.0) if large.any() else None
 
 
-def _scales(logs: Array, indices: IntArray) -> Array:
-    scales: Array = np.exp(np.append(logs, 0.0))[indices]  # -1 is the last
-    return scales
+def scales(logs: Array, indices: IntArray) -> Array:
+    """Sigmas at logarithms, (..., k), by index, (*): (..., *); 1 at -1."""
+    sigmas = np.exp(np.concatenate([logs, np.zeros((*logs.shape[:-1], 1))], axis=-1))
+    return np.asarray(sigmas[..., indices])  # -1 is the last
 
 
-def _weigh(model: MixedModel, weights: dict[tuple[str, str], float], fields: tuple[str, ...], here: Any) -> list[Any]:
-    """Fields of the moments of all parts, or of some blocks of them, each part by its weight."""
-    (first, part), *others = model.parts.items()
-    found = [weights[first] * np.asarray(getattr(part, field))[here] for field in fields]
-    for key, other in others:
-        for k, field in enumerate(fields):
-            found[k] = found[k] + weights[key] * np.asarray(getattr(other, field))[here]
-    return found
+def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tuple[str, ...], here: Any) -> list[Any]:
+    """Fields of the moments of all parts, or of some blocks of them, each part by its weights, (...)."""
 
+    def weighed(key: tuple[str, str], field: str) -> Array:
+        """A part's field, (...) by its shape."""
+        of = np.asarray(getattr(model.parts[key], field))[here]
+        return np.asarray(np.multiply.outer(weights[key], of))
 
-def _inverse(hessian: Array, information: Array) -> tuple[Array, float]:
-    """Inverse and log determinant; directions without information are held by a floor, the same for all sigmas."""
-    size = 1 / np.sqrt(np.where(information > 0, information, 1.0))  # of what nothing was seen its own unit
-    scaled = 0.5 * (hessian + hessian.T) * size[:, None] * size
-    try:
-        factor = np.linalg.cholesky(scaled + _FLOOR * np.eye(len(scaled)))
-        root = np.linalg.inv(factor)
-        log_det = 2 * float(np.log(np.diag(factor)).sum())
-    except np.linalg.LinAlgError:
-        held = floored_spectrum(scaled, _FLOOR)
-        root, log_det = held.inverse_root.T, float(held.log_det)
-    root = root * size
-    return root.T @ root, log_det - 2 * float(np.log(size).sum())
+    return [reduce(np.add, (weighed(key, field) for key in model.parts)) for field in fields]
 
 
 def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:
     """What is expected to come to that by the errors of some blocks, given all data."""
-    x, u = _scales(posterior.logs, posterior.model.of_columns), _scales(posterior.logs, posterior.model.of_errors[here])
+    x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors[here])
     by_x = (spread.reshape(-1, len(x)) * x).reshape(spread.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))
     by_u = np.vdot(u, np.vecdot(part.errors_errors[here], u[:, None, :] * covariance))
@@ -325,7 +342,7 @@ def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread:
 
 def _part_moments(part: Moments, posterior: Posterior) -> tuple[float, Array, Array]:
     """A part's squares at unit sigma at the mean, and half its gradient to columns, (m,), and errors, (b, q)."""
-    x, u = _scales(posterior.logs, posterior.model.of_columns), _scales(posterior.logs, posterior.model.of_errors)
+    x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors)
     at_x, at_u = posterior.mean_columns * x, posterior.mean_errors * u
     by_x = part.fixed_fixed @ at_x + at_u.ravel() @ part.errors_fixed.reshape(-1, len(x))
     by_u = part.errors_fixed @ at_x + (part.errors_errors @ at_u[..., None])[..., 0]
