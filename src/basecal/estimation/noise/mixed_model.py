@@ -340,9 +340,9 @@ def _sum_views(
     return Moments(view.count, float(view.cost.sum()), by_fixed, e, both, ef, ee)
 
 
-def chunks(blocks: int, rows: int, columns: int) -> list[slice]:
-    """So many blocks of so many rows and columns at a time."""
-    size = max(1, _AT_ONCE // max(1, rows * columns))
+def chunks(blocks: int, rows: int, columns: int, at_once: int = _AT_ONCE) -> list[slice]:
+    """Blocks of so many rows and columns, as many at a time as hold so many numbers."""
+    size = max(1, at_once // max(1, rows * columns))
     return [slice(first, first + size) for first in range(0, blocks, size)]
 
 
