@@ -132,12 +132,14 @@ def test_sigmas_stay_within_what_devices_have():
 
 def test_sigmas_known_to_a_twentieth_count_as_known(found):
     """Then the covariance is that at the mode, with how far its mean is off; else nodes about it are weighed."""
-    k, about = len(found.logs), 0.9 * found.columns.mean[: found.model.width]
-    off = np.outer(found.columns.mean[: found.model.width] - about, found.columns.mean[: found.model.width] - about)
+    k, width = len(found.logs), found.model.width
+    mean, covariance = found.columns.mean[:width], found.columns.spread[:width, :width]
+    about = 0.9 * mean
+    off = np.outer(mean - about, mean - about)
     sure = replace(found, covariance=0.049**2 * np.eye(k))
-    np.testing.assert_allclose(integrated_covariance([sure], about), found.columns.spread[: found.model.width, : found.model.width] + off, rtol=1e-12)
+    np.testing.assert_allclose(integrated_covariance([sure], about), covariance + off, rtol=1e-12)
     less = replace(found, covariance=0.051**2 * np.eye(k))
-    assert not np.allclose(integrated_covariance([less], about), found.columns.spread[: found.model.width, : found.model.width] + off, rtol=1e-6, atol=0)
+    assert not np.allclose(integrated_covariance([less], about), covariance + off, rtol=1e-6, atol=0)
 
 
 def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
