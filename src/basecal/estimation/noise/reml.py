@@ -261,7 +261,7 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
     counted = sum(2 * model.parts[key].count * logs[..., at] for key, at in model.sigmas.views.items())
     value, m = counted + cost + model.prior_cost, x.shape[-1]
     explained, by_errors = np.zeros(fixed_fixed.shape), np.zeros(x.shape)
-    for here in chunks(*model.of_errors.shape, m):
+    for here in chunks(len(model.of_errors), model.of_errors.shape[1], m):
         scale = u[..., here, :]
         bu, ux, uu = _weigh(model, weights, ("errors", "errors_fixed", "errors_errors"), here)
         uu *= scale[..., :, None]
