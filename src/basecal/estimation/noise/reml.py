@@ -324,12 +324,12 @@ def scales(logs: Array, indices: IntArray) -> Array:
 def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tuple[str, ...], here: Any) -> list[Any]:
     """Fields of the moments of all parts, or of some blocks of them, each part by its weights, (...)."""
 
-    def weighed(key: tuple[str, str], field: str) -> Array:
+    def weigh_field(key: tuple[str, str], field: str) -> Array:
         """A part's field, (...) by its shape."""
         of = np.asarray(getattr(model.parts[key], field))[here]
         return np.asarray(np.multiply.outer(weights[key], of))
 
-    return [reduce(np.add, (weighed(key, field) for key in model.parts)) for field in fields]
+    return [reduce(np.add, (weigh_field(key, field) for key in model.parts)) for field in fields]
 
 
 def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:
