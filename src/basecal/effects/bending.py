@@ -44,6 +44,7 @@ EFFECT = Effect(
     "bending",
     candidates=candidates,
     words=words,
+    is_by_place=True,
     absent={
         "statement": "an arm whose joints are recorded states `deflection`",
         "size": "a candidate without a prior: only a certain one is reported",

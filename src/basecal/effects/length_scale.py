@@ -39,6 +39,7 @@ EFFECT = Effect(
     "length_scale",
     candidates=candidates,
     words=words,
+    is_by_place=True,
     absent={
         "statement": "links hold a robot's lengths; poses alone show one number of them",
         "size": "a candidate without a prior: only a certain one is reported",

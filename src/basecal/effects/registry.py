@@ -86,6 +86,9 @@ CONTAINED = tuple(
 )
 """Effects that every answer contains, as large as they are expected to be, given the data."""
 
+BY_PLACE = tuple(name for name, effect in EFFECTS.items() if effect.is_by_place)
+"""Effects that smooth fields of errors contain."""
+
 CHANGES_IN_TIME = tuple(name for name, effect in EFFECTS.items() if effect.is_in_time)
 """Effects that change a frame in time."""
 

@@ -45,6 +45,7 @@ EFFECT = Effect(
     "stretch",
     candidates=candidates,
     words=words,
+    is_by_place=True,
     absent={
         "statement": "links hold a robot's lengths",
         "size": "a candidate without a prior: only a certain one is reported",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,6 +45,25 @@ def test_an_effect_that_may_be_chance_widens_by_its_share():
     for share in (0.5, 1.0):
         shift = judging._effect_shift(solution, FoundEffect(*named, share=share))
         np.testing.assert_allclose(np.outer(shift, shift), share * np.outer(moved, moved))
+
+
+def test_what_may_be_chance_is_not_counted_beside_the_field_that_contains_it(monkeypatch):
+    """An effect by place of a robot that has a field; all others count."""
+    solution = solve(MADE.cell, MADE.recording)
+    moved = np.sqrt(np.diag(solution.covariance))
+    monkeypatch.setattr(judging, "timeless_situation", lambda solution: None)
+    monkeypatch.setattr(judging, "stated_fields", lambda cell, of: [SimpleNamespace(robot="hand")])
+
+    def shift(name, about, is_certain):
+        """How far an effect moves the answer."""
+        effect = FoundEffect(name, "", about, False, False, None, "", np.ones(1), np.eye(1), moved, None, is_certain)
+        evidence = replace(evidence_of(MADE.cell, solution), systematic_error=effect)
+        in_fields = judging._robots_with_fields(Case(MADE.cell, MADE.recording, Settings(), weighed=evidence))
+        return judging._effect_shift(solution, effect, in_fields)
+
+    assert not shift("stretch", "hand", False).any()
+    for name, about, is_certain in (("stretch", "hand", True), ("stretch", "eye", False), ("step", "hand", False)):
+        np.testing.assert_array_equal(shift(name, about, is_certain), moved)
 
 
 def test_the_covariance_covers_each_effect(monkeypatch):

@@ -19,11 +19,12 @@ from basecal.accuracy.lens_structure import LensStructure, lens_structures
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stated_sigmas import contradicted_sigmas, unlikely_sigmas, without_contradicted
 from basecal.accuracy.systematic_errors.expected_sizes import with_expected_sizes
-from basecal.accuracy.systematic_errors.search import systematic_error
+from basecal.accuracy.systematic_errors.pose_fields import stated_fields
+from basecal.accuracy.systematic_errors.search import systematic_error, timeless_situation
 from basecal.accuracy.systematic_errors.size_findings import deduplicate_size_findings
 from basecal.effects import fixed_transform
 from basecal.effects.faces.found_effect import FoundEffect
-from basecal.effects.registry import CONTAINED
+from basecal.effects.registry import BY_PLACE, CONTAINED
 from basecal.estimation.solve import Solution
 from basecal.geometry import Array
 
@@ -91,15 +92,33 @@ def cover_effects(case: Case) -> Case:
     evidence = case.evidence
     fitted = solution = evidence.solution
     rival = None if evidence.cross_validation is None else evidence.cross_validation.rival
+    in_fields = _robots_with_fields(case)
     for other in (evidence.systematic_error, rival, *evidence.lens_structures):
-        solution = solution if other is None else widen(solution, _effect_shift(solution, other))
+        solution = solution if other is None else widen(solution, _effect_shift(solution, other, in_fields))
     solution = with_expected_sizes(case.cell, solution, evidence.systematic_error)
     return replace(case, answers=(fitted, solution))
 
 
-def _effect_shift(solution: Solution, effect: FoundEffect | ClosedFormRival | LensStructure) -> Array:
-    """How far an effect moves the answer, (p,); of confounded effects the one that moves it most."""
+def _robots_with_fields(case: Case) -> frozenset[str]:
+    """Robots whose fields of errors contain a systematic error that may be chance; none if it is certain."""
+    error = case.evidence.systematic_error
+    if error is None or error.is_certain:
+        return frozenset()
+    return frozenset(field.robot for field in stated_fields(case.cell, timeless_situation(case.evidence.solution)))
+
+
+def _effect_shift(
+    solution: Solution, effect: FoundEffect | ClosedFormRival | LensStructure, in_fields: frozenset[str] = frozenset()
+) -> Array:
+    """How far an effect moves the answer, (p,); of confounded effects the one that moves it most.
+
+    Args:
+        solution: The answer.
+        effect: The effect.
+        in_fields: Robots whose fields of errors contain what effects by place move.
+    """
     if isinstance(effect, FoundEffect):
-        excluded = [each.moved for each in (effect, *effect.alternatives) if each.effect not in CONTAINED]
+        others = (each for each in (effect, *effect.alternatives) if each.effect not in CONTAINED)
+        excluded = [each.moved for each in others if each.effect not in BY_PLACE or each.about not in in_fields]
         return np.asarray(effect.share**0.5 * largest_shift(solution, excluded or [np.zeros_like(effect.moved)]))
     return effect.moved

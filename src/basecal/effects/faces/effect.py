@@ -39,6 +39,7 @@ class Effect:
         candidates: As errors that score tests look for.
         words: Of a candidate that was found.
         fault: In a simulated cell that runs.
+        is_by_place: Whether smooth fields of errors by place contain its candidates.
         is_in_time: Whether its candidates change a frame in time, which is judged beside what differs by place.
         elsewhere: Faces that another module has, with its name.
         absent: Why an effect lacks a face.
@@ -53,6 +54,7 @@ class Effect:
     candidates: Callable[[Views], Iterator[Candidates]] | None = None
     words: Callable[[FoundEffect], Words] | None = None
     fault: SimulatedFault | None = None
+    is_by_place: bool = False
     is_in_time: bool = False
     elsewhere: Mapping[Face, str] = field(default_factory=dict)
     absent: Mapping[Face, str] = field(default_factory=dict)
