@@ -7,11 +7,11 @@ import pytest
 
 from basecal.cell.target import Target
 from basecal.cell.targets.registry import TARGETS, TargetKindName
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, Camera
 from basecal.vision.detectors import find
 from basecal.vision.draw.light import render_light
-from basecal.vision.draw.render import render
-from vision_scenes import WIDE
+from basecal.vision.draw.render import RenderSettings, render
+from vision_scenes import PLAIN, WIDE
 
 
 def seen_from_the_front(shape: Target) -> SE3:
@@ -39,3 +39,26 @@ def test_found_where_it_is_drawn(kind: TargetKindName) -> None:
     true = WIDE.project(pose @ shape.points)
     error = nearest_reading(shape, detection.pixels - true, detection.pixels - true[::-1])
     assert np.abs(error).max() < 0.1
+
+
+@pytest.mark.parametrize("kind", TARGETS)
+@pytest.mark.parametrize("levels", [{}, {"black": 0.0, "white": 255.0, "background": 255.0}])
+@pytest.mark.parametrize("lens", [PLAIN, WIDE])
+def test_found_flat_and_sharp(kind: TargetKindName, levels: dict[str, float], lens: Camera) -> None:
+    """A render from the front with lines along the pixels, without blur and noise, is found within its sigmas.
+
+    Centres of discs, of which many edges make the mean, may be off by some thousandths more.
+    """
+    shape = TARGETS[kind].usual(np.random.default_rng(0))
+    if shape.found_by is None or not shape.sheets:
+        return
+    rotation = shape.sheets[0].target_from_sheet.rotation.T
+    pose = SE3(rotation, np.array([0.003, 0.002, 0.5]) - rotation @ shape.points.mean(axis=0))
+    detection = find(render(lens, shape, pose, RenderSettings(blur_px=0.0, noise=0.0, **levels)), shape)
+    assert detection is not None
+    assert detection.ids is not None
+    assert len(detection.ids) >= 0.75 * len(shape.ids)
+    true = lens.project(pose @ shape.points)
+    rows = shape.rows(detection.ids)
+    error = nearest_reading(shape, detection.pixels - true[rows], detection.pixels - true[::-1][rows])
+    assert np.all(np.abs(error) < 4 * np.hypot(detection.sigma_px, 0.003)[:, None])

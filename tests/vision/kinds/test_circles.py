@@ -28,6 +28,17 @@ def test_poor_pictures(how: str) -> None:
     check_poor_picture(detect, SHAPE, *POOR[how])
 
 
+@pytest.mark.parametrize("bits", [8, 16])
+def test_bright_circles(bits: int) -> None:
+    """Bright discs on dark paper are found where dark ones are on bright paper, with the same sigmas."""
+    image = scene(SHAPE, RenderSettings(bits=bits))
+    dark, bright = detect(image, SHAPE), detect(np.iinfo(image.dtype).max - image, SHAPE)
+    assert dark is not None
+    assert bright is not None
+    np.testing.assert_allclose(bright.pixels, dark.pixels, atol=1e-3)
+    np.testing.assert_allclose(bright.sigma_px, dark.sigma_px, rtol=1e-2)
+
+
 def test_noise_of_many_blobs_ends_soon() -> None:
     """In a picture of thousands of specks the search for a grid ends, and nothing is found."""
     specks = np.random.default_rng(0).normal(0, 1, (480, 640))

@@ -1,4 +1,4 @@
-"""Grids of dark circles; a symmetric one looks the same turned by half a turn."""
+"""Grids of circles, printed dark; a symmetric one looks the same turned by half a turn."""
 
 from __future__ import annotations
 
@@ -54,7 +54,9 @@ class CirclesEntry(TargetEntry):
 
 KIND = TargetKind(
     entries=(CirclesEntry,),
-    described=Described("`circles: [columns, rows]`, `spacing_m`, `asymmetric`", "row by row", "circle 0"),
+    described=Described(
+        "`circles: [columns, rows]`, `spacing_m`, `asymmetric`; dark or bright", "row by row", "circle 0"
+    ),
     template="""\
     kind: circles
     circles: [7, 5]                  # columns, rows; ids run row by row from the first

@@ -20,6 +20,9 @@ from scipy.special import ndtr
 
 from basecal.geometry import Array, BoolArray
 
+LEAST_LOG_SPREAD = float(np.log(0.25))
+"""Of a spread in pixels: a pixel's own square has a sigma of 0.29 px, so that no edge is much sharper."""
+
 _MOST_LOG = 4.0  # of a width in pixels: 55 px is beyond every window, and no exponential overflows on the way
 _MASK_PX = 1.2  # sigma of the blur that cameras sharpen with, in the middle of what is usual
 _LEAST_SINE2 = 1e-6  # of lines a thousandth of a radian apart: nearer, there is no corner
@@ -117,7 +120,8 @@ def _sides(q: Array, xy: Array) -> _Sides:
 class _Scaled(NamedTuple):
     """Distances from both lines in sigmas of the point spread, (n, p), their cosine and 1 / sigma [1/px], (n, 1).
 
-    Where the spread is not `bounded`, it is held at the bound, (n, 1).
+    Where the spread is not within its bounds, `bounded`, it is held there, (n, 1): an edge between two pixels would
+    else be anywhere between their middles.
     """
 
     first: Array
@@ -128,8 +132,8 @@ class _Scaled(NamedTuple):
 
 
 def _scale_sides(sides: _Sides, log_spread: Array) -> _Scaled:
-    inverse = np.exp(-np.clip(log_spread, -_MOST_LOG, _MOST_LOG))
-    bounded = np.abs(log_spread) < _MOST_LOG
+    inverse = np.exp(-np.clip(log_spread, LEAST_LOG_SPREAD, _MOST_LOG))
+    bounded = (log_spread > LEAST_LOG_SPREAD) & (log_spread < _MOST_LOG)
     return _Scaled(sides.first * inverse, sides.second * inverse, sides.cosine, inverse, bounded)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from basecal.geometry import Array, BoolArray
+from basecal.vision.fit.corner_shapes import LEAST_LOG_SPREAD
 from basecal.vision.fit.patch_fit import CONVERGED_SIGMAS, Fit, Patches, Shape, fit_shapes, pack_patches
 
 BOARD_ARM_PX = 7.0
@@ -24,12 +25,11 @@ _GUARD_SIGMAS = (
 )
 _START_SPREAD_PX = 1.0  # [px] where the fit of the point spread begins: a sharp camera has half of it, a soft one twice
 _MODEL_ERROR_PX = 0.0015  # rms error of a corner in rendered images without noise
+_SHARP_ERROR_PX = 0.075  # likewise without blur, lines along the pixels: `test_found_flat_and_sharp` holds it
+_SQUARE_VARIANCE = 1 / 12  # of a pixel's square [px^2]
 _LEAST_WIDTH_PX = 1.6  # of a band that the guard leaves: pixels on both sides of a line, whatever its direction
-_LEAST_SPREAD_PX, _MOST_SPREAD_PX = (
-    0.15,
-    6.0,
-)  # [px] of one corner: sharper is a pixel's own square, wider fills the window
-_SPREAD_LIMITS = (np.log(_LEAST_SPREAD_PX), -0.5), (np.log(_MOST_SPREAD_PX), 3.0)
+_MOST_SPREAD_PX = 6.0  # of one corner: wider fills the window
+_SPREAD_LIMITS = (LEAST_LOG_SPREAD, -0.5), (np.log(_MOST_SPREAD_PX), 3.0)
 _SPREAD_CORNERS = 12  # that tell the point spread, at most: their median is as good as that of all, in less time
 _MEDIAN_SIGMAS = 1.2533  # sigma of the median of normal numbers over that of their mean
 _CERTAIN_SIGMAS = 2.0  # sigmas of zero within which a camera does not sharpen
@@ -95,8 +95,23 @@ def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, windo
     # Again, in windows around the corners themselves.
     q[:, :4] = np.where(_accepted_fits(rough, start)[:, None], rough.shape[:, :4], q[:, :4])
     fit = _fit_corners(context, q, held_count=1)
-    sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + _MODEL_ERROR_PX**2)
+    model = _MODEL_ERROR_PX**2 + _pixel_error_px(fit.shape) ** 2
+    sigma = np.sqrt(np.trace(fit.covariance[:, :2, :2], axis1=1, axis2=2) / 2 + model)
     return Corners(fit.shape[:, :2], sigma, _accepted_fits(fit, start) & (sigma < _MOST_SIGMA_PX), fit.light[:, 0])
+
+
+def _pixel_error_px(shape: Array) -> Array:
+    """Errors (n,) of corners of parameters (n, 6) by the squares of pixels, which the model takes for Gaussian.
+
+    Such an error repeats with each pixel: it falls with the point spread as the first harmonic of a sampled Gaussian
+    does, and along a line that crosses rows or columns its signs take turns.
+    """
+    spread = np.exp(np.minimum(shape[:, 4], np.log(_MOST_SPREAD_PX)))
+    blur = np.maximum(spread**2 - _SQUARE_VARIANCE, 0.0)
+    slope = np.abs(np.tan((shape[:, 2:4] + np.pi / 4) % (np.pi / 2) - np.pi / 4))  # to the nearest row or column
+    crossed = 2 * BOARD_ARM_PX * slope
+    of_lines = _SHARP_ERROR_PX / (1 + np.pi * crossed)
+    return np.asarray(np.sqrt(np.mean(of_lines**2, axis=1)) * np.exp(-2 * np.pi**2 * blur))
 
 
 def _lens(image: Levels, shape: Shape, start: Array, axes: Array, window: Window) -> Array:
@@ -206,6 +221,5 @@ def cut_patches(image: Levels, middle: Array, reach: int, thinning: int = 1) -> 
 def _accepted_fits(fit: Fit, start: Array) -> BoolArray:
     log_spread = fit.shape[:, 4]
     moved = np.linalg.norm(fit.shape[:, :2] - start, axis=1)
-    between = (log_spread > np.log(_LEAST_SPREAD_PX)) & (log_spread < np.log(_MOST_SPREAD_PX))
-    sound: BoolArray = fit.converged & (moved < _MOST_MOVED_PX) & between
+    sound: BoolArray = fit.converged & (moved < _MOST_MOVED_PX) & (log_spread < np.log(_MOST_SPREAD_PX))
     return sound

@@ -41,7 +41,7 @@ _DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a 
 
 
 def detect(image: Image, target: Target) -> Detection | None:
-    """The centres of a grid of dark circles, row-major, or None; the grid must be seen whole.
+    """The centres of a grid of circles, dark or bright, row-major, or None; the grid must be seen whole.
 
     Args:
         image: (h, w), uint8 or uint16.
@@ -50,6 +50,10 @@ def detect(image: Image, target: Target) -> Detection | None:
     Raises:
         InputError: if the image is not grey of 8 or 16 bits.
     """
+    return _detect_dark(image, target) or _detect_dark(_invert(image), target)
+
+
+def _detect_dark(image: Image, target: Target) -> Detection | None:
     centres = best_result(eight_bit(image), _WAYS, partial(_centres, target), len(target.ids))
     if centres is None:
         return None
@@ -69,7 +73,12 @@ def detect(image: Image, target: Target) -> Detection | None:
 
 def is_seen(image: Grey, target: Target) -> bool:
     """Whether the grid is in an image of the usual light and size, (h, w)."""
-    return len(_centres(target, image, Way())) > 0
+    return any(len(_centres(target, levels, Way())) > 0 for levels in (image, eight_bit(_invert(image))))
+
+
+def _invert(image: Image) -> Image:
+    """The image with dark and bright exchanged, so that bright discs are dark ones."""
+    return np.asarray(cv2.bitwise_not(image))
 
 
 def _centres(target: Target, image: Grey, way: Way) -> Array:
