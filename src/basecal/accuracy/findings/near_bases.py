@@ -10,7 +10,7 @@ from basecal.accuracy.findings.evidence import Evidence
 from basecal.cell import Finding
 from basecal.geometry import SE3
 
-_LEAST_DISTANCE_M = 0.1  # between the middles of two robots' feet, of which each is wider
+_LEAST_DISTANCE_M = 0.1  # less than the foot of a small arm is wide: 128 mm of a UR3e, by its data sheet
 
 
 def near_bases(evidence: Evidence) -> list[Finding]:

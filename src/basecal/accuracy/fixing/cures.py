@@ -22,7 +22,7 @@ from basecal.fields.problems import Loc
 
 _OFFERED = re.compile(r"[Ww]rite (?P<line>[a-z_]+: .+?)\.?$")
 """A line of `cell.yaml` at the end of a sentence."""
-_FITTED = 40  # samples that tell hypotheses of one claim apart
+_FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the cures
 
 
 @dataclass(frozen=True, eq=False)
