@@ -226,7 +226,7 @@ def _outside(trace: str, folder: Path) -> Iterator[str]:
         found = [os.path.join(here or other or folder, name) for here, other, name in _NAMED.findall(arguments)]
         for path in [*found, *_OPENED.findall(arguments)]:
             whole = _UNNAMED.sub("", os.path.normpath(path))
-            if not whole.startswith(_own_folders()) and not _is_inside(whole, folder):
+            if not f"{whole}/".startswith(_own_folders()) and not _is_inside(whole, folder):
                 yield f"{call} {whole}"
 
 
@@ -259,8 +259,9 @@ def _try(verb: str, folder: Path, *lures: Lure) -> str:
     Raises:
         Fell: if it reached anything, or ended as none may.
     """
+    known = harmless(verb)  # first: the server imports what it needs
     code, found = reached(verb, folder, *lures)
-    if found := found - harmless(verb):
+    if found := found - known:
         raise Fell(f"{verb}, {lures}: reached {sorted(found)[:5]}")
     if code not in (0, 1, 2, 3, 4, 5):
         raise Fell(f"{verb}, {lures}: exit code {code}")
