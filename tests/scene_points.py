@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,14 +42,28 @@ def looks(rng: np.random.Generator, count: int, side: float) -> SE3:
     return SE3.stack(poses)
 
 
-def made_scene(seed: int, arms: int = 1, count: int = 15, points: int = 150, noise: float = 1.0) -> Scene:
+def looks_from_above(rng: np.random.Generator, count: int, side: float) -> SE3:
+    """Poses of a camera in the world that looks straight down from one height, from anywhere over the middle."""
+    yaw, place = rng.uniform(-1, 1, count), rng.uniform(-1, 1, (count, 3)) * [0.3, 0.4, 0.0]
+    turned = SE3.exp(np.outer(yaw, [0.0, 0, 0, 0, 0, 1])).rotation @ np.diag([1.0, -1, -1])
+    return SE3(turned, MIDDLE + place + [0, 0, 0.7])
+
+
+def made_scene(
+    seed: int,
+    arms: int = 1,
+    count: int = 15,
+    points: int = 150,
+    noise: float = 1.0,
+    look: Callable[[np.random.Generator, int, float], SE3] = looks,
+) -> Scene:
     """A table and boxes on it, seen by one arm or two that err as stated times `noise`."""
     rng = np.random.default_rng(seed)
     at = MIDDLE + rng.uniform(-1, 1, (points, 3)) * [0.5, 0.5, 0.0]
     at[::3, 2] += rng.uniform(0, 0.25, len(at[::3]))
     bases, flanges, cameras = [SE3.identity(), BASE][:arms], [], []
     for arm, base in enumerate(bases):
-        world_from_camera = looks(rng, count, -1.0 if arm == 0 else 1.0)
+        world_from_camera = look(rng, count, -1.0 if arm == 0 else 1.0)
         true = base.inverse() @ world_from_camera @ MOUNT.inverse()
         error = SE3.exp(noise * rng.standard_normal((count, 6)) * np.repeat([ARM_M, ARM_RAD], 3))
         flanges.append(true @ error)

@@ -53,6 +53,7 @@ def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
     assert told(replace(good, matched_pairs=9)) == [("scene-texture", "error")]
     assert told(replace(good, start=None, fit=None)) == [("scene-texture", "error")]
     assert told(replace(good, start=replace(good.start, median_px=30.0))) == [("poor-fit", "error")]
+    assert told(replace(good, start=replace(good.start, front=0.2))) == [("poor-fit", "error")]
     assert told(replace(good, fit=None)) == [("scene-texture", "error")]
     assert all(finding.do for one in (few, fewer) for finding in camera_findings("eye", one))
 

@@ -57,6 +57,16 @@ def test_inverted_poses_do_not_fit() -> None:
     assert [(each.code, each.severity) for each in found] == [("poor-fit", "error")]
 
 
+def test_positions_of_the_wrong_sign_do_not_fit() -> None:
+    """Negated positions fit all epipolar lines, and put what is seen behind the camera: refused as poor fit."""
+    scene = made_scene(2, count=10, points=200)
+    poses = scene.views.base_from_flange
+    views = replace(scene.views, base_from_flange=SE3(poses.rotation, -poses.translation))
+    (found,) = camera_findings("eye", solve_camera(pictures_of_scene(replace(scene, views=views)), 0, None))
+    assert (found.code, found.severity) == ("poor-fit", "error")
+    assert "behind" in found.what
+
+
 def test_pictures_without_common_features_have_no_start() -> None:
     """Where each picture's features look otherwise no pair is matched, and there is neither start nor fit."""
     pictures = pictures_of_scene(made_scene(2, count=10, points=100))

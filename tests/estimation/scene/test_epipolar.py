@@ -16,9 +16,10 @@ def test_distances_are_those_to_epipolar_lines():
     scene = made_scene(4, noise=0.0)
     pairs = point_pairs(scene.views, scene.tracks, 0, 200)
     poses = scene.views.base_from_flange
-    assert np.abs(sampson_px(pairs, poses, MOUNT, LENS)).max() < 1e-6
+    rays, focal_px = pairs.directions(LENS), float(LENS.focal.mean())
+    assert np.abs(sampson_px(pairs, rays, poses, MOUNT, focal_px)).max() < 1e-6
     turned = MOUNT @ SE3.from_rotvec((np.radians(1.0), 0, 0), np.zeros(3))
-    assert np.median(np.abs(sampson_px(pairs, poses, turned, LENS))) > 1.0
+    assert np.median(np.abs(sampson_px(pairs, rays, poses, turned, focal_px))) > 1.0
 
 
 def test_pairs_are_of_one_point_and_one_camera():

@@ -7,7 +7,7 @@ import pytest
 
 from basecal.estimation.scene.epipolar import point_pairs
 from basecal.estimation.scene.mount_search import find_mount, rotation_grid
-from scene_points import LENS, MOUNT, made_scene
+from scene_points import LENS, MOUNT, looks_from_above, made_scene
 
 PAIRS = 1500
 
@@ -59,3 +59,13 @@ def test_the_grid_covers_all_rotations():
     traces = np.einsum("nab,gab->ng", any_rotation, grid)
     nearest = np.degrees(np.arccos(np.clip((traces.max(1) - 1) / 2, -1, 1)))
     assert nearest.max() < 20.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_points_are_in_front_of_the_camera(seed):
+    """Of views that turn about the vertical at one height, half a turn fits all epipolar lines, its points behind."""
+    scene = made_scene(seed, count=14, look=looks_from_above)
+    found = find_mount(point_pairs(scene.views, scene.tracks, 0, PAIRS), scene.views.base_from_flange, LENS, False)
+    assert found is not None
+    assert found.front > 0.9
+    assert np.linalg.norm((MOUNT.inverse() @ found.flange_from_camera).rotvec) < np.radians(1.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from basecal.accuracy.model_comparison.independent import compare_contradiction, compare_places
 from basecal.accuracy.scene.joining import Join
-from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
 from basecal.cell import Finding
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import Array
@@ -25,7 +25,6 @@ _FEWEST_PAIRS = 10  # of pictures that share features
 _FEWEST_POINTS = 60  # of a camera's own scene
 _FEWEST_SHARED = 100  # points that both cameras see
 _FEWEST_OF_EACH = 4  # views of each camera that show some of them
-_MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; right poses leave 0.5 to 2
 _LEAST_SCORE = 30.0  # standard deviations of a count
 _LEAST_RATIO = 2.5  # of points found over those found by chance
 _RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may have
@@ -60,8 +59,9 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
         what = f"{one.matched_pairs} pairs of pictures of {name} show the same features; {_FEWEST_PAIRS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
-    if one.start.median_px > _MOST_PX:
-        what = f"The poses of {name} do not explain its pictures: features are {one.start.median_px:.2g} px off."
+    if one.start.misfit > (False, MOST_PX):
+        off = "it would see all behind it" if one.start.is_behind else f"features are {one.start.median_px:.2g} px off"
+        what = f"The poses of {name} do not explain its pictures: {off}."
         do = (
             "Check that poses and pictures are of one instant, in one order.",
             "Check that poses are base_from_flange in metres, of the named robot.",

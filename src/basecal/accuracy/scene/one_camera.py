@@ -23,6 +23,7 @@ _NEIGHBOURS = 20  # pictures of the most similar directions that each one is mat
 _MOST_ALL = 60  # pictures that are all matched with one another
 _PAIRS = 3000  # of image points by which the mount is found
 _MOST_POINTS = 1500  # of a camera's own scene: more take time and move no answer (benchmarks.scene)
+MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; right poses leave 0.5 to 2
 _AT_WORLD = Unknown("fixed", SE3.identity())
 _FOCAL_SCALES = (0.65, 1.0, 1.5)  # of a guessed lens, that are tried
 
@@ -36,7 +37,7 @@ class OneCamera:
         views: Its views alone, of which the camera, the robot and its stops are the only ones.
         rows: Of these views, their indices among all.
         start: Its mount by pairs of image points; None if there are too few.
-        fit: The adjustment; None without a start.
+        fit: The adjustment; None without a start, or with one that does not explain the pictures.
         feature: (n,) index of the feature of each image point of the fit.
         matched_pairs: Pairs of pictures with matches.
     """
@@ -74,7 +75,7 @@ def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> O
     guess = pictures.mounts[camera] if pictures.mounts else None
     start = _start(pairs, views, lens, pictures.is_guessed[camera], guess)
     nothing = OneCamera(camera, views, rows, start, None, np.zeros(0, dtype=np.int64), len(matches))
-    if start is None:
+    if start is None or start.misfit > (False, MOST_PX):
         return nothing
     state = SceneState(
         SE3.stack([_first_mount(views, start)]),
@@ -162,7 +163,7 @@ def _start(
         parameters[:2] *= scale
         start = find_mount(pairs, views.base_from_flange, lens.with_parameters(parameters), is_free, guess)
         found += [] if start is None else [start]
-    return min(found, key=lambda each: each.median_px, default=None)
+    return min(found, key=lambda each: each.misfit, default=None)
 
 
 def _feature_indices(kept_tracks: Tracks, tracks: Tracks, feature: IntArray) -> IntArray:

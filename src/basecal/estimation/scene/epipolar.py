@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.scene.views import SceneViews, Tracks
-from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray
 from basecal.geometry.rotation import cross_matrix
 
 _MIXING = 7919, 10007  # a prime times a view's index modulo another spreads neighbours in time
@@ -55,13 +55,34 @@ def point_pairs(views: SceneViews, tracks: Tracks, camera: int, max_count: int) 
     return PointPairs(tracks.view[first], tracks.view[second], tracks.pixels[first], tracks.pixels[second])
 
 
-def sampson_px(pairs: PointPairs, base_from_flange: SE3, flange_from_camera: SE3, lens: Camera) -> Array:
-    """Distance of each pair from the epipolar geometry to first order, (n,) [px]. Source: Sampson 1982."""
-    directions = pairs.directions(lens)
-    first, second = (each / np.maximum(each[:, 2:], 1e-3) for each in directions)
+def sampson_px(
+    pairs: PointPairs, rays: tuple[Array, Array], base_from_flange: SE3, flange_from_camera: SE3, focal_px: float
+) -> Array:
+    """Distance of each pair from the epipolar geometry to first order, (n,) [px]. Source: Sampson 1982.
+
+    Args:
+        pairs: Of one camera.
+        rays: Directions of both image points, (n, 3) each; see `PointPairs.directions`.
+        base_from_flange: (v,) poses of all views.
+        flange_from_camera: The mount.
+        focal_px: Focal length [px].
+    """
+    first, second = (each / np.maximum(each[:, 2:], 1e-3) for each in rays)
     base_from_camera = base_from_flange @ flange_from_camera
     between = base_from_camera[pairs.first].inverse() @ base_from_camera[pairs.second]
     essential = cross_matrix(between.translation) @ between.rotation
     to_first, to_second = (essential @ second[..., None])[..., 0], (essential.mT @ first[..., None])[..., 0]
     slope = np.sum(to_first[:, :2] ** 2, 1) + np.sum(to_second[:, :2] ** 2, 1)
-    return np.asarray(lens.focal.mean() * np.sum(first * to_first, 1) / np.sqrt(slope + 1e-30))
+    return np.asarray(focal_px * np.sum(first * to_first, 1) / np.sqrt(slope + 1e-30))
+
+
+def are_in_front(
+    pairs: PointPairs, rays: tuple[Array, Array], base_from_flange: SE3, flange_from_camera: SE3
+) -> BoolArray:
+    """Whether the rays of each pair meet in front of both cameras, (n,); see `sampson_px`."""
+    base_from_camera = base_from_flange @ flange_from_camera
+    one, other = base_from_camera[pairs.first], base_from_camera[pairs.second]
+    first, second = (one.rotation @ rays[0][..., None])[..., 0], (other.rotation @ rays[1][..., None])[..., 0]
+    normal, baseline = np.cross(first, second), other.translation - one.translation
+    depths = [np.vecdot(np.cross(baseline, ray), normal) for ray in (second, first)]
+    return np.asarray((depths[0] > 0) & (depths[1] > 0))

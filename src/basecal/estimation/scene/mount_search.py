@@ -8,11 +8,12 @@ recorded poses that are wrong leave residuals of many pixels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from basecal.estimation.scene.epipolar import PointPairs, sampson_px
+from basecal.estimation.scene.epipolar import PointPairs, are_in_front, sampson_px
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_from_quaternion
 
@@ -37,11 +38,23 @@ class MountStart:
         flange_from_camera: The mount.
         lens: With the focal length that fits best.
         median_px: Median distance of pairs from their epipolar geometry [px].
+        front: Share of the pairs whose rays meet in front of both cameras.
     """
 
     flange_from_camera: SE3
     lens: Camera
     median_px: float
+    front: float = 1.0
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether most of what the camera shows would be behind it, which epipolar lines do not show."""
+        return self.front < 1 / 2
+
+    @property
+    def misfit(self) -> tuple[bool, float]:
+        """By which starts are compared, the least first."""
+        return self.is_behind, self.median_px
 
 
 def find_mount(
@@ -67,9 +80,11 @@ def find_mount(
     ]
     positions, scores = (np.concatenate([each[k] for each in scored]) for k in (0, 1))
     best = np.argsort(scores)[:_REFINED]
-    ends = [_refine(ranked, base_from_flange, SE3(rotations[k], positions[k]), lens, is_free) for k in best]
-    first = min(ends, key=lambda end: end.median_px)
-    return _refine(pairs, base_from_flange, first.flange_from_camera, first.lens, is_free)
+    ends = [
+        _refine(ranked, base_from_flange, SE3(rotations[k], positions[k]), lens, is_free, _TAILS_PX[:1]) for k in best
+    ]
+    first = min(ends, key=lambda end: end.misfit)
+    return _refine(pairs, base_from_flange, first.flange_from_camera, first.lens, is_free, _TAILS_PX[1:])
 
 
 def rotation_grid(count: int) -> Array:
@@ -103,28 +118,46 @@ def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rot
     return position[..., 0], median[:, 0]
 
 
-def _refine(pairs: PointPairs, base_from_flange: SE3, mount: SE3, lens: Camera, is_free: bool) -> MountStart:
+def _refine(
+    pairs: PointPairs,
+    base_from_flange: SE3,
+    start: SE3,
+    lens: Camera,
+    is_free: bool,
+    tails_px: Sequence[float] = _TAILS_PX,
+) -> MountStart:
     """The optimum of Sampson distances downhill of a mount."""
-    logarithm = 0.0
+    mount, logarithm, rays = start, 0.0, pairs.directions(lens)
 
     def distances(step: Array) -> Array:
         """Distances after a step of the mount, (6,), and of the focal length's logarithm."""
-        scaled = lens.parameters.copy()
-        scaled[:2] *= np.exp(logarithm + step[6])
-        return sampson_px(pairs, base_from_flange, mount @ SE3.exp(step[:6]), lens.with_parameters(scaled))
+        scaled = _scale_focal(lens, logarithm + step[6])
+        seen = pairs.directions(scaled) if step[6] else rays
+        return sampson_px(pairs, seen, base_from_flange, mount @ SE3.exp(step[:6]), float(scaled.focal.mean()))
 
-    held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2 if is_free else 1e18])
-    for tail_px in _TAILS_PX:
+    axes = np.eye(7)[: 7 if is_free else 6]
+    held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2])[: len(axes), : len(axes)]
+    for tail_px in tails_px:
         for _ in range(_MOST_STEPS):
             now = distances(np.zeros(7))
-            slope = np.stack([(distances(_STEP * axis) - now) / _STEP for axis in np.eye(7)], -1)
+            slope = np.stack([(distances(_STEP * axis) - now) / _STEP for axis in axes], -1)
             weight = 1 / (1 + (now / tail_px) ** 2)
             information = slope.T @ (weight[:, None] * slope) + held
-            gradient = slope.T @ (weight * now) + held @ np.r_[np.zeros(6), logarithm]
+            gradient = slope.T @ (weight * now) + held @ np.r_[np.zeros(6), logarithm][: len(axes)]
             step = -np.linalg.solve(information + 1e-9 * np.diag(np.diag(information)), gradient)
-            mount, logarithm = mount @ SE3.exp(step[:6]), logarithm + float(step[6])
+            mount = mount @ SE3.exp(step[:6])
+            if is_free:
+                logarithm += float(step[6])
+                rays = pairs.directions(_scale_focal(lens, logarithm))
             if np.abs(step).max() < _STEP:
                 break
+    median_px = float(np.median(np.abs(distances(np.zeros(7)))))
+    front = float(np.mean(are_in_front(pairs, rays, base_from_flange, mount)))
+    return MountStart(mount, _scale_focal(lens, logarithm), median_px, front)
+
+
+def _scale_focal(lens: Camera, logarithm: float) -> Camera:
+    """The lens with its focal length times the exponential of this."""
     scaled = lens.parameters.copy()
     scaled[:2] *= np.exp(logarithm)
-    return MountStart(mount, lens.with_parameters(scaled), float(np.median(np.abs(distances(np.zeros(7))))))
+    return lens.with_parameters(scaled)
