@@ -13,7 +13,7 @@ from basecal.errors import UsageError
 
 if TYPE_CHECKING:
     from basecal.accuracy.drift.verify import Verification
-    from basecal.cell import Cell, Recording
+    from basecal.cell import Cell, Recording, Sample
 
 
 def verify(
@@ -128,22 +128,35 @@ def _recalibrate(
 
     Nothing is made if something moved, or that is not known.
     """
-    from dataclasses import replace
-
     from basecal.cell.files import append_samples, read_calibration, read_recording
     from basecal.cli.calibrate import calibrate_folder, exit_code
     from basecal.estimation.settings import Settings
+    from basecal.exchange.importing.cell_files import place_files
 
     if verification.moved is not False:
         return None, 1
     first = max((sample.sample for sample in read_recording(folder, cell).samples), default=-1) + 1
-    kept = [sample for sample in new.samples if sample.observations and sample.sample not in verification.outliers]
-    added = [replace(s, sample=first + k, images={}, background={}) for k, s in enumerate(kept)]
-    append_samples(folder, added)
+    used = [sample for sample in new.samples if sample.sample not in verification.outliers]
+    kept = [sample for sample in used if sample.observations or sample.sample in verification.samples]
+    files: dict[str, Path] = {}
+    added = [_renumber_sample(sample, first + k, new.folder or folder, files) for k, sample in enumerate(kept)]
+    with place_files(files, folder):
+        append_samples(folder, added)
     asked = read_calibration(run).settings
     made = calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
     told = {"run": made.run.name, "verdict": made.calibration.verdict, "added": [s.sample for s in added]}
     return told, exit_code(made.calibration)
+
+
+def _renumber_sample(sample: Sample, number: int, home: str | Path, files: dict[str, Path]) -> Sample:
+    """The sample under another number; if it shows the scene alone, its pictures join `files`, by their path."""
+    from dataclasses import replace
+
+    from basecal.exchange.importing.cell_files import numbered_path
+
+    images = {} if sample.observations else {c: numbered_path(path, number) for c, path in sample.images.items()}
+    files.update((images[camera], Path(home) / sample.images[camera]) for camera in images)
+    return replace(sample, sample=number, images=images, background={})
 
 
 def _recalibration_words(result: dict[str, Any] | None) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 
 from basecal.accuracy.scene import find_scene
 from basecal.accuracy.scene.calibrate_scene import calibrate_scene
-from basecal.cell.files import read_cell, read_recording, write_calibration
+from basecal.cell.files import read_calibration, read_cell, read_recording, write_calibration
 from basecal.cli import main
+from basecal.cli.calibrate import CalibratedFolder
+from basecal.cli.verify import _renumber_sample
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3
 from scene_pictures import solved_camera
@@ -73,3 +76,22 @@ def test_what_moved_is_seen_by_the_scene(
     for found, name in ((base, "left_base_from_right_base"), (mount, "right_flange_from_right_eye")):
         assert (found["moved"], found["transform"]) == (True, name)
         assert found["shift_mm"] == pytest.approx(5.0, abs=1.5)
+
+
+def test_new_pictures_of_a_scene_join_its_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """If nothing moved, `--recalibrate` adds new tracks to the recording; pictures are copied under new names."""
+    path = new_samples(tmp_path, calibrated_cell(tmp_path, monkeypatch))
+    (run,) = (tmp_path / "runs").iterdir()
+    made = CalibratedFolder(read_calibration(run), run)
+    monkeypatch.setattr("basecal.cli.calibrate.calibrate_folder", lambda *_, **__: made)
+    assert main(["verify", str(tmp_path), str(path), "--recalibrate", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["recalibration"]["added"] == list(range(24, 32))
+    samples = read_recording(tmp_path, read_cell(tmp_path)).samples
+    assert [sample.sample for sample in samples if sample.tracks] == list(range(32))
+    files: dict[str, Path] = {}
+    shown = replace(samples[0], images={"left_eye": "recording/images/a.png"})
+    moved = _renumber_sample(shown, 40, "today", files)
+    assert moved.images == {"left_eye": "recording/images/000040_a.png"}
+    assert files == {"recording/images/000040_a.png": Path("today/recording/images/a.png")}
