@@ -13,7 +13,7 @@ import numpy as np
 
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
-from basecal.estimation.scene.alignment import alignments
+from basecal.estimation.scene.alignment import alignments, are_one
 from basecal.estimation.scene.base import Sightings, project_points, refine_transform
 from basecal.geometry import SE3, Array, IntArray
 from basecal.vision.tracks.features import Descriptors
@@ -69,8 +69,9 @@ def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None
     if not ranked:
         return None
     best = ranked[0]
-    rivals = [each.score for each in ranked[1:] if not _is_near(each.second_from_first, best.second_from_first, one)]
-    return replace(best, rival=max(rivals, default=0.0))
+    at = best.second_from_first
+    rivals = [each for each in ranked[1:] if not are_one(each.second_from_first, at, one, _NEAR_M, _NEAR_RAD)]
+    return replace(best, rival=max((each.score for each in rivals), default=0.0))
 
 
 def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
@@ -139,10 +140,3 @@ def _judge_transform(
         places = np.array([pictures.features[second.rows[v]].pixels[f] for v, f in zip(view, feature, strict=True)])
         transform = refine_transform(points, Sightings(view, point, places), camera_from_world, transform, lens)
     return Join(transform, len(point), by_chance, (view, point, feature), len(np.unique(view)))
-
-
-def _is_near(first: SE3, second: SE3, points: Array) -> bool:
-    """Whether two transforms are one, where the points are."""
-    middle = np.median(points, axis=0)
-    apart = np.linalg.norm(first @ middle - second @ middle)
-    return bool(apart < _NEAR_M and np.linalg.norm((first.inverse() @ second).rotvec) < _NEAR_RAD)

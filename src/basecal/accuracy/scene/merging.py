@@ -60,10 +60,7 @@ def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
     assert first.fit is not None
     assert second.fit is not None
     view, point, feature = join.sightings
-    known = {
-        (int(v), int(f)): int(p)
-        for v, f, p in zip(second.fit.tracks.view, second.feature, second.fit.tracks.point, strict=True)
-    }
+    known = second.points_by_feature()
     seen = zip(view.tolist(), feature.tolist(), strict=True)
     of_second = np.array([known[key] for key in seen if key in known], dtype=np.int64)
     points = first.fit.state.points, join.second_from_first.inverse() @ second.fit.state.points
@@ -101,9 +98,7 @@ def _sighting_rows(
     second: OneCamera, join: Join, first_offset: int, second_offset: int
 ) -> tuple[tuple[IntArray, IntArray, IntArray], list[tuple[int, int]]]:
     """Image points of the second that show points of the first, and points that are one as most of these have it."""
-    assert second.fit is not None
-    tracks = second.fit.tracks
-    known = {(int(v), int(f)): int(p) for v, f, p in zip(tracks.view, second.feature, tracks.point, strict=True)}
+    known = second.points_by_feature()
     view, point, feature = join.sightings
     votes: dict[int, Counter[int]] = {}
     is_new = np.ones(len(view), dtype=bool)

@@ -50,6 +50,14 @@ class OneCamera:
     feature: IntArray
     matched_pairs: int
 
+    def points_by_feature(self) -> dict[tuple[int, int], int]:
+        """The point of each feature that shows one, by view and feature."""
+        assert self.fit is not None
+        tracks = self.fit.tracks
+        return dict(
+            zip(zip(tracks.view.tolist(), self.feature.tolist(), strict=True), tracks.point.tolist(), strict=True)
+        )
+
     def descriptors(self, pictures: Pictures) -> Descriptors:
         """Of each point of the fit, the mean of those of its image points, (p, 128) of unit length."""
         assert self.fit is not None

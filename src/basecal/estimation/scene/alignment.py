@@ -61,7 +61,8 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
         refined = _refine(every[best], first, second, tolerance_m)
         if refined is None or not np.any(refined.agrees & is_left):
             break
-        if not any(_is_near(refined, other, first) for other in found):
+        at = refined.second_from_first
+        if not any(are_one(at, other.second_from_first, first, _NEAR_M, _NEAR_RAD) for other in found):
             found.append(refined)
         is_left &= ~refined.agrees
     return sorted(found, key=lambda each: -int(each.agrees.sum()))
@@ -99,9 +100,8 @@ def _refine(transform: SE3, first: Array, second: Array, tolerance_m: Array) -> 
     return Alignment(transform, agrees) if agrees.sum() >= 3 + _FEWEST_PAIRS_BEYOND else None
 
 
-def _is_near(first: Alignment, second: Alignment, points: Array) -> bool:
+def are_one(first: SE3, second: SE3, points: Array, near_m: float, near_rad: float) -> bool:
     """Whether two transforms move the middle of the points to one place, and have one rotation."""
     middle = np.median(points, axis=0)
-    apart = first.second_from_first @ middle - second.second_from_first @ middle
-    turn = (first.second_from_first.inverse() @ second.second_from_first).rotvec
-    return bool(np.linalg.norm(apart) < _NEAR_M and np.linalg.norm(turn) < _NEAR_RAD)
+    apart = np.linalg.norm(first @ middle - second @ middle)
+    return bool(apart < near_m and np.linalg.norm((first.inverse() @ second).rotvec) < near_rad)

@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from basecal.estimation.scene.robust_step import STEP, robust_step
 from basecal.geometry import SE3, Array, Camera, IntArray
 
 _TAIL_PX = 3.0  # [px] from which on an image point counts less
 _MOST_STEPS = 10
-_STEP = 1e-6  # [m, rad] of a difference that gives a slope
 
 
 class Sightings(NamedTuple):
@@ -48,21 +48,15 @@ def refine_transform(
     own = points[sightings.point]
     camera = camera_from_second[sightings.view]
 
-    def residuals(transform: SE3) -> Array:
-        """Residuals, (2 n,) [px]."""
-        at = (camera @ transform).rotation @ own[..., None]
-        place = at[..., 0] + (camera @ transform).translation
-        return np.asarray(np.nan_to_num(lens.project(place) - sightings.pixels, nan=1e3).ravel())
+    def residuals(step: Array) -> Array:
+        """Residuals after a step, (n, 2) [px]."""
+        moved = camera @ (second_from_first @ SE3.exp(step))
+        place = (moved.rotation @ own[..., None])[..., 0] + moved.translation
+        return np.asarray(np.nan_to_num(lens.project(place) - sightings.pixels, nan=1e3))
 
     for _ in range(_MOST_STEPS):
-        now = residuals(second_from_first)
-        slope = np.stack(
-            [(residuals(second_from_first @ SE3.exp(_STEP * axis)) - now) / _STEP for axis in np.eye(6)], -1
-        )
-        weight = np.repeat(1 / (1 + np.sum(now.reshape(-1, 2) ** 2, 1) / _TAIL_PX**2), 2)
-        information = slope.T @ (weight[:, None] * slope)
-        step = -np.linalg.solve(information + 1e-9 * np.diag(np.diag(information) + 1e-12), slope.T @ (weight * now))
+        step = robust_step(residuals, 6, _TAIL_PX)
         second_from_first = second_from_first @ SE3.exp(step)
-        if np.abs(step).max() < _STEP:
+        if np.abs(step).max() < STEP:
             break
     return second_from_first

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.scene.epipolar import PointPairs, are_in_front, sampson_px
+from basecal.estimation.scene.robust_step import STEP, robust_step
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_from_quaternion
 
@@ -24,7 +25,6 @@ _AT_ONCE = 100  # rotations of the grid that are tried side by side
 _REFINEMENTS = 5  # of reweighting, each of which halves what outliers pull or more
 _TAILS_PX = (10.0, 3.0, 2.0)  # [px] beyond which a pair counts less, one after another
 _MOST_STEPS = 8  # of each
-_STEP = 1e-6  # of a difference that gives a slope
 _FOCAL_SHARE = 0.1  # [1] sigma of the focal length's logarithm about its guess
 _SHORTEST_M = 1e-2  # [m] of a baseline that is divided by
 _SPIRAL = 2.0**0.5, 1.533751168755204288118041  # Alexa 2022, super-Fibonacci spirals
@@ -130,28 +130,23 @@ def _refine(
     mount, logarithm, rays = start, 0.0, pairs.directions(lens)
 
     def distances(step: Array) -> Array:
-        """Distances after a step of the mount, (6,), and of the focal length's logarithm."""
-        scaled = _scale_focal(lens, logarithm + step[6])
-        seen = pairs.directions(scaled) if step[6] else rays
-        return sampson_px(pairs, seen, base_from_flange, mount @ SE3.exp(step[:6]), float(scaled.focal.mean()))
+        """Distances after a step of the mount, and of the focal length's logarithm if it is free, (n, 1)."""
+        scaled = _scale_focal(lens, logarithm + step[6:].sum())
+        seen = pairs.directions(scaled) if step[6:].any() else rays
+        at = mount @ SE3.exp(step[:6])
+        return sampson_px(pairs, seen, base_from_flange, at, float(scaled.focal.mean()))[:, None]
 
-    axes = np.eye(7)[: 7 if is_free else 6]
-    held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2])[: len(axes), : len(axes)]
+    held = np.diag([0.0] * 6 + [1 / _FOCAL_SHARE**2] * is_free)
     for tail_px in tails_px:
         for _ in range(_MOST_STEPS):
-            now = distances(np.zeros(7))
-            slope = np.stack([(distances(_STEP * axis) - now) / _STEP for axis in axes], -1)
-            weight = 1 / (1 + (now / tail_px) ** 2)
-            information = slope.T @ (weight[:, None] * slope) + held
-            gradient = slope.T @ (weight * now) + held @ np.r_[np.zeros(6), logarithm][: len(axes)]
-            step = -np.linalg.solve(information + 1e-9 * np.diag(np.diag(information)), gradient)
+            step = robust_step(distances, len(held), tail_px, held, held[:, -1] * logarithm)
             mount = mount @ SE3.exp(step[:6])
             if is_free:
                 logarithm += float(step[6])
                 rays = pairs.directions(_scale_focal(lens, logarithm))
-            if np.abs(step).max() < _STEP:
+            if np.abs(step).max() < STEP:
                 break
-    median_px = float(np.median(np.abs(distances(np.zeros(7)))))
+    median_px = float(np.median(np.abs(distances(np.zeros(6)))))
     front = float(np.mean(are_in_front(pairs, rays, base_from_flange, mount)))
     return MountStart(mount, _scale_focal(lens, logarithm), median_px, front)
 

@@ -9,12 +9,10 @@ import numpy as np
 
 from basecal.geometry import SE3, Array, Camera, IntArray
 from basecal.vision.tracks.features import Descriptors, Features
-from basecal.vision.tracks.matching import match
+from basecal.vision.tracks.matching import CONFIDENCE, MOST_ITERATIONS, match
 
 FEWEST_POINTS = 30  # that agree on one pose
 _TAIL_PX = 3.0  # [px] from where the pose has a point
-_MOST_ITERATIONS = 2000
-_CONFIDENCE = 0.999
 
 
 class Located(NamedTuple):
@@ -42,7 +40,7 @@ def locate_camera(features: Features, descriptors: Descriptors, points: Array, l
     point, feature = found.first[kept], found.second[kept]
     plane, nearest = unit[kept, :2] / unit[kept, 2:], _TAIL_PX / float(lens.focal.mean())
     is_found, rotvec, translation, inlier = cv2.solvePnPRansac(
-        points[point], plane, np.eye(3), None, None, None, False, _MOST_ITERATIONS, nearest, _CONFIDENCE, None,
+        points[point], plane, np.eye(3), None, None, None, False, MOST_ITERATIONS, nearest, CONFIDENCE, None,
         cv2.SOLVEPNP_AP3P,
     )  # fmt: skip
     if not is_found or inlier is None or len(inlier) < FEWEST_POINTS:

@@ -14,8 +14,8 @@ MIN_MATCHES = 15  # matches of a pair that an essential matrix explains: fewer a
 _RATIO = 0.8  # of the distance to the best over that to the second best (Lowe 2004)
 _TAIL_PX = 2.0  # [px] from the epipolar geometry
 _STILL_PX = 3.0  # [px] of features that ride with the camera
-_MOST_ITERATIONS = 1000
-_CONFIDENCE = 0.999
+MOST_ITERATIONS, CONFIDENCE = 2000, 0.999
+"""Of consensus: trials of the fewest points that define a geometry, and the chance that one of them is right."""
 
 
 class Matches(NamedTuple):
@@ -58,7 +58,7 @@ def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], 
         return None
     one, other = planes[0][found.first], planes[1][found.second]
     essential, inlier = cv2.findEssentialMat(
-        one, other, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, _TAIL_PX / focal_px, _MOST_ITERATIONS
+        one, other, np.eye(3), cv2.USAC_MAGSAC, CONFIDENCE, _TAIL_PX / focal_px, MOST_ITERATIONS
     )
     if essential is None or inlier is None or np.count_nonzero(inlier) < MIN_MATCHES:
         return None

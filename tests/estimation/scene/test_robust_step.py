@@ -1,0 +1,26 @@
+"""A step downhill of residuals of which large ones count less."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from basecal.estimation.scene.robust_step import robust_step
+
+RNG = np.random.default_rng(1)
+ROWS, TRUE = RNG.standard_normal((40, 2, 3)), np.array([0.3, -0.2, 0.1])
+
+
+def test_steps_end_at_the_truth_though_a_fifth_is_wrong():
+    """Ten steps from zero: eight rows of forty are 50 off, and the others decide."""
+    wrong = np.where(np.arange(40) % 5 == 0, 50.0, 0.0)[:, None]
+    at = np.zeros(3)
+    for _ in range(10):
+        at = at + robust_step(lambda step, at=at: ROWS @ (at + step - TRUE) + wrong, 3, 0.1)
+    np.testing.assert_allclose(at, TRUE, atol=1e-3)
+
+
+def test_a_prior_holds_what_residuals_do_not_determine():
+    """Without any slope along the third axis the step along it is that of the prior."""
+    flat = ROWS * [1.0, 1.0, 0.0]
+    step = robust_step(lambda step: flat @ (step - TRUE), 3, 1e6, np.diag([0.0, 0.0, 4.0]), np.array([0.0, 0.0, 2.0]))
+    np.testing.assert_allclose(step, [*TRUE[:2], -0.5], atol=1e-6)
