@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from basecal.cell import Intrinsics, Unknown
 from basecal.estimation.scene.state import SceneState
 from basecal.estimation.scene.views import SceneCamera, SceneViews, Tracks
-from basecal.geometry import SE3, Camera
+from basecal.geometry import SE3, Array, Camera
 
 LENS = Camera("pinhole", np.array([900.0, 900.0, 639.5, 359.5, -0.1, 0.05, 0.0, 0.0, 0.0]), (1280, 720))
 MOUNT = SE3.from_rpy((0.05, -0.1, 0.3), (0.04, -0.02, 0.08))
@@ -102,3 +102,17 @@ def started(scene: Scene, off: float = 0.02) -> SceneState:
     bases = [truth.bases[k] if k == 0 else truth.bases[k] @ step for k in range(len(truth.bases))]
     mounts = SE3.stack([truth.mounts[k] @ step for k in range(len(truth.mounts))])
     return SceneState(mounts, SE3.stack(bases), truth.lenses, truth.errors, np.zeros((0, 3)))
+
+
+def moved_in_time(scene: Scene, shifts: Array) -> Scene:
+    """A scene that was elsewhere at each view, seen alike from a camera that moved along: its arm is where it was not.
+
+    Args:
+        scene: Of arms.
+        shifts: (v, 3) of the scene in the world [m].
+    """
+    views = scene.views
+    bases = [scene.truth.bases[k] for k in views.robot]
+    moved = zip(bases, views.base_from_flange, shifts, strict=True)
+    poses = [base.inverse() @ SE3(np.eye(3), shift) @ base @ flange for base, flange, shift in moved]
+    return replace(scene, views=replace(views, base_from_flange=SE3.stack(poses)))

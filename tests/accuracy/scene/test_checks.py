@@ -14,9 +14,11 @@ from basecal.accuracy.scene.checks import (
     direction_findings,
     join_findings,
     kept_findings,
+    motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.estimation.scene.motion import SceneMotion
 from basecal.geometry import SE3
 from scene_pictures import pictures_of_scene, solved_camera
 from scene_points import ARM_M, MOUNT, made_scene
@@ -74,6 +76,17 @@ def test_each_lack_of_a_join_has_its_word() -> None:
     assert codes(GOOD, common=0.3) == ["scene-rival"]
     assert codes(GOOD, shared=99) == ["scene-overlap"]
     assert codes(GOOD, of_each=(3, 12)) == ["scene-overlap"]
+
+
+def test_a_motion_is_named_with_its_length_and_time() -> None:
+    """Below one in a thousand it is a warning: steadily, or at a sample; else there is none."""
+    steady = SceneMotion(1e-4, None, 0.0095, np.zeros(6))
+    assert list(motion_findings(steady._replace(chance=0.01))) == []
+    (found,) = motion_findings(steady)
+    assert (found.code, found.severity) == ("scene-moved", "warning")
+    assert "9.5 mm from the first sample to the last" in found.what
+    (sudden,) = motion_findings(steady._replace(first_sample=7))
+    assert "9.5 mm at sample 7" in sudden.what
 
 
 def test_points_that_one_scene_does_not_keep_refuse_it() -> None:

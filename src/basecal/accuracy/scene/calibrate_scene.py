@@ -7,7 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.scene.checks import aim_covariance, base_findings, count_points, direction_findings
+from basecal.accuracy.scene.checks import (
+    aim_covariance,
+    base_findings,
+    count_points,
+    direction_findings,
+    motion_findings,
+)
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.pictures import read_pictures
@@ -15,6 +21,7 @@ from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
 from basecal.errors import InputError
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
+from basecal.estimation.scene.motion import scene_motion
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.state import Columns, scene_columns
 from basecal.estimation.settings import Settings
@@ -92,6 +99,9 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
     """The calibration of a scene that was adjusted."""
     columns = scene_columns(fit.views, fit.state.lenses)
     covariance, places = _covariance(fit, columns), _places(cell, fit, columns)
+    motion = scene_motion(fit)
+    for finding in motion_findings(motion):
+        covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]
     open_covariance = {each.name: covariance[each.columns, each.columns] for each in places if each.columns is not None}
     own = {each.name: open_covariance.get(each.name, np.zeros((6, 6))) for each in places}
     for name, spread in own.items():

@@ -17,6 +17,7 @@ from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
 from basecal.cell import Finding
 from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.motion import SceneMotion
 from basecal.geometry import Array
 
 FEWEST_VIEWS = 8  # of a camera
@@ -31,6 +32,7 @@ _RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may hav
 _LEAST_COMMON = 0.5  # median over places that both see; right rooms have 0.85 to 1, look-alike ones 0.15 to 0.3
 _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
+_STILL_CHANCE = 1e-3  # of errors that follow time so closely in a scene that is still
 _RIDGE = 1e-6  # of rotations about a point, below which it has no place
 _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
 
@@ -130,6 +132,17 @@ def kept_findings(names: tuple[str, str], count_before: int, count_after: int) -
     if count_after < _LEAST_KEPT * count_before or count_after < _FEWEST_SHARED:
         what = f"{count_after} of {count_before} points that {names[0]} and {names[1]} seemed to share fit one scene."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
+
+
+def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
+    """Whether the scene moved while it was recorded, which the covariance then contains."""
+    if motion.chance < _STILL_CHANCE:
+        when = (
+            "from the first sample to the last" if motion.first_sample is None else f"at sample {motion.first_sample}"
+        )
+        what = f"The scene moved by {1e3 * motion.length_m:.2g} mm {when}, or the robots did."
+        do = ("Keep the scene still until the last picture is taken.", "Fasten the bases, and let the robots warm up.")
+        yield Finding("scene-moved", "warning", (), what, do, "Errors of the poses follow time.")
 
 
 def direction_findings(name: str, covariance: Array) -> Iterator[Finding]:
