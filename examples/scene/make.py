@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -49,14 +50,22 @@ def textures(seed: int, contrast: float = 1.0) -> list[np.ndarray]:
     return [texture(rng, (max(h, 32), max(w, 32)), contrast) for h, w in sizes]
 
 
+@lru_cache(maxsize=4)
+def directions(lens: Camera) -> np.ndarray:
+    """Direction of each pixel in the camera, (w * h, 3)."""
+    assert lens.size_px is not None
+    width, height = lens.size_px
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2).astype(float)
+    return lens.undistort(pixels)[0]
+
+
 def picture(
     world_from_camera: SE3, lens: Camera, faces: list[tuple], painted: list[np.ndarray], rng: np.random.Generator
 ) -> np.ndarray:
     """What a camera sees of faces and what is painted on them, (h, w) of grey levels."""
     assert lens.size_px is not None
     width, height = lens.size_px
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).reshape(-1, 2).astype(float)
-    rays = lens.undistort(pixels)[0] @ world_from_camera.rotation.T
+    rays = directions(lens) @ world_from_camera.rotation.T
     centre = world_from_camera.translation
     nearest, level = np.full(len(rays), np.inf), np.full(len(rays), 90.0, dtype=np.float32)
     for (corner, side, other), image in zip(faces, painted, strict=True):
@@ -67,6 +76,8 @@ def picture(
         at = centre + depth[:, None] * rays - corner
         u, v = at @ a / (a @ a), at @ b / (b @ b)
         hit = (depth > 0.05) & (depth < nearest) & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+        if not hit.any():
+            continue
         h, w = image.shape
         column, row = (u * (w - 1)).astype(np.float32), (v * (h - 1)).astype(np.float32)
         seen = cv2.remap(image, column.reshape(height, width), row.reshape(height, width), cv2.INTER_LINEAR).ravel()

@@ -1,0 +1,198 @@
+"""Rooms of two arms that `benchmarks.scene` renders: right ones, and ones that deceive."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from basecal.geometry import SE3, Array
+
+VIEWS = 10
+_EXAMPLE = Path(__file__).parents[1] / "examples" / "scene" / "make.py"
+
+
+def _load_example() -> ModuleType:
+    found = importlib.util.spec_from_file_location("scene_example", _EXAMPLE)
+    assert found is not None
+    assert found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+EXAMPLE = _load_example()
+Face = tuple[Array, Array, Array]
+Poses = list[SE3]
+Mistake = Callable[[tuple[Poses, Poses]], tuple[Poses, Poses]]
+"""From the true flange poses of both arms to the recorded ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """What each arm sees and where from.
+
+    Attributes:
+        faces: Of each arm's pictures: faces, and what is painted on them.
+        middle: (2, 3) what each arm looks at [m].
+        views: Pictures of each arm.
+        gripper: Share of each picture's width and height that something covers which rides with the camera.
+        drift: (3,) motion of all that is seen between two pictures [m].
+    """
+
+    faces: tuple[tuple[list[Face], list[Array]], tuple[list[Face], list[Array]]]
+    middle: Array
+    views: int = VIEWS
+    gripper: float = 0.0
+    drift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def box(corner: Array, size: Array, yaw: float) -> list[Face]:
+    """Top and four sides of a box that stands on the table."""
+    u = size[0] * np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    v = size[1] * np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    w = np.array([0.0, 0.0, size[2]])
+    return [(corner + w, u, v), (corner, u, w), (corner, v, w), (corner + u, v, w), (corner + v, u, w)]
+
+
+def painted(rng: np.random.Generator, faces: Sequence[Face], contrast: float = 1.0) -> list[Array]:
+    """A texture for each face."""
+    sizes = [[max(int(EXAMPLE.TEXELS_PER_M * np.linalg.norm(side)), 32) for side in (b, a)] for _, a, b in faces]
+    return [EXAMPLE.texture(rng, (height, width), contrast) for height, width in sizes]
+
+
+def some_boxes(rng: np.random.Generator, count: int, middle: Array) -> list[Face]:
+    """Boxes about a place."""
+    return [
+        face
+        for _ in range(count)
+        for face in box(
+            middle + np.array([*rng.uniform(-0.35, 0.25, 2), 0.0]),
+            rng.uniform(0.08, 0.25, 3),
+            float(rng.uniform(0, np.pi)),
+        )
+    ]
+
+
+TABLE: list[Face] = [
+    (np.array([-0.6, -1.5, 0.0]), np.array([2.6, 0, 0]), np.array([0, 3.0, 0])),
+    (np.array([-0.6, 1.2, 0.0]), np.array([2.6, 0, 0]), np.array([0, 0, 1.6])),
+]
+MIDDLE = np.array([0.7, 0.0, 0.0])
+
+
+def plain(rng: np.random.Generator, contrast: float = 1.0, views: int = VIEWS, boxes: int = 3) -> Room:
+    """A table, a wall and boxes."""
+    faces = [*TABLE, *some_boxes(rng, boxes, MIDDLE)]
+    seen = faces, painted(rng, faces, contrast)
+    return Room((seen, seen), np.tile(MIDDLE, (2, 1)), views)
+
+
+def equal_boxes(rng: np.random.Generator, contrast: float) -> Room:
+    """A table of little contrast with two equal groups of boxes; each arm sees one of them."""
+    group, apart = some_boxes(rng, 2, MIDDLE), np.array([0.0, rng.uniform(0.5, 0.8), 0.0])
+    faces = [TABLE[0], *[(c - apart / 2, a, b) for c, a, b in group], *[(c + apart / 2, a, b) for c, a, b in group]]
+    bare, of_group = painted(rng, faces[:1], contrast), painted(rng, group)
+    seen = faces, [*bare, *of_group, *of_group]
+    return Room((seen, seen), MIDDLE + np.array([[-0.5], [0.5]]) * apart)
+
+
+def tiles(rng: np.random.Generator, boxes: int = 0) -> Room:
+    """A floor of equal tiles, and some boxes or nothing else."""
+    size = int(EXAMPLE.TEXELS_PER_M * rng.uniform(0.15, 0.4))
+    tile = EXAMPLE.texture(rng, (size, size), 1.0)
+    height, width = (int(EXAMPLE.TEXELS_PER_M * length) for length in (3.0, 2.6))
+    level = np.tile(tile, (height // size + 1, width // size + 1))[:height, :width]
+    own = some_boxes(rng, boxes, MIDDLE)
+    seen = [*TABLE[:1], *own], [level, *painted(rng, own)]
+    return Room((seen, seen), np.tile(MIDDLE, (2, 1)))
+
+
+def look_alike_rooms(rng: np.random.Generator) -> Room:
+    """Each arm has a room of its own, with the same boxes in other places on another table."""
+    count = 3
+    groups = [some_boxes(np.random.default_rng(int(rng.integers(2**31))), 1, MIDDLE) for _ in range(count)]
+    paint = [painted(rng, group) for group in groups]
+    rooms = []
+    for _ in range(2):
+        faces, levels = [*TABLE], painted(rng, TABLE)
+        for group, level in zip(groups, paint, strict=True):
+            shift = np.array([*rng.uniform(-0.25, 0.25, 2), 0.0])
+            faces += [(c + shift, a, b) for c, a, b in group]
+            levels += level
+        rooms.append((faces, levels))
+    return Room((rooms[0], rooms[1]), np.tile(MIDDLE, (2, 1)))
+
+
+def apart(rng: np.random.Generator, overlap: float) -> Room:
+    """Arms that look at places so far apart that they share this much, or nothing."""
+    room = plain(rng)
+    step = np.array([0.0, (1 - overlap) * 1.1, 0.0])
+    return replace(room, middle=MIDDLE + np.array([[-0.5], [0.5]]) * step)
+
+
+def moved_boxes(rng: np.random.Generator, contrast: float, together: bool) -> Room:
+    """Boxes that move before the second arm looks, together or each for itself, on a table of some contrast."""
+    boxes = [some_boxes(rng, 1, MIDDLE) for _ in range(4)]
+    shifts = [np.array([*(rng.choice([-1, 1], 2) * rng.uniform(0.03, 0.2, 2)), 0.0]) for _ in boxes]
+    faces = [*TABLE, *(face for each in boxes for face in each)]
+    pairs = zip(boxes, [shifts[0]] * len(boxes) if together else shifts, strict=True)
+    after = [*TABLE, *((c + shift, a, b) for each, shift in pairs for c, a, b in each)]
+    levels = [*painted(rng, TABLE, contrast), *painted(rng, faces[len(TABLE) :])]
+    return Room(((faces, levels), (after, levels)), np.tile(MIDDLE, (2, 1)))
+
+
+def drifting(rng: np.random.Generator) -> Room:
+    """A conveyor: all that is seen moves by 3 to 20 mm from picture to picture."""
+    way = rng.uniform(0, 2 * np.pi)
+    step = rng.uniform(0.003, 0.02)
+    return replace(plain(rng), drift=(step * np.cos(way), step * np.sin(way), 0.0))
+
+
+def of_second(mistaken: Callable[[Poses, Poses], Poses]) -> Mistake:
+    """A mistake of the poses of the second arm alone, from its own and those of the other."""
+    return lambda poses: (poses[0], mistaken(poses[1], poses[0]))
+
+
+def _shuffled(own: Poses, other: Poses) -> Poses:
+    return [own[k] for k in np.random.default_rng(len(own)).permutation(len(own))]
+
+
+def _late(own: Poses, other: Poses) -> Poses:
+    half = len(own) // 2
+    return [*own[:half], *own[half + 1 :], own[half]]
+
+
+ROOMS: dict[str, Callable[[np.random.Generator], Room]] = {
+    "plain": plain,
+    "a third of the contrast": lambda rng: plain(rng, 0.3),
+    "a table alone": lambda rng: plain(rng, boxes=0),
+    "each box moved, table seen": lambda rng: moved_boxes(rng, 1.0, together=False),
+    "gripper in view": lambda rng: replace(plain(rng), gripper=0.3),
+    "8 views": lambda rng: plain(rng, views=8),
+    "two equal groups": lambda rng: equal_boxes(rng, 0.3),
+    "two equal groups on a bare table": lambda rng: equal_boxes(rng, 0.02),
+    "equal tiles": tiles,
+    "equal tiles and a box": lambda rng: tiles(rng, 1),
+    "look-alike rooms": look_alike_rooms,
+    "a fifth in common": lambda rng: apart(rng, 0.2),
+    "nothing in common": lambda rng: apart(rng, 0.0),
+    "all boxes moved together, table bare": lambda rng: moved_boxes(rng, 0.02, together=True),
+    "a conveyor": drifting,
+    "a gripper over most of the view, table bare": lambda rng: replace(plain(rng, 0.02), gripper=0.8),
+}
+MISTAKES: dict[str, Mistake] = {
+    "another order": of_second(_shuffled),
+    "shifted by one": of_second(lambda own, other: [*own[1:], own[0]]),
+    "a pose lost halfway": of_second(_late),
+    "inverted poses": of_second(lambda own, other: [pose.inverse() for pose in own]),
+    "the other arm's poses": of_second(lambda own, other: other),
+    "swapped cameras": lambda poses: (poses[1], poses[0]),
+}
+KINDS = [*ROOMS, *MISTAKES]
+RIGHT = KINDS[:6]
+AMBIGUOUS = "two equal groups on a bare table", "all boxes moved together, table bare"
