@@ -105,7 +105,8 @@ def sketch_cell(cell: Cell) -> Sketch:
     if not views and cell.sees_scene:
         raise InputError(
             "pictures of a scene are not planned: take 15 with each arm, five of them of one spot from similar "
-            "directions; rotate the flange by 20 deg about two axes, and do not aim all at one spot"
+            "directions; rotate the flange by 20 deg about two axes, and do not aim all at one spot; "
+            "then import them by `basecal import poses` and `basecal import images`"
         )
     if not views:
         raise InputError("the cell has no camera with a target to look at: add one of each to cell.yaml")

@@ -17,8 +17,8 @@ from basecal.accuracy.scene.checks import (
     motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
+from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
-from basecal.estimation.scene.motion import SceneMotion
 from basecal.geometry import SE3
 from scene_pictures import pictures_of_scene, solved_camera
 from scene_points import ARM_M, MOUNT, made_scene

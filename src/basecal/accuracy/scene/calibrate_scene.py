@@ -16,12 +16,13 @@ from basecal.accuracy.scene.checks import (
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
+from basecal.accuracy.scene.motion import scene_motion
 from basecal.accuracy.scene.pictures import read_pictures
+from basecal.accuracy.scene.shared_errors import smooth_covariance
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
 from basecal.errors import InputError
 from basecal.estimation.scene.adjust import SceneFit, residuals_px
-from basecal.estimation.scene.motion import scene_motion
 from basecal.estimation.scene.spread import scene_covariance
 from basecal.estimation.scene.state import Columns, scene_columns
 from basecal.estimation.settings import Settings
@@ -86,9 +87,12 @@ def _places(cell: Cell, fit: SceneFit, columns: Columns) -> list[_Place]:
     return [*bases, *mounts]
 
 
-def _covariance(fit: SceneFit, columns: Columns) -> Array:
-    """Of all columns but errors of stops, with what views that aim at one point leave uncertain."""
+def _covariance(cell: Cell, fit: SceneFit, columns: Columns) -> Array:
+    """Of all columns but errors of stops, with smooth errors of arms, and what views of one spot leave uncertain."""
     covariance = scene_covariance(fit)
+    for k, robot in enumerate(fit.views.robots):
+        if not cell.robots[robot].is_total_noise:
+            covariance += smooth_covariance(fit, k)
     for k, where in enumerate(columns.mounts):
         if where is not None and fit.views.cameras[k].robot is not None:
             covariance[where, where] += aim_covariance(fit, k)
@@ -98,7 +102,7 @@ def _covariance(fit: SceneFit, columns: Columns) -> Array:
 def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> Calibration:
     """The calibration of a scene that was adjusted."""
     columns = scene_columns(fit.views, fit.state.lenses)
-    covariance, places = _covariance(fit, columns), _places(cell, fit, columns)
+    covariance, places = _covariance(cell, fit, columns), _places(cell, fit, columns)
     motion = scene_motion(fit)
     for finding in motion_findings(motion):
         covariance, report.findings = covariance + np.outer(motion.step, motion.step), [*report.findings, finding]

@@ -14,10 +14,10 @@ import numpy as np
 
 from basecal.accuracy.model_comparison.independent import compare_contradiction, compare_places
 from basecal.accuracy.scene.joining import Join
+from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
 from basecal.cell import Finding
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.motion import SceneMotion
 from basecal.geometry import Array
 
 FEWEST_VIEWS = 8  # of a camera

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.estimation.scene.robust_step import STEP, robust_step
 from basecal.geometry import SE3, Array, Camera, IntArray
+from basecal.numerics.robust_step import STEP, robust_step
 
 _TAIL_PX = 3.0  # [px] from which on an image point counts less
 _MOST_STEPS = 10

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from basecal.estimation.scene.epipolar import PointPairs, are_in_front, sampson_px
-from basecal.estimation.scene.robust_step import STEP, robust_step
 from basecal.geometry import SE3, Array, Camera
 from basecal.geometry.rotation import rotation_from_quaternion
+from basecal.numerics.robust_step import STEP, robust_step
 
 _ROTATIONS = 1000  # of the grid, 25 degrees apart: basins are 20 to 30 degrees wide
 _REFINED = 8  # best of the grid that are refined

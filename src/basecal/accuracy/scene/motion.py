@@ -1,7 +1,7 @@
 """Whether a scene moved while it was seen: scores of motions in time, at the optimum without any.
 
-A motion of the scene moves cameras about it as errors of stops do, but in time. With g the gradient to it and S its
-information once all else follows, g' S^-1 g is chi-square with six freedoms if nothing moved. Source: Rao 1948.
+A motion of the scene moves cameras about it as errors of stops do, but in time. With the gradient g to it and its
+information S (`shared_errors`), g' S^-1 g is chi-square with six freedoms if nothing moved.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
+from basecal.accuracy.scene.shared_errors import respond
 from basecal.estimation.scene.adjust import SceneFit
-from basecal.estimation.scene.state import scene_columns
 from basecal.geometry import SE3, Array
 
 _LARGEST = np.repeat([0.1, 0.1], 3)  # [m, rad] sigma of motions that are tried; keeps what bases take up regular
@@ -58,16 +58,9 @@ def _profiles(fit: SceneFit) -> Iterator[tuple[int | None, Array]]:
 
 def _score(fit: SceneFit, profile: Array) -> tuple[float, Array, Array]:
     """The score of a motion by a profile, its size about the middle of the points, and what it moves columns by."""
-    errors = scene_columns(fit.views, fit.state.lenses).errors
-    moves = profile[:, None, None] * _flange_moves(fit)
-    by_stop = moves.reshape(-1, 6)
-    pixels = fit.pixel_information / fit.sigma_px**2
-    gradient = by_stop.T @ fit.pixel_gradient[errors] / fit.sigma_px**2
-    across = pixels[:, errors] @ by_stop
-    follows = np.linalg.solve(fit.information, across)
-    left = by_stop.T @ across[errors] - across.T @ follows + np.diag(1 / _LARGEST**2)
-    motion = np.asarray(-np.linalg.solve(left, gradient))
-    return float(-gradient @ motion), motion, np.asarray(-(follows @ motion)[: errors.start])
+    response = respond(fit, profile[:, None, None] * _flange_moves(fit))
+    motion, _ = response.posterior(_LARGEST**2)
+    return float(-response.gradient @ motion), motion, response.moves @ motion
 
 
 def _flange_moves(fit: SceneFit) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from basecal.estimation.scene.robust_step import robust_step
+from basecal.numerics.robust_step import robust_step
 
 RNG = np.random.default_rng(1)
 ROWS, TRUE = RNG.standard_normal((40, 2, 3)), np.array([0.3, -0.2, 0.1])

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from basecal.accuracy.scene.motion import SceneMotion, scene_motion
 from basecal.estimation.scene.fit import fit_scene
-from basecal.estimation.scene.motion import SceneMotion, scene_motion
 from basecal.geometry import Array
 from scene_points import made_scene, moved_in_time
 

@@ -1,0 +1,83 @@
+"""Errors that stops of a scene share: what pixels say of them, and what they move the answer by.
+
+Errors of stops are unknowns of their own. What stops share is tried about the optimum: with g
+the gradient to it, S its information once all else follows, and F what it moves the other columns by, an error that is
+expected to be zero with variance V moves the answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from basecal.effects import smooth_by_place
+from basecal.estimation.scene.adjust import SceneFit
+from basecal.estimation.scene.state import scene_columns
+from basecal.geometry import Array
+
+_NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
+
+
+class Response(NamedTuple):
+    """What pixels say of k errors that stops share.
+
+    Attributes:
+        gradient: (k,).
+        information: (k, k) once all else follows.
+        moves: (q, k) of all columns that are no errors of stops.
+    """
+
+    gradient: Array
+    information: Array
+    moves: Array
+
+    def posterior(self, variance: Array) -> tuple[Array, Array]:
+        """Mean (k,) and covariance (k, k) of the errors, of which variances (k,) are expected."""
+        spread = np.linalg.inv(self.information + np.diag(1 / variance))
+        return np.asarray(-spread @ self.gradient), spread
+
+    def log_evidence(self, variance: Array) -> float:
+        """For these variances, over that for none."""
+        mean, _ = self.posterior(variance)
+        grown = np.eye(len(variance)) + self.information * variance
+        return float(-0.5 * self.gradient @ mean - 0.5 * np.linalg.slogdet(grown)[1])
+
+
+def respond(fit: SceneFit, by_stop: Array) -> Response:
+    """The response to errors by which flanges move so, (s, 6, k), right tangents of each stop."""
+    errors = scene_columns(fit.views, fit.state.lenses).errors
+    moves = by_stop.reshape(-1, by_stop.shape[-1])
+    across = fit.pixel_information[:, errors] @ moves / fit.sigma_px**2
+    follows = np.linalg.solve(fit.information, across)
+    information = moves.T @ across[errors] - across.T @ follows
+    gradient = moves.T @ fit.pixel_gradient[errors] / fit.sigma_px**2
+    return Response(gradient, np.asarray((information + information.T) / 2), -follows[: errors.start])
+
+
+def smooth_covariance(fit: SceneFit, robot: int) -> Array:
+    """What errors of a robot that are smooth by place leave uncertain, and move, of all columns but stops' errors.
+
+    Their sigma is one of five, as likely as the data have it.
+    """
+    mine = np.flatnonzero(fit.views.robot == robot)
+    poses = fit.views.base_from_flange[mine]
+    shared = smooth_by_place.errors(poses, poses)
+    own = scene_columns(fit.views, fit.state.lenses).errors.start
+    if shared is None:
+        return np.zeros((own, own))
+    by_stop = np.zeros((len(fit.stop_sigma), *shared.by_stop.shape[1:]))
+    by_stop[fit.views.stop[mine]] = shared.by_stop
+    response = respond(fit, by_stop)
+    assert smooth_by_place.EFFECT.random is not None
+    middle, factor = smooth_by_place.EFFECT.random.expected.turn
+    reach_m = float(np.sqrt(np.mean(np.sum(poses.translation**2, 1))))
+    lever = np.where(shared.is_turn, 1.0, reach_m)
+    variances = [(middle * factor**node * lever) ** 2 for node in _NODES]
+    evidence = np.array([response.log_evidence(each) for each in variances])
+    share = np.exp(evidence - evidence.max())
+    spread = sum(
+        weight * (covariance + np.outer(mean, mean))
+        for weight, (mean, covariance) in zip(share / share.sum(), map(response.posterior, variances), strict=True)
+    )
+    return np.asarray(response.moves @ spread @ response.moves.T)
