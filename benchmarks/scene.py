@@ -1,5 +1,6 @@
 """Calibration from a scene: rendered rooms of two arms, right ones, and ones that are to be refused.
 
+Pictures are small and few, and so are points, so that hundreds of cells can be tried; sound cells are answered, too.
 Of a right room the base's error and its Mahalanobis distance are measured. Rooms that deceive have two equal boxes, a
 floor of equal tiles, little or nothing that both arms see, things that move, a gripper in view, or poses in another
 order, inverted or of the other arm. A refusal is free there; an answer whose base is beyond the
@@ -16,6 +17,7 @@ import hashlib
 import json
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -193,12 +195,15 @@ def section(result: dict[str, Any]) -> str:
     deceptions = [kind for kind in KINDS if kind not in RIGHT and kind not in AMBIGUOUS]
     deceiving = [each for each in cells if each["kind"] in deceptions]
     false = sum(each.get("m2", 0.0) > FALSE_M2 for each in deceiving)
+    sound = [each for each in cells if each["kind"] in RIGHT]
+    answered = sum("mm" in each for each in sound)
     about = f"""\
 Rendered rooms of two arms, {VIEWS} pictures of {SIZE[0]}x{SIZE[1]} each, poses off by 0.2 mm and 0.3 mrad. Of
 {len(deceiving)} cells that deceive, {false} were answered falsely (M2 of the base above {FALSE_M2:g}, 6 is right).
 Not counted are "{AMBIGUOUS[0]}" and "{AMBIGUOUS[1]}": all that has
 texture is copied or moved as one, which no camera can tell.
-A cell takes {np.median([each["cpu_s"] for each in cells]):.0f} s of the processor (median)."""
+Of {len(sound)} sound cells {answered} were answered. At most {MOST_POINTS} points of each camera are taken, for speed:
+a cell takes {np.median([each["cpu_s"] for each in cells]):.0f} s of the processor (median)."""
     return f"{about}\n\n{table(HEAD, rows)}"
 
 
@@ -207,15 +212,17 @@ def main(words: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cells", type=int, default=500, help="that deceive; as many of each right kind")
     parser.add_argument("--keep", type=Path, help="file in which cells are kept, and from which a run goes on")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no cell is begun")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=ORDER)
     asked = parser.parse_args(words)
     on_one_core()
-    kept = Kept(asked.keep)
+    kept, end = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
     each = -(-asked.cells // (len(KINDS) - len(RIGHT) - len(AMBIGUOUS)))
     cells = [
-        kept.of(f"{kind}:{seed}", lambda kind=kind, seed=seed: tried(kind, seed))
+        kept.of(key, lambda kind=kind, seed=seed: tried(kind, seed))
         for seed in range(each)
         for kind in asked.kinds
+        if (key := f"{kind}:{seed}") in kept or time.monotonic() < end
     ]
     print(section({"cells": cells}))
     write("scene", {"cells": cells})

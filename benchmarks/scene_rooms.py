@@ -147,9 +147,9 @@ def moved_boxes(rng: np.random.Generator, contrast: float, together: bool) -> Ro
 
 
 def drifting(rng: np.random.Generator) -> Room:
-    """A conveyor: all that is seen moves by 3 to 20 mm from picture to picture."""
+    """A conveyor: all that is seen moves by 0.5 to 20 mm from picture to picture."""
     way = rng.uniform(0, 2 * np.pi)
-    step = rng.uniform(0.003, 0.02)
+    step = 10 ** rng.uniform(-3.3, -1.7)
     return replace(plain(rng), drift=(step * np.cos(way), step * np.sin(way), 0.0))
 
 

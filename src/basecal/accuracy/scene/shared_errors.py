@@ -35,7 +35,7 @@ class Response(NamedTuple):
     def posterior(self, variance: Array) -> tuple[Array, Array]:
         """Mean (k,) and covariance (k, k) of the errors, of which variances (k,) are expected."""
         spread = np.linalg.inv(self.information + np.diag(1 / variance))
-        return np.asarray(-spread @ self.gradient), spread
+        return np.asarray(-spread @ self.gradient), np.asarray(spread)
 
     def log_evidence(self, variance: Array) -> float:
         """For these variances, over that for none."""
@@ -52,7 +52,7 @@ def respond(fit: SceneFit, by_stop: Array) -> Response:
     follows = np.linalg.solve(fit.information, across)
     information = moves.T @ across[errors] - across.T @ follows
     gradient = moves.T @ fit.pixel_gradient[errors] / fit.sigma_px**2
-    return Response(gradient, np.asarray((information + information.T) / 2), -follows[: errors.start])
+    return Response(gradient, np.asarray((information + information.T) / 2), np.asarray(-follows[: errors.start]))
 
 
 def smooth_covariance(fit: SceneFit, robot: int) -> Array:

@@ -1,0 +1,144 @@
+"""A scene in place of the board: real recordings whose boards are masked, against what the boards give.
+
+Features in the hull of each board, and 30 % more, are left out. What the scene gives of the camera's mount is compared
+with what the board gives, by the Mahalanobis distance in the sum of both covariances. Halves of one recording taken as
+two arms have a base that is known: the identity. Recordings without texture beside the board are to be refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from shutil import copytree
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from tests.shared.real_recordings import data_folder
+
+from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.scene import pictures
+from basecal.cell import Calibration, Cell, PixelObservation, Recording, Sample
+from basecal.cell.files import read_cell, read_recording
+from basecal.cell.schema.cell_dict import cell_to_dict
+from basecal.cell.schema.cell_file import cell_from_dict
+from basecal.estimation.settings import Settings
+from basecal.geometry import SE3, Array, PoseEstimate
+from basecal.vision.detect import detect
+from benchmarks.common import Kept, cpu_seconds, on_one_core, table, write
+
+RECORDINGS = "kuka_1_chessboard", "rct_10x10", "ur3e_88_images", "visp_franka_in_hand"
+HALVES = "kuka_1_chessboard"
+HEAD = "recording", "what", "verdict", "mm", "deg", "M2", "own sigma [mm]", "[deg]", "refused as", "CPU [s]"
+
+
+def masked(cell: Cell, sample: Sample, camera: str) -> list[Array]:
+    """Pixels of each target that a picture shows."""
+    seen = (each for each in sample.observations if isinstance(each, PixelObservation))
+    return [each.pixels for each in seen if each.camera == camera]
+
+
+def from_scene(cell: Cell, recording: Recording) -> tuple[Calibration, float]:
+    """The answer of the scene beside the boards, and seconds of the processor."""
+    found: list[Calibration] = []
+    with patch.object(pictures, "_moving_targets", masked):
+        cpu_s = cpu_seconds(lambda: found.append(calibrate(cell, recording, Settings(method="scene"))))
+    return found[0], cpu_s
+
+
+def compared(what: str, answer: Calibration, cpu_s: float, name: str, reference: PoseEstimate) -> dict[str, Any]:
+    """A line of results: how far a transform is from a reference, and by which covariance."""
+    codes = [each.code for each in answer.findings if each.severity == "error"]
+    line: dict[str, Any] = {"what": what, "verdict": answer.verdict, "errors": codes, "cpu_s": cpu_s}
+    if name not in answer.transforms:
+        return line
+    own = answer.transforms[name]
+    off = (reference.mean.inverse() @ own.mean).log()
+    variance = np.diag(own.covariance)
+    return line | {
+        "mm": 1e3 * float(np.linalg.norm(off[:3])),
+        "deg": float(np.degrees(np.linalg.norm(off[3:]))),
+        "m2": float(off @ np.linalg.solve(own.covariance + reference.covariance, off)),
+        "sigma_mm": 1e3 * float(np.sqrt(variance[:3].sum())),
+        "sigma_deg": float(np.degrees(np.sqrt(variance[3:].sum()))),
+    }
+
+
+def as_two_arms(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
+    """Every other sample as one of a second arm with a camera of its own, whose base is that of the first."""
+    robot, camera = next(iter(cell.robots)), next(iter(cell.cameras))
+    data = cell_to_dict(cell)
+    data["robots"]["second"] = dict(data["robots"][robot])
+    data["cameras"]["second_eye"] = {**data["cameras"][camera], "on": "second"}
+    data["bases"] = {"second": {"status": "free"}}
+    samples = [
+        sample
+        if k % 2 == 0
+        else replace(
+            sample,
+            robots={"second": sample.robots[robot]},
+            images={"second_eye": sample.images[camera]},
+            observations=tuple(
+                replace(each, camera="second_eye") for each in sample.observations if isinstance(each, PixelObservation)
+            ),
+        )
+        for k, sample in enumerate(recording.samples)
+    ]
+    return cell_from_dict(data), replace(recording, samples=tuple(samples))
+
+
+def tried(name: str) -> list[dict[str, Any]]:
+    """What comes of a recording."""
+    with tempfile.TemporaryDirectory() as home:
+        folder = Path(copytree(data_folder() / name, Path(home) / name))
+        cell = read_cell(folder)
+        seen = detect(cell, read_recording(folder, cell))
+        mount = cell.mount_name(next(iter(cell.cameras)))
+        board = calibrate(cell, seen)
+        answer, cpu_s = from_scene(cell, seen)
+        lines = [compared("mount, lens free", answer, cpu_s, mount, board.transforms[mount])]
+        if name == HALVES:
+            halves, split = as_two_arms(cell, seen)
+            answer, cpu_s = from_scene(halves, split)
+            base = halves.base_name("second")
+            exact = PoseEstimate(SE3.identity(), np.zeros((6, 6)))
+            lines.append(compared("base, halves as two arms", answer, cpu_s, base, exact))
+        return [{"recording": name, **line} for line in lines]
+
+
+def row(line: dict[str, Any]) -> list[str]:
+    """A line of the table with `HEAD`."""
+    numbers = ["mm", "deg", "m2", "sigma_mm", "sigma_deg"]
+    shown = [f"{line[key]:.2g}" if key in line else "-" for key in numbers]
+    refused = ", ".join(line["errors"]) or "-"
+    return [line["recording"], line["what"], line["verdict"], *shown, refused, f"{line['cpu_s']:.0f}"]
+
+
+def section(result: dict[str, Any]) -> str:
+    """The section of docs/benchmarks.md."""
+    about = """\
+Real recordings of one arm, the board masked with 30 % more, against what the board gives; M2 is in the sum of both
+covariances. Two halves of a recording, taken as two arms, are one arm's: the truth of the base is the identity."""
+    return f"{about}\n\n{table(HEAD, map(row, result['lines']))}"
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Measure what is not kept yet, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--recordings", nargs="+", choices=RECORDINGS, default=RECORDINGS)
+    parser.add_argument("--keep", type=Path, help="file in which recordings are kept, and from which a run goes on")
+    asked = parser.parse_args(words)
+    on_one_core()
+    kept = Kept(asked.keep)
+    lines = [line for name in asked.recordings for line in kept.of(name, lambda name=name: tried(name))]
+    print(section({"lines": lines}))
+    write("scene_recordings", {"lines": lines})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
