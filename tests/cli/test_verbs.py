@@ -51,6 +51,24 @@ def test_examples_survive_copying(
     assert [line for line in written_examples(verb) if line not in told.splitlines()] == []
 
 
+@pytest.mark.parametrize(
+    "verb", ["", *dict.fromkeys([*_VERBS, *VERBS, "import", "driver", "driver check", "study paper"])]
+)
+def test_words_of_help_are_not_broken_again(
+    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On 80 columns the words above the tables have the lines of a wide terminal, but for the first sentence."""
+    told = []
+    for columns in ("80", "300"):
+        monkeypatch.setenv("COLUMNS", columns)
+        assert main([*verb.split(), "--help"]) == 0
+        usage, first, *others = capsys.readouterr().out.partition("╭")[0].split("\n\n")
+        told.append([line.rstrip() for line in "\n\n".join(others).splitlines()])
+        assert usage.startswith("Usage: ")
+        assert first
+    assert told[0] == told[1]
+
+
 def written_examples(verb: str) -> list[str]:
     """Examples of the docstring of a verb."""
     function = getattr(import_module(f"basecal.cli.{verb}"), verb)

@@ -37,11 +37,12 @@ _IMPORT = "Make a cell and its recording from other programs' files, or complete
 _HELP = """Where robot bases stand relative to each other, from what a camera sees, and
 how sure that is.
 
-Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page of its own:
-`basecal VERB --help`.
+Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page
+of its own: `basecal VERB --help`.
 
-Exit codes: 0 good or tolerance met, 1 doubtful, 2 wrong usage, 3 unreadable input,
-4 refused, 5 tolerance missed, 70 a fault of this program, 130 interrupted."""
+Exit codes: 0 good or tolerance met, 1 doubtful, 2 wrong usage,
+3 unreadable input, 4 refused, 5 tolerance missed, 70 a fault of this program,
+130 interrupted."""
 
 
 def build_app(words: Sequence[str] = ()) -> App:

@@ -27,10 +27,10 @@ def study_paper(
 ) -> int:
     """Reproduce the simulations of the paper the axis-shift method comes from.
 
-    Its tables beside ours, its single draw of noise among many, the two orders
-    of orthonormalising. The error against the length of the shifts is that of
-    its closed form, of maximum likelihood and of the Cramer-Rao bound. The
-    noise, and how often it is drawn, are those of a study's file that comes with this
+    Its tables beside ours, its single draw of noise among many, the two orders of
+    orthonormalising. The error against the length of the shifts is that of its
+    closed form, of maximum likelihood and of the Cramer-Rao bound. The noise, and
+    how often it is drawn, are those of a study's file that comes with this
     program: with --output it is tried as any other, and its table and page are
     written there.
 

@@ -28,12 +28,12 @@ def verify(
 ) -> int:
     """Check by one or a few new samples whether a cell is unchanged.
 
-    Says whether anything moved, what (a base, a camera, a target, the zero of
-    a joint) and by how much with its sigma. Also says which shift would have
-    been seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images
-    in the recording's folder; or a folder that poses and pictures of the same
-    robots and cameras were imported into. Pictures are compared with the
-    points of the scene that a calibration by --scene kept. What was found is appended to the
+    Says whether anything moved, what (a base, a camera, a target, the zero of a
+    joint) and by how much with its sigma. Also says which shift would have been
+    seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images in
+    the recording's folder; or a folder that poses and pictures of the same robots
+    and cameras were imported into. Pictures are compared with the points of the
+    scene that a calibration by --scene kept. What was found is appended to the
     cell's verifications.jsonl, which --history reports.
 
     Ends with 0 if nothing moved, with 1 if something did or if that cannot be

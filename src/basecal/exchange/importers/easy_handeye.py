@@ -34,7 +34,8 @@ def read_easy_handeye(
 
         basecal import easy-handeye mycell ur5_eob.samples
         basecal import easy-handeye mycell run.samples --camera-on world
-        basecal import easy-handeye mycell left.samples --camera-on left --target-on right
+        basecal import easy-handeye mycell left.samples --camera-on left \\
+            --target-on right
 
     Args:
         cell: Folder of the cell.

@@ -30,10 +30,10 @@ def read_points(
     """Import points that an instrument measured: reflectors or markers on a robot.
 
     The file is a table with a header: x, y, z with their unit, such as `x_mm` or
-    `y [inch]`, and a column `target` where there are several reflectors. Rows belong
-    to the samples that are there in order, unless a column `sample` or `stamp_s` says
-    otherwise; rows of one sample are joined. Nothing need be known of where the
-    instrument or the reflectors are.
+    `y [inch]`, and a column `target` where there are several reflectors. Rows
+    belong to the samples that are there in order, unless a column `sample` or
+    `stamp_s` says otherwise; rows of one sample are joined. Nothing need be known
+    of where the instrument or the reflectors are.
 
     For example:
 

@@ -53,8 +53,10 @@ def read_touches(
 
         basecal import touches mycell left.txt --robot left --format kuka
         basecal import touches mycell right.txt --robot right --format ur
-        basecal import touches mycell all.csv --robot left --format ros --mark corner
-        basecal import touches mycell held.csv --robot right --format ur --clamp part
+        basecal import touches mycell all.csv --robot left --format ros \\
+            --mark corner
+        basecal import touches mycell held.csv --robot right --format ur \\
+            --clamp part
 
     Args:
         cell: Folder of the cell.
