@@ -28,7 +28,7 @@ LONGEST_S = 120  # beside other programs
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
 # Does what a user does, and leaves what he sees in an attribute of the document.
 USER = """
-(async () => {
+document.addEventListener("scene", async () => {
   const shown = () => [...document.querySelectorAll(".answer .copy")].filter((pane) => !pane.hidden);
   const choose = (box, value) => { box.value = value; box.dispatchEvent(new Event("change")); };
   const slider = document.getElementById("sample");
@@ -41,7 +41,7 @@ USER = """
   said.ways = shown().map((pane) => pane.dataset.way);
   said.wanted = ways.value;
   const button = shown()[0].querySelector("button");
-  button.click();
+  document.querySelector(".copy-answer").click();
   await new Promise((done) => setTimeout(done, 100));
   said.button = button.textContent;
   said.selected = String(window.getSelection());
@@ -60,7 +60,7 @@ USER = """
   // Chromium may load a page again to print it, with what was chosen before.
   if (!sessionStorage.getItem("said")) sessionStorage.setItem("said", JSON.stringify(said));
   document.documentElement.dataset.said = sessionStorage.getItem("said");
-})();
+});
 """
 
 pytestmark = [
@@ -114,6 +114,16 @@ def test_picker_copy_button_and_slider(written: Path) -> None:
     assert said["moved"].startswith("sample 3")
     assert said["chosen"] == ["3"]
     assert said["after_a_bar"] == "7"
+
+
+def test_the_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
+    """It takes the place of the still picture, and the slider its sample; nothing is fetched, no error is told."""
+    with browsing(tmp_path) as tab:
+        tab.go(written.as_uri(), until=".live:not([hidden]) canvas")
+        assert tab.value("document.querySelector('.live canvas') !== null && document.querySelector('.still').hidden")
+        assert tab.value("document.querySelector('.slider output').textContent").startswith("sample ")
+        assert tab.visit.errors == []
+        assert [asked for asked in tab.visit.asked if not asked.startswith(("file:", "data:"))] == []
 
 
 def test_the_scene_is_saved_as_gltf(written: Path) -> None:

@@ -19,7 +19,7 @@ from basecal.cell import Calibration, Cell, PastVerification, Recording, SampleR
 from basecal.exchange.exporters.exporter import pasteable
 from basecal.geometry import Array
 from basecal.reporting.cell_view.scene import scene
-from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, stage
+from basecal.reporting.cell_view.stage import stage
 from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.checks import check_words, passed_checks
 from basecal.reporting.decision.components import component_figure
@@ -58,7 +58,6 @@ _MOST_BARS_IN_ALL = 2700
 _MOST_VERIFICATIONS = 20  # lines about verifications, the latest
 _FEWEST_BARS = 100
 _SHOWN_FINDINGS = 3  # of the first screen
-_SCRIPTS = ("templates/page.js",)
 # Of each section that may be there: its place on the page, what fills it, and its name.
 _CONTENTS = (
     ("cell", "overview", "Cell"),
@@ -125,7 +124,7 @@ def page(
     }
     return fill_page(
         "page.html",
-        (SCENE_SCRIPTS if drawn.samples else ()) + _SCRIPTS,
+        ("templates/page.js",),
         title=title,
         cell_word=shlex.quote(title),
         notes=notes,

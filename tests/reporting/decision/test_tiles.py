@@ -22,7 +22,7 @@ from basecal.cell import (
     Validation,
 )
 from basecal.geometry import SE3, PoseEstimate
-from basecal.reporting.decision.tiles import expected_error_m, remarks, tiles
+from basecal.reporting.decision.tiles import expected_error_m, remarks, tiles, tolerance_bar
 from basecal.simulation import Scenario, simulate
 
 BASE = "eye_base_from_hand_base"
@@ -59,6 +59,7 @@ def test_the_tolerance_is_a_line() -> None:
         first = next(iter(tiles(CELL, RECORDING, told, DETAILS)))
         assert f'class="{kind}"' in first.svg
         assert first.value == shown
+    assert 'class="open"' in tolerance_bar(4e-3, 1e-3, is_final=False)
     assert expected_error_m(CELL, replace(CALIBRATION, tolerance=Tolerance(1e-3, None, False)), DETAILS) is None
     assert expected_error_m(CELL, CALIBRATION, FitDetails()) is None
     at_work = replace(CALIBRATION, meeting=MeetingError(6e-4, "recorded places", 2e-4))
@@ -71,8 +72,8 @@ def test_remarks_count_and_point_ahead() -> None:
     budget = (BudgetEntry("repeatability of hand", 1e-3, 0.7, 5e-4),)
     told = list(remarks(replace(CALIBRATION, findings=found, budget=budget), [(0, 2e-3), (40, 1.234e-3)]))
     assert told == [
-        "No errors, 1 warning, 1 note.",
+        "1 warning, 1 note.",
         "70 % of the error at the task is repeatability of hand.",
         "40 more samples would leave 1.2 mm (95 %).",
     ]
-    assert list(remarks(CALIBRATION, ())) == ["No errors, no warnings, no notes."]
+    assert list(remarks(CALIBRATION, ())) == []

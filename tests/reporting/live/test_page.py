@@ -93,7 +93,7 @@ def test_the_end_is_a_verdict_with_what_to_type_next(cell):
 
 def test_a_capture_that_was_stopped_is_seen_to_have_ended(cell, monkeypatch):
     """The page answers a little longer, also after an error."""
-    monkeypatch.setattr(page, "_REFRESH_S", 0.2)
+    monkeypatch.setattr(page, "_REFRESH_S", 1.0)
     watch, seen = captured(cell), []
 
     def look(address):

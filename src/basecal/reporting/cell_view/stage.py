@@ -16,9 +16,6 @@ from basecal.reporting.cell_view.scene import Scene, scene, scene_data
 from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.svg import three_digits
 
-SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
-"""What draws a scene."""
-
 
 def stage(scene: Scene) -> dict[str, Any]:
     """A scene for the template; one without a sample has no data for a script."""

@@ -13,7 +13,7 @@ from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.statement.verdict import error_text
 from basecal.reporting.svg import drawing, element
 
-_SEVERITIES = ("error", "warning", "info")
+_SEVERITY_NAMES = {"error": "error", "warning": "warning", "info": "note"}
 _WIDTH, _HEIGHT = 100.0, 8.0
 
 
@@ -64,11 +64,11 @@ def _short(length_m: float, angle_rad: float | None) -> str:
     return error_text(length_m, angle_rad).replace(" and ", ", ")
 
 
-def tolerance_bar(expected_m: float, asked_m: float) -> str:
-    """How long the expected error is beside the tolerance, which is a line."""
+def tolerance_bar(expected_m: float, asked_m: float, is_final: bool = True) -> str:
+    """How long the expected error is beside the tolerance, which is a line; missed only if the error is final."""
     most = 1.05 * max(expected_m, asked_m)
     place = f"{_WIDTH * asked_m / most:.1f}"
-    kind = "within" if expected_m <= asked_m else "beyond"
+    kind = "within" if expected_m <= asked_m else "beyond" if is_final else "open"
     label = f"expected error {two_digits(1e3 * expected_m)} mm, tolerance {1e3 * asked_m:.3g} mm"
     return drawing(
         _WIDTH,
@@ -83,15 +83,13 @@ def tolerance_bar(expected_m: float, asked_m: float) -> str:
 
 def remarks(calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> Iterator[str]:
     """Sentences below the verdict: how sound the data are, where the error comes from, what more samples bring."""
-    count = Counter[str](finding.severity for finding in calibration.findings)
-    errors, warnings, notes = (_count_words(count[severity], severity) for severity in _SEVERITIES)
-    yield f"{errors.capitalize()}, {warnings}, {notes.replace('info', 'note')}."
+    count = Counter(_SEVERITY_NAMES[finding.severity] for finding in calibration.findings)
+    names = (name for name in _SEVERITY_NAMES.values() if count[name])
+    counted = [f"{count[name]} {name}{'' if count[name] == 1 else 's'}" for name in names]
+    if counted:
+        yield f"{', '.join(counted)}."
     for entry in (calibration.budget or ())[:1]:
         yield f"{100 * entry.share:.0f} % of the error at the task is {entry.source}."
     if len(outlook) > 1:
         more, expected_m = outlook[-1]
         yield f"{more} more samples would leave {two_digits(1e3 * expected_m)} mm (95 %)."
-
-
-def _count_words(count: int, name: str) -> str:
-    return f"{count or 'no'} {name}{'' if count == 1 else 's'}"

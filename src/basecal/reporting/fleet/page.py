@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from basecal.reporting.fleet.text import COLUMN_TITLES, row_texts, sort_by_verdict
+from basecal.reporting.fleet.text import COLUMN_TITLES, number_text, row_texts, sort_by_verdict, verdict_counts
 from basecal.reporting.templates.environment import fill_page
 
 _MOST_ROWS = 2000
@@ -32,7 +32,8 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
         "fleet.html",
         ("templates/table.js",),
         summary=summary,
-        spreads=[(label, [f"{value:.3g}" for value in spread.values()]) for label, spread in spreads.items()],
+        counts=verdict_counts(summary),
+        spreads=[(label, [number_text(value) for value in spread.values()]) for label, spread in spreads.items()],
         head=COLUMN_TITLES,
         worst=next((row["verdict"] for row in shown), "good"),
         rows=[(_link(row), row["verdict"], row_texts(row)) for row in shown],

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.summary import wrap_text
 
 COLUMN_TITLES = (
-    *("cell", "verdict", "said", "findings", "transform"),
+    *("cell", "verdict", "why", "findings", "transform"),
     *("sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "s"),
 )
 """Of the columns of a cell's row."""
@@ -27,18 +28,27 @@ def sort_by_verdict(rows: Sequence[Row]) -> list[Row]:
     return sorted(rows, key=lambda row: (VERDICT_ORDER.index(row["verdict"]), -(row["sigma_mm"] or 0.0), row["cell"]))
 
 
+def number_text(value: float) -> str:
+    """A count as it is, another number to the two digits that sigmas have."""
+    return str(value) if isinstance(value, int) else two_digits(value)
+
+
 def row_texts(row: Row) -> list[str]:
     """What a cell's row says under `COLUMN_TITLES`; nothing if it was not computed."""
-    numbers = ["" if row[name] is None else f"{row[name]:.3g}" for name in _NUMBER_COLUMNS]
+    numbers = ["" if row[name] is None else number_text(row[name]) for name in _NUMBER_COLUMNS]
     return [row["cell"], row["verdict"], row["said"], row["findings"], row["transform"] or "", *numbers]
+
+
+def verdict_counts(summary: Mapping[str, Any]) -> str:
+    """How many cells have which verdict."""
+    return ", ".join(f"{count} {verdict}" for verdict, count in summary["verdicts"].items() if count)
 
 
 def fleet_text(summary: Mapping[str, Any], rows: Sequence[Row]) -> str:
     """How many cells have which verdict, how well the answers are known, and the first that need somebody."""
-    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in summary["verdicts"].items() if count)
-    lines = [f"{summary['cells']} cells: {verdicts}"]
-    if summary["sigma_mm"] is not None:
-        lines.append(f"sigma: median {summary['sigma_mm']['median']:.3g} mm, 95 % {summary['sigma_mm']['p95']:.3g} mm")
+    lines = [f"{summary['cells']} cells: {verdict_counts(summary)}"]
+    if (spread := summary["sigma_mm"]) is not None:
+        lines.append(f"sigma: median {two_digits(spread['median'])} mm, 95 % {two_digits(spread['p95'])} mm")
     waiting = [row for row in sort_by_verdict(rows) if row["verdict"] != "good"]
     for row in waiting[:_MOST_CELLS]:
         lines += wrap_text(f"{row['cell']}: {', '.join(filter(None, (row['verdict'], row['said'])))}")

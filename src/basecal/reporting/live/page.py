@@ -17,7 +17,7 @@ from basecal.cell import Cell, Sample
 from basecal.errors import BasecalError
 from basecal.planning.sketch import Sketch, sketch_cell
 from basecal.reporting.cell_view.scene import scene_data
-from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, json_inside_html, stated_scene
+from basecal.reporting.cell_view.stage import json_inside_html, stated_scene
 from basecal.reporting.decision.tiles import Tile, tolerance_bar
 from basecal.reporting.live.drawings import coverage_drawing, picture_drawing, progress_figure
 from basecal.reporting.live.serving import Answer, serving
@@ -83,7 +83,7 @@ class LivePage:
         drawn = self._scene(self._watch.snapshot)
         return fill_page(
             "live.html",
-            (*(SCENE_SCRIPTS if drawn else ()), *_SCRIPTS),
+            _SCRIPTS,
             is_served=True,
             state=self._fragments(self._watch.snapshot),
             cameras=list(self._cell.cameras),
@@ -155,7 +155,11 @@ def _tiles(snapshot: Snapshot) -> Iterator[Tile]:
     if snapshot.errors and snapshot.tolerance_m is not None:
         error_m = snapshot.errors[-1][1]
         name = f"expected error, 95 %; tolerance {1e3 * snapshot.tolerance_m:.3g} mm"
-        yield Tile(f"{two_digits(1e3 * error_m)} mm", name, tolerance_bar(error_m, snapshot.tolerance_m))
+        yield Tile(
+            f"{two_digits(1e3 * error_m)} mm",
+            name,
+            tolerance_bar(error_m, snapshot.tolerance_m, snapshot.end is not None),
+        )
     if step is not None and step.sigma is not None:
         yield Tile(error_text(*step.sigma).replace(" and ", ", "), "1 sigma (3-D norm) of the base")
     if step is not None:

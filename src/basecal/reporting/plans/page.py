@@ -13,7 +13,7 @@ from basecal.planning.plan import Plan
 from basecal.planning.prospects import sketches
 from basecal.planning.sketch import Sketch
 from basecal.planning.touches import with_marks
-from basecal.reporting.cell_view.stage import SCENE_SCRIPTS, stage, stated_scene
+from basecal.reporting.cell_view.stage import stage, stated_scene
 from basecal.reporting.decision.budget_bar import budget_bar
 from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import Tile, tolerance_bar
@@ -49,7 +49,7 @@ def plan_page(
     first = plan_headline(plan, tolerance_m)
     return fill_page(
         "plan.html",
-        (*(SCENE_SCRIPTS if drawn["scene_json"] else ()), "templates/page.js"),
+        ("templates/page.js",),
         title=title,
         first=first,
         colour=COLOURS[first.word],

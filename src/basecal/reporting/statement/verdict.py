@@ -31,13 +31,15 @@ _LOSS_CODES = ("few-images", "dropped-sample")
 
 @dataclass(frozen=True)
 class Headline:
-    """The verdict in one word, and why in one sentence."""
+    """The verdict in one word, how well the answer is known, and what makes it doubtful, if anything does."""
 
     word: Word
     sentence: str
+    doubt: str = ""
 
     def __str__(self) -> str:
-        return f"{self.word}: {self.sentence}"
+        joint = ", but" if self.word == "DOUBTFUL" else "; doubtful"
+        return f"{self.word}: {self.sentence}" + (f"{joint}: {self.doubt}" if self.doubt else "")
 
 
 def verdict_word(calibration: Calibration) -> Word:
@@ -63,7 +65,7 @@ def headline(cell: Cell, calibration: Calibration) -> Headline:
     tolerance = calibration.tolerance
     answer = _answer(cell, calibration) if tolerance is None else tolerance_sentence(tolerance)
     if calibration.verdict == "doubtful":
-        return Headline(word, f"{answer}, but: {reason}" if word == "DOUBTFUL" else f"{answer}; doubtful: {reason}")
+        return Headline(word, answer, reason)
     return Headline(word, answer if tolerance else f"{answer}.")
 
 

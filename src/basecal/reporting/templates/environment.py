@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 from collections.abc import Sequence
+from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -12,6 +14,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 _FOLDER = files("basecal.reporting")
+_SCENE_SCRIPTS = ("vendor/three.min.js", "templates/scene.js")
 
 
 def own_file(name: str) -> str:
@@ -25,6 +28,7 @@ def environment() -> Environment:
     made = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     made.filters["svg"] = Markup
     made.filters["words"] = _mark_code
+    made.filters["sentence"] = _begin_sentence
     made.filters["breakable"] = lambda name: escape(name).replace("_", Markup("_<wbr>"))
     return made
 
@@ -34,14 +38,29 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
 
     Args:
         template: Its file.
-        scripts: Files that it runs.
+        scripts: Files that it runs; what draws a scene is added if `values` have `scene_json`.
         is_served: Whether it asks the program that serves it for more.
-        values: What the template names.
+        values: What the template names; `state` are the parts of a served page as they are now.
     """
     style, sources = own_file("templates/page.css"), [own_file(script) for script in scripts]
-    allowed = policy(style, sources, is_served)
-    own = {"scene_json": None, "style": Markup(style), "scripts": list(map(Markup, sources)), "policy": allowed}
+    own: dict[str, Any] = {"state": "", "scene_json": "", "packed": ""}
+    allowed = list(sources)
+    if values.get("scene_json"):
+        sources.insert(0, own_file("templates/unpack.js"))
+        allowed = [*sources, _scene_source()]
+        own["packed"] = _packed_scene()
+    own |= {"style": Markup(style), "scripts": list(map(Markup, sources)), "policy": policy(style, allowed, is_served)}
     return environment().get_template(template).render(own | values)
+
+
+def _scene_source() -> str:
+    return "\n".join(map(own_file, _SCENE_SCRIPTS))
+
+
+@lru_cache
+def _packed_scene() -> str:
+    """What draws a scene, compressed: a quarter of its size, read after the page has been painted."""
+    return base64.b64encode(gzip.compress(_scene_source().encode(), mtime=0)).decode()
 
 
 def _mark_code(text: str) -> Markup:
@@ -52,6 +71,11 @@ def _mark_code(text: str) -> Markup:
     return Markup().join(
         escape(part) if k % 2 == 0 else Markup("<code>{}</code>").format(part) for k, part in enumerate(parts)
     )
+
+
+def _begin_sentence(text: str) -> str:
+    """Words with a capital letter first; names of transforms and code stay as they are."""
+    return text[:1].upper() + text[1:] if text.partition(" ")[0].isalpha() else text
 
 
 def policy(style: str, scripts: Sequence[str] = (), is_served: bool = False) -> str:

@@ -8,3 +8,4 @@ window.putParts = (html) => {
     if (place && place.innerHTML !== part.innerHTML) place.innerHTML = part.innerHTML;
   }
 };
+window.putParts(document.getElementById("first").innerHTML);

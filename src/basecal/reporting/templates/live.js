@@ -2,6 +2,7 @@
 // Looks at the capture twice a second until it is over, and sends a stop.
 (() => {
   const shown = {}; // number of the picture of each camera
+  let arms = ""; // as they are drawn
   const stop = document.querySelector(".stop"), lost = document.querySelector(".lost");
   const send = async () => {
     stop.disabled = true;
@@ -16,7 +17,7 @@
     try {
       const now = await (await fetch("/state")).json();
       window.putParts(now.html);
-      if (window.moveArms) window.moveArms(now.arms);
+      if (window.moveArms && arms !== (arms = JSON.stringify(now.arms))) window.moveArms(now.arms);
       for (const [camera, number] of Object.entries(now.pictures)) {
         if (shown[camera] === number) continue;
         shown[camera] = number;
@@ -25,7 +26,6 @@
       }
       over = now.over;
       lost.hidden = true;
-      stop.closest("p").hidden = over;
     } catch {
       lost.hidden = false;
     }

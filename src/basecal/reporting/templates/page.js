@@ -29,11 +29,14 @@
     code.after(button);
     copies(button, code);
   }
-  const print = document.querySelector(".print");
-  if (print) {
-    print.hidden = false;
-    print.addEventListener("click", () => window.print());
-  }
+  const offer = (selector, act) => {
+    for (const button of document.querySelectorAll(selector)) {
+      button.hidden = false;
+      button.addEventListener("click", act);
+    }
+  };
+  offer(".print", () => window.print());
+  offer(".copy-answer", () => document.querySelector(".answer .copy:not([hidden]) button").click());
 
   const pickers = [...document.querySelectorAll(".picker")];
   // The kind is chosen for all transforms at once, the way round for each.
@@ -57,21 +60,21 @@
   }
   if (pickers.length) pick(pickers[0].querySelector(".chip").dataset.kind);
 
-  const show = window.showSample;
-  if (!show) return;
-  const { samples, labels, opening } = JSON.parse(document.getElementById("scene-data").textContent);
-  const slider = document.getElementById("sample");
-  const output = document.querySelector(".slider output");
-  const bars = [...document.querySelectorAll("[data-sample]")];
-  const choose = (index) => {
-    slider.value = index;
-    show(index);
-    const chosen = String(samples[index]);
-    for (const bar of bars) bar.classList.toggle("chosen", bar.dataset.sample === chosen);
-    output.textContent = `sample ${chosen}${index === opening && labels[index] ? ", the worst" : ""}${labels[index] ? " · " + labels[index] : ""}`;
-  };
-  const nearest = (sample) => samples.reduce((best, s, i) => Math.abs(s - sample) < Math.abs(samples[best] - sample) ? i : best, 0);
-  for (const bar of bars) bar.addEventListener("click", () => choose(nearest(Number(bar.dataset.sample))));
-  slider.addEventListener("input", () => choose(Number(slider.value)));
-  choose(opening);
+  document.addEventListener("scene", () => {
+    const { samples, labels, opening } = JSON.parse(document.getElementById("scene-data").textContent);
+    const slider = document.getElementById("sample");
+    const output = document.querySelector(".slider output");
+    const bars = [...document.querySelectorAll("[data-sample]")];
+    const choose = (index) => {
+      slider.value = index;
+      window.showSample(index);
+      const chosen = String(samples[index]);
+      for (const bar of bars) bar.classList.toggle("chosen", bar.dataset.sample === chosen);
+      output.textContent = `sample ${chosen}${index === opening && labels[index] ? ", the worst" : ""}${labels[index] ? " · " + labels[index] : ""}`;
+    };
+    const nearest = (sample) => samples.reduce((best, s, i) => Math.abs(s - sample) < Math.abs(samples[best] - sample) ? i : best, 0);
+    for (const bar of bars) bar.addEventListener("click", () => choose(nearest(Number(bar.dataset.sample))));
+    slider.addEventListener("input", () => choose(Number(slider.value)));
+    choose(opening);
+  });
 })();

@@ -496,4 +496,5 @@
   new ResizeObserver(resize).observe(box);
   resize();
   paint();
+  document.dispatchEvent(new Event("scene"));
 })();

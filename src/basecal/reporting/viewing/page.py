@@ -77,6 +77,7 @@ class ViewPage:
             "view.html",
             ("templates/fragments.js", "templates/view.js"),
             is_served=True,
+            state=self.answer({}) + self.sample({}),
             name=view.folder.resolve().name,
             runs=view.runs,
             numbers=[sample.sample for sample in view.recording.samples],

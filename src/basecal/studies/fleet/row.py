@@ -85,7 +85,7 @@ def calibrate_row(folder: str, cell: str) -> bytes:
     try:
         row, calibration = _calibrate_cell(Path(folder, cell), cell)
     except BasecalError as error:
-        row = Row(cell, "unreadable", said=_one_line(error))
+        row = Row(cell, "unreadable", said=_one_line(error).replace(f"{Path(folder, cell)}/", ""))
     except MemoryError:
         row = Row(cell, "failed", said="there is not memory enough for it")
     except Exception as error:  # one cell's fault ends no other's calibration
