@@ -85,7 +85,7 @@ def of_viewer() -> dict[str, Any]:
     found = calibrate(cell, recording)
     viewed = Viewed(cell, recording, folder, ("20260102T030405Z",), lambda name: found)
     with TemporaryDirectory() as profiles, serve_view(viewed) as address:
-        return _row(VIEWER, None, _visits(address, Path(profiles), ".q-checkbox"))
+        return _row(VIEWER, None, _visits(address, Path(profiles), "[data-part=answer] table"))
 
 
 def measured(names: list[str]) -> Iterator[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,21 +39,22 @@ def detect(cell: Path, /, *, json: bool = False) -> int:
 
     described = read_cell(cell)
     recording = detected_recording(cell, described)
+    lensless = cameras_without_lens(described, recording)
     if json:
         samples = [sample_to_dict(sample, "recording") for sample in recording.samples]
         print_json({"samples": samples, "findings": [finding_to_dict(finding) for finding in recording.findings]})
     else:
-        _print_summary(recording)
+        _print_summary(recording, lensless)
         say(next_step(described, recording, cell) or f"next: basecal calibrate {quote_path(cell)}")
-    return 1 if recording.findings or cameras_without_lens(described, recording) else 0
+    return 1 if recording.findings or lensless else 0
 
 
-def _print_summary(recording: Recording) -> None:
+def _print_summary(recording: Recording, lensless: Collection[str]) -> None:
     from basecal.cell import CandidateObservation, PixelObservation
 
     images, found, recorded, points = Counter[str](), Counter[Pair](), Counter[Pair](), Counter[Pair]()
     for sample in recording.samples:
-        images.update(sample.images.keys())
+        images.update(sample.images.keys() - set(lensless))
         for seen in sample.observations:
             if isinstance(seen, PixelObservation | CandidateObservation):
                 pair = (seen.camera, seen.target)
@@ -64,7 +66,7 @@ def _print_summary(recording: Recording) -> None:
         shown = f"in {found[pair]} of {images[camera]} images of {camera}" if found[pair] else f"by {camera}"
         without = f"{recorded[pair]} views recorded without an image" if recorded[pair] else ""
         say(", ".join(part for part in (f"{target} {shown}", without, each) if part))
-    if not found and not recorded:
+    if not found and not recorded and images:
         say(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
         say(f"{finding.severity}: {finding.code}: {finding.message}")

@@ -11,44 +11,17 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from basecal.acquisition.capture import Step
-from basecal.acquisition.coverage import COVERAGE_GRID, Coverage
-from basecal.acquisition.watching import End, Watch
-from basecal.cell import RobotState, Unknown
-from basecal.cell.targets.charuco import charuco_target
+from basecal.acquisition.watching import End
+from basecal.cell import Unknown
 from basecal.errors import DriverError
-from basecal.geometry import SE3, Camera
 from basecal.reporting.live import page
-from basecal.vision.draw.render import render
 from shared.browser import CHROMIUM, visit
-from shared.facing_arms import facing_arms
-
-LENS = Camera("pinhole", np.array([500.0, 500.0, 319.5, 239.5]), (640, 480))
-BOARD = charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50")
+from shared.watched_capture import captured, cell_with_a_board
 
 
 @pytest.fixture(scope="module")
 def cell():
-    made = facing_arms().cell
-    (board,) = made.targets.values()
-    return replace(made, targets={board.name: replace(board, target=BOARD)})
-
-
-def captured(cell):
-    """A capture after three samples, with a picture of a board."""
-    watch, cells = Watch(), np.zeros(COVERAGE_GRID, dtype=bool)
-    cells[1, 2:4] = True
-    for k in range(3):
-        turned = {"eye": np.full(3, 0.4), "hand": np.array([0.4, 0.1, 0.4])}
-        watch.note(Step(k, "", 5 + k, 25, Coverage(cells, turned), (1e-3 / (k + 1), 1e-3)))
-    watch.show(next(iter(cell.cameras)), render(LENS, BOARD, SE3(np.eye(3), np.array([-0.1, -0.14, 0.6]))))
-    for robot, joints in facing_arms().home.items():
-        watch.stand(robot, RobotState(joints_rad=joints))
-    watch.send("hand", RobotState(joints_rad=facing_arms().home["hand"] + 0.1))
-    watch.note(Step(3, "target not seen by wrist", 7, 25, Coverage(cells, turned), None))
-    watch.expect(5e-4, 8e-4)
-    watch.tell("sample 4: arms move")
-    return watch
+    return cell_with_a_board()
 
 
 @pytest.mark.journey
@@ -59,7 +32,7 @@ def test_in_a_browser(cell, tmp_path):
         came = visit(address, tmp_path, until="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []
     assert {urlsplit(asked).hostname for asked in came.asked if not asked.startswith("data:")} == {"127.0.0.1"}
-    shown = ("sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
+    shown = ("Sample 4: arms move", "Turn hand further about y", "sample 2: taken", "7 of 25", "0.80 mm", "to go")
     for words in (*shown, "tolerance 0.5 mm", "sample 3: target not seen by wrist", "Stop all arms"):
         assert words in came.words
 
@@ -81,6 +54,7 @@ def test_the_end_is_a_verdict_with_what_to_type_next(cell):
     watch = captured(cell)
     live = page.LivePage(watch, cell)
     assert not live.state()["over"]
+    assert 'class="word">CAPTURING<' in live.page()  # before anything is asked for
     assert "left, at the pace so far" in live.state()["html"]
     watch.end(End("FAIL", "0.5 mm at the task needs 9 samples more", "basecal calibrate mycell"))
     watch.end(End("GOOD", "a later end does not count"))
@@ -89,6 +63,7 @@ def test_the_end_is_a_verdict_with_what_to_type_next(cell):
     assert 'class="verdict refused"' in state["html"]
     assert "next: <code>basecal calibrate mycell</code>" in state["html"]
     assert "left, at the pace so far" not in state["html"]
+    assert "data-over" in state["html"]  # which hides the button
 
 
 def test_a_capture_that_was_stopped_is_seen_to_have_ended(cell, monkeypatch):

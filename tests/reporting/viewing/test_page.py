@@ -9,6 +9,10 @@ from urllib.parse import urlsplit
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
+from basecal.accuracy.fit_details import FitDetails
+from basecal.reporting.decision.tiles import tiles
+from basecal.reporting.statement.verdict import error_text
+from basecal.reporting.summary import summary
 from basecal.reporting.viewing.page import Viewed, ViewPage, serve_view
 from basecal.simulation import Scenario, simulate
 from shared.browser import CHROMIUM, visit
@@ -30,6 +34,16 @@ def test_the_whole_choice_is_in_each_request(viewed: Viewed) -> None:
     assert "without 2 samples, 1 sigma" in html
     assert re.findall(r'class="view stranger" data-sample="(\d+)"', html) == ["3", "7"] * 3
     assert "with all samples, 1 sigma" in page.answer({})
+
+
+def test_the_sigma_is_that_of_the_report(viewed: Viewed) -> None:
+    """On the first screen and in the terminal, too; the page has it before anything is asked for."""
+    calibration, (name,) = viewed.read(RUN), viewed.cell.requested_transforms
+    sigma = error_text(*calibration[name].sigma_norms)
+    assert f"{name} to {sigma} (1 sigma)" in summary(viewed.cell, calibration)
+    tile = next(each for each in tiles(viewed.cell, viewed.recording, calibration, FitDetails()) if name in each.name)
+    assert tile.value == sigma.replace(" and ", ", ")
+    assert sigma in ViewPage(viewed).page()
 
 
 def test_strange_choices_are_left_out(viewed: Viewed) -> None:

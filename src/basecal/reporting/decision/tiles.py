@@ -34,9 +34,11 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
         bar = "" if tolerance is None else tolerance_bar(expected_m, tolerance.asked_m)
         yield Tile(f"{two_digits(1e3 * expected_m)} mm", "expected error, 95 %", bar)
     known = [name for name in cell.requested_transforms if name in calibration.transforms]
-    for name in known[:1]:
-        sigma_m, sigma_rad = calibration[name].sigma_norms
-        yield Tile(_short(sigma_m, None if name in calibration.points else sigma_rad), f"1 sigma (3-D norm) of {name}")
+    if known:
+        worst = max(known, key=lambda name: calibration[name].sigma_norms[0])
+        sigma_m, sigma_rad = calibration[worst].sigma_norms
+        value = _short(sigma_m, None if worst in calibration.points else sigma_rad)
+        yield Tile(value, f"1 sigma (3-D norm) of {worst}{', the least known' if len(known) > 1 else ''}")
     validation = calibration.validation
     if validation is not None and validation.target_m is not None:
         yield Tile(_short(validation.target_m, validation.target_rad), "on held-out samples, rms")
@@ -47,7 +49,8 @@ def tiles(cell: Cell, recording: Recording, calibration: Calibration, details: F
     use = sample_use(recording, calibration)
     outliers = sum(len(each.ids) for each in calibration.outliers or ())
     also = f", {outliers} points left out" if outliers else ""
-    yield Tile(f"{use.used} of {use.recorded}", f"samples used{also}")
+    if use.recorded:
+        yield Tile(f"{use.used} of {use.recorded}", f"samples used{also}")
 
 
 def expected_error_m(cell: Cell, calibration: Calibration, details: FitDetails) -> float | None:
