@@ -85,7 +85,7 @@ class LivePage:
             "live.html",
             _SCRIPTS,
             is_served=True,
-            state=self._fragments(self._watch.snapshot),
+            **self._part_values(self._watch.snapshot),
             cameras=list(self._cell.cameras),
             scene_json=json_inside_html(drawn) if drawn else "",
         )
@@ -95,7 +95,7 @@ class LivePage:
         snapshot = self._watch.snapshot
         drawn = self._scene(snapshot)
         return {
-            "html": self._fragments(snapshot),
+            "html": environment().get_template("live_state.html").render(self._part_values(snapshot)),
             "pictures": {name: id(grey) for name, grey in snapshot.pictures},
             "arms": drawn["arms"] if drawn else [],
             "over": snapshot.end is not None,
@@ -112,23 +112,20 @@ class LivePage:
         address = f"data:image/jpeg;base64,{base64.b64encode(small).decode()}"
         return picture_drawing(address, (grey.shape[1], grey.shape[0]), pixels, camera)
 
-    def _fragments(self, snapshot: Snapshot) -> str:
+    def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
+        """What the parts that change are filled with."""
         taken, planned = (0, 0) if snapshot.step is None else (snapshot.step.taken, snapshot.step.planned)
         word = snapshot.end.word if snapshot.end else "CAPTURING"
-        return (
-            environment()
-            .get_template("live_state.html")
-            .render(
-                now=snapshot,
-                word=word,
-                colour=COLOURS.get(word, "refused") if snapshot.end else "",
-                title="capture" if snapshot.step is None else f"{taken} of {planned} samples",
-                tiles=list(_tiles(snapshot)),
-                motions=list(self._motions(snapshot)),
-                covered="" if snapshot.step is None else coverage_drawing(snapshot.step.coverage),
-                progress=progress_figure(snapshot),
-            )
-        )
+        return {
+            "now": snapshot,
+            "word": word,
+            "colour": COLOURS.get(word, "refused") if snapshot.end else "",
+            "title": "capture" if snapshot.step is None else f"{taken} of {planned} samples",
+            "tiles": list(_tiles(snapshot)),
+            "motions": list(self._motions(snapshot)),
+            "covered": "" if snapshot.step is None else coverage_drawing(snapshot.step.coverage),
+            "progress": progress_figure(snapshot),
+        }
 
     def _motions(self, snapshot: Snapshot) -> Iterator[str]:
         """How far each arm is from where it was sent."""

@@ -40,10 +40,10 @@ def fill_page(template: str, scripts: Sequence[str] = (), is_served: bool = Fals
         template: Its file.
         scripts: Files that it runs; what draws a scene is added if `values` have `scene_json`.
         is_served: Whether it asks the program that serves it for more.
-        values: What the template names; `state` are the parts of a served page as they are now.
+        values: What the template names.
     """
     style, sources = own_file("templates/page.css"), [own_file(script) for script in scripts]
-    own: dict[str, Any] = {"state": "", "scene_json": "", "packed": ""}
+    own: dict[str, Any] = {"scene_json": "", "packed": ""}
     allowed = list(sources)
     if values.get("scene_json"):
         sources.insert(0, own_file("templates/unpack.js"))

@@ -8,4 +8,3 @@ window.putParts = (html) => {
     if (place && place.innerHTML !== part.innerHTML) place.innerHTML = part.innerHTML;
   }
 };
-window.putParts(document.getElementById("first").innerHTML);

@@ -320,10 +320,17 @@
     placed.push([x, y, x + width]);
     element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
   };
+  let isDue = false;
+  // Once a frame, whatever asks for it.
   const draw = () => {
-    renderer.render(world, eye);
-    const placed = [];
-    for (const one of names) label(one, placed);
+    if (isDue) return;
+    isDue = true;
+    requestAnimationFrame(() => {
+      isDue = false;
+      renderer.render(world, eye);
+      const placed = [];
+      for (const one of names) label(one, placed);
+    });
   };
   const paint = () => {
     for (const [one, colour] of coloured) one.color.set(css(colour));

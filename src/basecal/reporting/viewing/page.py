@@ -77,7 +77,8 @@ class ViewPage:
             "view.html",
             ("templates/fragments.js", "templates/view.js"),
             is_served=True,
-            state=self.answer({}) + self.sample({}),
+            **self._answer_values({}),
+            **self._sample_values({}),
             name=view.folder.resolve().name,
             runs=view.runs,
             numbers=[sample.sample for sample in view.recording.samples],
@@ -85,6 +86,9 @@ class ViewPage:
 
     def answer(self, query: Query) -> str:
         """The run's verdict, and the answer and the residuals without some samples."""
+        return environment().get_template("view_parts.html").render(self._answer_values(query))
+
+    def _answer_values(self, query: Query) -> dict[str, Any]:
         view, run, excluded = self._view, self._run(query), _excluded_numbers(query)
         calibration = self._read(run)
         first = headline(view.cell, calibration)
@@ -103,18 +107,20 @@ class ViewPage:
         counted = (
             f"without {len(excluded)} sample{'s' if len(excluded) > 1 else ''}" if excluded else "with all samples"
         )
-        template = environment().get_template("view_parts.html")
         shown = {"run": run, "first": first, "colour": COLOURS[first.word], "count": f"{counted}, 1 sigma"}
-        return template.render(**shown, figures=[each for each in figures if each is not None], **filled)
+        return {**shown, "figures": [each for each in figures if each is not None], **filled}
 
     def sample(self, query: Query) -> str:
         """A sample's pictures with its points, and how it fits."""
+        return environment().get_template("view_sample.html").render(self._sample_values(query))
+
+    def _sample_values(self, query: Query) -> dict[str, Any]:
         view, run = self._view, self._run(query)
         calibration, numbers = self._read(run), [sample.sample for sample in view.recording.samples]
         number = next(iter((*_numbers(query.get("number", "")), *numbers)), 0)
         lines = sample_words(number, calibration.residuals.per_sample, _excluded_numbers(query))
         drawn = sample_pictures(view.cell, view.recording, calibration, self._points(run), number)
-        return environment().from_string(_SAMPLE).render(lines=lines, drawn=drawn)
+        return {"lines": lines, "drawn": drawn}
 
     def _run(self, query: Query) -> str:
         """The requested run, or the latest."""
@@ -124,10 +130,6 @@ class ViewPage:
         with suppress(BasecalError):  # such as of a recording that has changed since
             return point_residuals(self._view.cell, self._view.recording, self._read(run))
         return ()
-
-
-_SAMPLE = """<div data-part="sample"><ul class="plain">{% for line in lines %}<li>{{ line }}</li>{% endfor %}</ul>
-{% for svg in drawn %}<figure class="plot">{{ svg | svg }}</figure>{% endfor %}</div>"""
 
 
 def _excluded_numbers(query: Query) -> frozenset[int]:
