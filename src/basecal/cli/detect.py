@@ -66,7 +66,7 @@ def _print_summary(recording: Recording, lensless: Collection[str]) -> None:
         shown = f"in {found[pair]} of {images[camera]} images of {camera}" if found[pair] else f"by {camera}"
         without = f"{recorded[pair]} views recorded without an image" if recorded[pair] else ""
         say(", ".join(part for part in (f"{target} {shown}", without, each) if part))
-    if not found and not recorded and images:
+    if not found and not recorded and (images or not lensless):
         say(f"nothing found in {sum(images.values())} images")
     for finding in recording.findings:
         say(f"{finding.severity}: {finding.code}: {finding.message}")

@@ -33,6 +33,17 @@ def test_everything_is_within_the_picture(drawn: Scene) -> None:
     assert shown.count('class="axis-x"') == 4
 
 
+def test_names_do_not_cover_one_another(drawn: Scene) -> None:
+    """A board that is where the camera is has its name below the camera's."""
+    bodies = tuple(replace(body, mount=drawn.bodies[0].mount, on=drawn.bodies[0].on) for body in drawn.bodies)
+    alike = tuple(replace(body, lines=drawn.bodies[0].lines, points=drawn.bodies[0].points) for body in bodies)
+    found = re.findall(r'class="label" x="([^"]*)" y="([^"]*)">(\w+)<', picture(replace(drawn, bodies=alike)))
+    places = {name: (float(x), float(y)) for x, y, name in found}
+    (x, y), (x_below, y_below) = places["wrist"], places["board"]
+    assert x == x_below
+    assert y_below - y >= 15
+
+
 def test_an_arm_whose_pose_is_not_known_has_no_reach(drawn: Scene) -> None:
     """Its base is drawn, and what it carries is not."""
     arms = tuple(

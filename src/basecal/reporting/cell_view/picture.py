@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,8 +16,24 @@ _WIDTH, _HEIGHT, _MARGIN_PX = 640.0, 440.0, 44.0
 _ELEVATION_RAD = 0.45
 _AXIS_SHARE = 0.09
 _COLOURS = 4
+_LETTER_PX, _LINE_PX = 8.0, 17.0
 
 Project = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Label:
+    """Words about a place of the drawing, (2,)."""
+
+    words: str
+    place: Array
+    kind: str = "label"
+
+    def covers(self, neighbour: Label) -> bool:
+        """Whether one could not be read for the other."""
+        across, down = np.abs(self.place - neighbour.place)
+        letters = (len(self.words) + len(neighbour.words)) / 2
+        return bool(across < _LETTER_PX * letters and down < _LINE_PX)
 
 
 def picture(scene: Scene) -> str:
@@ -24,7 +41,8 @@ def picture(scene: Scene) -> str:
     opening = scene.opening
     project = _projection(scene, opening)
     feet = [project(arm.world_from_base.translation) for arm in scene.arms]
-    parts = [element("path", class_="floor", d=segments(np.stack([feet[0], foot]) for foot in feet[1:]))]
+    floor = segments(np.stack([feet[0], foot]) for foot in feet[1:])
+    parts: list[str | Label] = [element("path", class_="floor", d=floor)]
     for number, arm in enumerate(scene.arms):
         parts += _arm(arm, number, opening, scene, project)
     for body in scene.bodies:
@@ -36,11 +54,25 @@ def picture(scene: Scene) -> str:
         lines, points = project(world_from_body @ body.lines), project(world_from_body @ body.points)
         parts.append(element("path", class_=body.kind, d=segments(lines) + dots(points)))
         ends = np.concatenate([lines.reshape(-1, 2), points])
-        parts.append(_label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
+        parts.append(Label(body.name, np.array([ends[:, 0].mean(), ends[:, 1].min() - 7])))
     if scene.errors is not None:
         at, words = project(scene.errors.points_m[scene.errors.worst]), worst_words(scene.errors)
-        parts += [element("path", class_="worst-place", d=dots([at])), _label(words, at + np.array([0.0, 18.0]))]
-    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *parts)
+        parts += [element("path", class_="worst-place", d=dots([at])), Label(words, at + np.array([0.0, 18.0]))]
+    return drawing(_WIDTH, _HEIGHT, "the cell from the side", *_place_labels(parts))
+
+
+def _place_labels(parts: Iterable[str | Label]) -> Iterator[str]:
+    """Elements; a label stands below those that it would cover."""
+    placed: list[Label] = []
+    for part in parts:
+        if isinstance(part, str):
+            yield part
+            continue
+        while other := next((each for each in placed if each.covers(part)), None):
+            part = replace(part, place=np.array([part.place[0], other.place[1] + _LINE_PX]))
+        placed.append(part)
+        x, y = (f"{at:.1f}" for at in part.place)
+        yield element("text", text(part.words), class_=part.kind, x=x, y=y)
 
 
 def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
@@ -80,11 +112,7 @@ def _frame(world_from_body: SE3, length: float, project: Project) -> Iterator[st
         yield element("path", class_=f"axis-{axis}", d=segments([np.stack([origin, tip])]))
 
 
-def _label(name: str, place: Array, class_: str = "label") -> str:
-    return element("text", text(name), class_=class_, x=f"{place[0]:.1f}", y=f"{place[1]:.1f}")
-
-
-def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[str]:
+def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> Iterator[str | Label]:
     colour, size = number % _COLOURS, scene.size_m
     base = project(arm.world_from_base.translation)
     flanges = (arm.world_from_base @ arm.base_from_flange).translation[arm.known]
@@ -100,7 +128,7 @@ def _arm(arm: Arm, number: int, sample: int, scene: Scene, project: Project) -> 
     yield from _frame(arm.world_from_base, _AXIS_SHARE * size, project)
     if arm.ellipsoid is not None:
         yield _ellipsoid(arm.ellipsoid, arm.world_from_base, scene.ellipsoid_scale, project)
-    yield _label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
+    yield Label(f"{arm.name}_base", base + np.array([0.0, 18.0]), f"label robot-{colour}")
 
 
 def _ellipsoid(ellipsoid: Array, world_from_body: SE3, scale: float, project: Project) -> str:
