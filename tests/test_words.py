@@ -6,7 +6,7 @@ import pytest
 
 from tests.words import Name, complaints, docstrings, documents, fault, messages, names, sentences, word_count
 
-NAME_FAULTS, SENTENCE_FAULTS, DOCUMENT_FAULTS = 2, 211, 174  # ceilings, to be lowered with every room that is renamed
+NAME_FAULTS, SENTENCE_FAULTS, DOCUMENT_FAULTS = 2, 210, 0  # ceilings, to be lowered with every room that is renamed
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_names_that_say_something_pass(kind: str, name: str) -> None:
 
 def test_sentences_are_counted_by_their_words() -> None:
     """A value that is filled in is one word, and code is one."""
-    assert [word_count(each) for each in sentences("One `two three` four. Five: six")] == [3, 1, 1]
+    assert [word_count(each) for each in sentences("*One `two three` four.* Five: six")] == [3, 1, 1]
 
 
 def test_names_get_no_worse() -> None:

@@ -224,7 +224,7 @@ def documents() -> Iterator[Text]:
 def sentences(text: str) -> list[str]:
     """Sentences of a text, and items of its lists."""
     plain = re.sub(r"`[^`]*`", "code", text)
-    parts = re.split(r"(?<=[.?!:;])\s+|\n\s*(?:[-*]|\d+\.)\s+|\n\s*\n|\n(?=\s+\w+: )", plain)
+    parts = re.split(r"(?<=[.?!:;])[*_)\"]*\s+|\n\s*(?:[-*]|\d+\.)\s+|\n\s*\n|\n(?=\s+\w+: )", plain)
     return [" ".join(part.split()) for part in parts if part.strip()]
 
 
