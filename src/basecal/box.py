@@ -57,7 +57,7 @@ def frames(
 
     Args:
         module: Its full name.
-        words: What it is told.
+        words: Words of its request.
         size: Of the files that it reads [bytes]: time and bytes that it may take grow with it.
         ending_s: That it has to end after an interrupt, before it is killed [s].
         silence_s: After which it is ended if it gives no frame [s].
@@ -172,7 +172,7 @@ def limit(seconds: int, most_bytes: int) -> None:
 
 
 def _address_space_bytes() -> int:
-    """What this process has mapped; as much as libraries ever map if the system does not tell."""
+    """What this process has mapped; an upper bound for libraries if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")

@@ -35,8 +35,8 @@ def find_pair_stations(problem: Problem, cell: Cell) -> list[Station]:
 def calibrate_axis_shift(cell: Cell, problem: Problem, settings: Settings, findings: list[Finding]) -> Calibration:
     """The base by the paper's closed form.
 
-    Its covariance is the pixels' noise carried through to first order, and the square of what the neglected change of
-    depth does, found by feeding the closed form the pixels that its own answer predicts.
+    Its covariance has two parts: the pixels' noise to first order, and the square of the neglected change of depth. The
+    latter follows from the closed form applied to the pixels that its own answer predicts.
 
     Raises:
         NotObservable: if there is no station, a mount or lens is not known, or several bases are requested.

@@ -73,7 +73,7 @@ def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) ->
 
     Raises:
         InputError: if the cell contradicts the recording, or a task point is named and nothing is placed for it.
-        NotObservable: if the axis-shift method is asked for and the recording has no station, or a mount is not known.
+        NotObservable: if the axis-shift method is requested and the recording has no station, or a mount is not known.
     """
     read = _run_stages(READING_STAGES, Case(cell, recording, settings))
     solved, astray = _run_stages(SOLVING_STAGES, read), list[Finding]()

@@ -1,9 +1,9 @@
 """Residuals that go by their place in the image: a lens that bends light as its model cannot.
 
-Each view has a pose of its own here, and the lens's own terms are projected out, so that neither robots nor mounts have
-a part in what is left. Other terms are estimated view by view: what all views have in common is tested against how far
-they differ, since points of one view share errors of the board and of blur, and do not vouch for one another. Source:
-Fisher 1925 (analysis of variance), McCullagh & Nelder 1989 (dispersion).
+Each view has a pose of its own here, and the lens's own terms are projected out. What is left contains no effect of
+robots or mounts. Other terms are estimated view by view. The part that all views share is tested against their scatter,
+since points of one view share errors of the board and of blur, and are not independent. Source: Fisher 1925 (analysis
+of variance), McCullagh & Nelder 1989 (dispersion).
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _estimate_sizes(residual: Array, known_columns: Array, columns: Array) -> tu
 
 
 def _chance(scores: Array, information: Array, size: Array) -> float:
-    """That views whose sizes are all zero, but for noise, have as much in common, by Fisher's F.
+    """The chance that views whose sizes are all zero, but for noise, share as much, by Fisher's F.
 
     Args:
         scores: (n, q) of the terms, view by view.

@@ -18,11 +18,10 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
 
     `factor` of a camera is its sigma over the median of those that its detector claims, null where that claims none.
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
-    `freedoms` of a robot are those by which its sigmas were estimated, `rms_factor` is the root of the mean square of
-    all that these may be, over the likeliest.
-    Errors that a robot's stops share have the name of their effect: the sigma at the flange, root of the mean square
-    over stops [m, rad], of joints and links beyond what a base and a mount compensate, the sigma of each shift and
-    rotation of theirs, and the effect's figures.
+    `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the root mean square of
+    all that these may be, over the likeliest. Errors that a robot's stops share have the name of their effect. They
+    hold the sigma at the flange, root mean square over stops [m, rad], of joints and links beyond what a base and a
+    mount compensate. They also hold the sigma of each shift and rotation, and the effect's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}

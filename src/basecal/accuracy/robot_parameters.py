@@ -1,7 +1,8 @@
 """What a solution says of the robots' own kinematics, and which of it the data have seen.
 
-A parameter is seen where the data say at least as much of it as its prior does: by the Schur complement, the
-information of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigma, so that v < s^2 / 2.
+A parameter is seen if the data have at least as much information about it as its prior. By the Schur complement, the
+information of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigma. The condition is v < s^2
+/ 2.
 """
 
 from __future__ import annotations

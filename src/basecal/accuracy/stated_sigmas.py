@@ -1,7 +1,7 @@
 """Whether residuals are such as the stated sigmas say, and the answer as if those that are not so had not been stated.
 
-The squares of a part of the residuals, over their sigmas, have the mean n - gamma where the sigmas are true, with gamma
-the number of unknowns, errors of stops among them, that this part determines; as a chi-square of so many freedoms they
+If the sigmas are true, the squares of a part of the residuals, over their sigmas, have the mean n - gamma. gamma is the
+number of unknowns, errors of stops among them, that this part determines; as a chi-square of so many freedoms they
 scatter at least as much as they do. Source: docs/mathematics.md (5.1).
 """
 

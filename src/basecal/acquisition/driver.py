@@ -90,7 +90,7 @@ class Robot(Protocol):
     """A robot that says where it is.
 
     Attributes:
-        is_live: Whether `state` comes by itself, again and again; not where a person has to be asked.
+        is_live: Whether `state` is updated continuously; not where a person has to be asked.
     """
 
     is_live: bool
@@ -161,9 +161,9 @@ class Freedrives(Protocol):
 class Camera(Protocol):
     """A camera.
 
-    A driver may also state `is_on_demand` (True if each picture is exposed when asked; a live camera that does not say
-    so is read without pause, by a thread of its own), `is_stamped` (True if stamps are times of exposure, by any clock)
-    and `wait_s` (how long a picture may take, 10 s unless stated).
+    A driver may also state `is_on_demand` (True if each picture is exposed when asked; a thread reads any other live
+    camera without pause). It may state `is_stamped` (True if stamps are times of exposure, by any clock). It may state
+    `wait_s` (how long a picture may take, 10 s by default).
 
     """
 

@@ -1,8 +1,8 @@
 """Shape of a target: a board is bowed, points on a body are elsewhere on it.
 
-A bowed board moves corners by a pixel and more if it is seen at a slant, in all views alike, and lens and mounts take
-it up. On a body in space each point is off alone; a rotation of it that shows other points passes for an error of the
-arm. Translation and rotation of the whole body are its mount's. Source: docs/mathematics.md (5.5).
+A bowed board moves corners by a pixel and more if it is seen at a slant. It does so equally in all views, so that lens
+and mounts compensate it. On a body in space each point is off alone; a rotation of it that shows other points passes
+for an error of the arm. Translation and rotation of the whole body are its mount's. Source: docs/mathematics.md (5.5).
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ def remaining_step(search: Clocked, solution: Solution) -> ClockStep:
 def apply_remaining_step(solution: Solution, step: ClockStep) -> Solution:
     """The answer at the optimum of the offsets, to first order, and its covariance with theirs.
 
-    With C the covariance where the offsets are known, G how the answer goes with them, and V their own covariance, it
-    is C + G V G'. Source: docs/mathematics.md (12.3).
+    It is C + G V G': C is the covariance with known offsets, G the derivative of the answer to them, V their own
+    covariance. Source: docs/mathematics.md (12.3).
     """
     normal = linearise(solution.problem, solution.state)
     state = retract(solution.problem, solution.state, normal, step.by_offsets @ step.step_s)

@@ -59,7 +59,7 @@ def _ways(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) 
 def place_split(problem: Problem) -> Split | None:
     """Marks, held out by the places where they stay together, such as plates; None unless all views are touches.
 
-    A place says nothing of another one, and an arm that errs by where it is errs otherwise there.
+    An arm's error depends on its place, so that one place has no information about another.
     """
     marks, places = dict[int, Hashable](), dict[int, Hashable]()
     for group in problem.groups:
@@ -93,7 +93,7 @@ def _samples(problem: Problem) -> list[int]:
 
 
 def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
-    """By robot that moves: the stop where it stands at each sample."""
+    """By robot that moves: its stop at each sample."""
     places: dict[str, dict[int, Hashable]] = defaultdict(dict)
     for group in problem.groups:
         for end in group.ends:
@@ -103,7 +103,7 @@ def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
 
 
 def _join_parts(samples: Sequence[int], places: Mapping[str, Mapping[int, Hashable]]) -> list[Samples]:
-    """Parts with no place of any robot in common."""
+    """Parts that share no place of any robot."""
     part = {number: number for number in samples}
 
     def root(number: int) -> int:

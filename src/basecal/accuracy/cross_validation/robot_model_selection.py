@@ -82,8 +82,8 @@ class RobotModelChoice:
 def choose_robot_model(solution: Solution, settings: Settings = STATED) -> RobotModelChoice | None:
     """The model of the robots that held-out samples call for; None where there is nothing to choose.
 
-    There is nothing to choose where no robot is given by joints, where kinematics are being estimated already, where
-    there are fewer than 15 views or five stations, or where freeing all offsets and links hardly lowers the cost.
+    There is nothing to choose if no robot is given by joints, or kinematics are being estimated already. The same holds
+    for fewer than 15 views or five stations, or if freeing all offsets and links hardly lowers the cost.
 
     Args:
         solution: The cell solved with its robots as stated.
@@ -167,7 +167,7 @@ class _Trials:
         return [*found, offsets, links]
 
     def observable_joints(self, robot: str) -> list[int]:
-        """Joints of a robot whose offsets what was recorded tells from what else is unknown."""
+        """Joints of a robot whose offsets the recording separates from the other unknowns."""
         free = _models(self.problem, self.chains, (robot,), {OFFSETS: joint_offsets.Stated(status="free")})[robot]
         return free.columns[OFFSETS].basis.argmax(axis=0).tolist() if OFFSETS in free.columns else []
 

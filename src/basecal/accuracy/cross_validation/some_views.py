@@ -1,4 +1,4 @@
-"""An answer by some of its views, where so many tell as well as all how samples are predicted that were held out."""
+"""An answer by some of its views, if these measure the error of held-out samples as well as all."""
 
 from __future__ import annotations
 

@@ -23,9 +23,9 @@ class StationScores(NamedTuple):
     """Held-out stations, against what the rest predicts.
 
     Attributes:
-        scores: (stations,) log(1 + x), less is better: x is how far the target is from where the station's views alone
-            would have it, squared and over its variance, robots' noise included, by freedom. The logarithm keeps a few
-            stations that are predicted badly from outweighing all others.
+        scores: (stations,) log(1 + x), less is better: x is the squared distance of the target from its pose by the
+            station's views alone. It is over its variance, robots' noise included, and per degree of freedom. The
+            logarithm keeps a few stations that are predicted badly from outweighing all others.
         mean_square: Of all residuals over sigmas, robots' noise marginalised.
         off_m: (views,) how far the target is off by a Newton step of the view alone [m]; NaN if it holds
             neither a pose nor a point.

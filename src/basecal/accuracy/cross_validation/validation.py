@@ -42,7 +42,7 @@ _FEWEST_FREEDOMS = 5.0  # of the spread: with fewer its square is known to worse
 
 @dataclass(frozen=True, eq=False)
 class _Fold:
-    """A fit without some samples, and of the inverse of its information the columns (p, c) of what was asked for."""
+    """A fit without some samples, and the requested columns (p, c) of the inverse of its information."""
 
     fit: Refit
     columns: Array
@@ -101,7 +101,7 @@ class CrossValidation:
         spread: How far the folds' answers are from the full one; None where they cannot be compared.
         fitted: Errors of the held-out views by the full answer.
         predicted: Errors of the same views by the folds that did not use them.
-        skipped: Numbers of the samples without which a transform asked for is unobservable.
+        skipped: Numbers of the samples without which a requested transform is unobservable.
         rival: A closed form that predicts the held-out views better; None where none does.
     """
 
@@ -122,7 +122,7 @@ def cross_validate(
 
     Args:
         solution: The full answer.
-        transform_names: Names of the transforms that were asked for.
+        transform_names: Names of the requested transforms.
         settings: How long to descend.
 
     Returns:
@@ -165,7 +165,7 @@ def _joined_columns(problem: Problem, names: Sequence[str]) -> IntArray:
 
 
 def _fold(solution: Solution, transform_names: Sequence[str], column_indices: IntArray, fit: Refit) -> _Fold | None:
-    """A fold with what it determines; None where it has no optimum, or a transform asked for is unobservable."""
+    """A fold with what it determines; None if it has no optimum, or a requested transform is unobservable."""
     end, factor = fit.optimum, solution.noise.factor
     if not end.converged:
         return None
@@ -250,7 +250,9 @@ def _group_errors(
 def _spread(
     solution: Solution, folds: Sequence[_Fold], transform_names: Sequence[str], column_indices: IntArray
 ) -> FoldSpread | None:
-    """How far the transforms asked for move between the folds and the full answer, by what its covariance expects."""
+    """How far the requested transforms move between the folds and the full answer, in units of what its covariance
+    expects.
+    """
     columns = solution.problem.columns
     if not len(column_indices):
         return None

@@ -1,7 +1,7 @@
 """Whether transforms drift: shifts that verifications measured, over days.
 
-All verifications of one run share that run's own error, so that a line is fitted with a start of its own: only its
-slope tells of drift. Source: weighted least squares; docs/mathematics.md (13.4).
+All verifications of one run share that run's own error, so that a line with a free offset is fitted. Only its slope
+shows drift. Source: weighted least squares; docs/mathematics.md (13.4).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the views of a camera get wrong together at each sample, as the samples themselves tell.
+"""Errors that the views of a camera share at each sample, estimated from the samples.
 
 Views count as independent but for robots and for what the calibration leaves open. Those of one camera may share more:
 a lens that is a little off where the targets were, a picture that is blurred, a stand that shakes. Many samples

@@ -1,8 +1,8 @@
 """Whether one thing has moved since a calibration, by how much, and how small a shift would be seen.
 
-With y the innovations, V their covariance and E how they go with a shift t of the thing, the best t is
-(E'V^-1 E)^+ E'V^-1 y, and t' (E'V^-1 E) t is chi-square where nothing moved, noncentral by the true shift where it did;
-of noise that few samples told, by n freedoms, it is over a chi-square of these: Fisher's distribution.
+y are the innovations, V their covariance, and E their derivative to a shift t of the thing. The best t is (E'V^-1 E)^+
+E'V^-1 y. t' (E'V^-1 E) t is chi-square if nothing moved, else noncentral by the true shift. If the noise was estimated
+from n degrees of freedom, it is divided by a chi-square of these and has Fisher's distribution.
 Source: docs/mathematics.md (13.2), (13.3).
 """
 
@@ -125,7 +125,7 @@ def _shift(innovations: Innovations, frame: str, transform: str, joint: int | No
 
 
 def detectable_m(shift: Shift, level: float, power: float) -> float | None:
-    """The length of a shift of a frame, alike likely in every direction, that is seen with a chance of `power` [m].
+    """The length of a shift of a frame, in a uniformly random direction, that is detected with a chance of `power` [m].
 
     Args:
         shift: Of the frame.

@@ -28,7 +28,7 @@ class Verification:
     """What new samples say of a calibration.
 
     Attributes:
-        moved: Whether something did; None where that cannot be told, as the samples or the calibration say too little.
+        moved: Whether something did; None if undecided, as the samples or the calibration have too little information.
         chance: Of samples so far off, where nothing moved.
         shift: The most likely thing to have moved, whether it did or not; None where nothing is compared.
         alike: Others that explain the samples about as well, where something moved.

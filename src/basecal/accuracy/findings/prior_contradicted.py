@@ -27,8 +27,8 @@ def prior_contradicted(evidence: Evidence) -> list[Finding]:
 def contradicted_priors(solution: Solution, exclusions: Set[str] = frozenset()) -> list[Finding]:
     """A finding for each prior that is further from the answer than chance allows, once in 10,000 times.
 
-    The answer leaves the mean of a true prior by a normal error whose covariance is the prior's less the answer's, in
-    directions of which the data say something at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
+    The answer differs from the mean of a true prior by a normal error. Its covariance is the prior's less the answer's,
+    in directions that the data show at all. Source: Bar-Shalom et al. 2001 (normalised innovation squared).
 
     Args:
         solution: The solution.
@@ -52,8 +52,8 @@ def contradicted_priors(solution: Solution, exclusions: Set[str] = frozenset()) 
 def innovation(covariance: Array, wider: Array) -> Array:
     """Covariance of estimates about the mean of unit priors, (k, k), where the priors in use were so much wider.
 
-    With P the information of the data and C the covariance under the priors in use, the estimate is C P d of data d
-    whose covariance is I + P^-1, so that its own is C (P + P P) C: where the priors are as wide as they are, I - C.
+    P is the information of the data, C the covariance under the priors in use. The estimate is C P d, of data d whose
+    covariance is I + P^-1. Its own covariance is C (P + P P) C, which is I - C for the priors as stated.
 
     Args:
         covariance: C, (k, k).

@@ -1,4 +1,4 @@
-"""`reflection`: bright spots beside a light that all views together tell from it."""
+"""`reflection`: bright spots beside a light, which all views together distinguish from it."""
 
 from __future__ import annotations
 

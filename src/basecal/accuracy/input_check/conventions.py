@@ -1,7 +1,7 @@
 """An automatic test of conventions: does another hypothesis of the input explain it better, or as well.
 
-A hypothesis is named only where it predicts held-out samples, contradicts no hard fact and moves the transforms asked
-for. Nothing is ever applied. docs/conventions_test.md says which mix-ups can be told apart by which data.
+A hypothesis is named only if it predicts held-out samples, contradicts no hard fact and moves the requested transforms.
+Nothing is ever applied. docs/conventions_test.md lists which data distinguish which mix-ups.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def check_conventions(
         problem: What was packed of both.
         solution: What they gave.
         settings: How they were solved.
-        is_explained: Whether noise such as arms have explains what robots taken for exact leave over.
+        is_explained: Whether noise such as arms have explains the residuals of robots that were assumed exact.
 
     Returns:
         An error for each hypothesis that explains the data better than the declared one, or as well where the declared

@@ -59,7 +59,7 @@ def has_tail(fit: HypothesisFit) -> bool:
 
 
 def is_observable(cell: Cell, fit: HypothesisFit) -> bool:
-    """Whether a fit determines all that is asked for."""
+    """Whether a fit determines all requested transforms."""
     return not any(name in fit.solution.observability.unobservable for name in cell.requested_transforms)
 
 
@@ -76,7 +76,7 @@ def decide_hypotheses(
         cell: As declared.
         baseline: The declared hypothesis.
         trials: Others.
-        is_explained: Whether noise such as arms have explains what robots taken for exact leave over.
+        is_explained: Whether noise such as arms have explains the residuals of robots that were assumed exact.
         still: Robots that stand still throughout.
     """
     possible = [t for t in trials if not t.impossible and is_observable(cell, t.fit) and plausible(t.fit)]
@@ -123,7 +123,7 @@ def _wins(cell: Cell, trial: TriedHypothesis, baseline: TriedHypothesis) -> bool
 
 
 def _has_moved(cell: Cell, trial: TriedHypothesis, baseline: HypothesisFit, scale: HypothesisFit) -> bool:
-    """Whether a hypothesis moves the transforms asked for by more than three sigmas of `scale`."""
+    """Whether a hypothesis moves the requested transforms by more than three sigmas of `scale`."""
     ignored = cell.mount_name(trial.hypothesis.about[0]) if trial.hypothesis.code == "board-symmetry" else None
     for name in cell.requested_transforms:
         if name == ignored and cell.transforms[name].status == "free":

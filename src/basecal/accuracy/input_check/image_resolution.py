@@ -15,7 +15,7 @@ _OTHER_FACTOR = 1.25  # factor of a resolution that is another one
 def other_resolution(camera: CellCamera, problem: Problem) -> str:
     """A clause that names the resolution of which a camera matrix seems to be; empty where it suits the images.
 
-    Told by where its centre lies in images whose size is stated, else by how far the recorded pixels reach beyond it.
+    Determined by its centre in images whose size is stated, else by how far the recorded pixels reach beyond it.
     """
     lens = None if camera.intrinsics is None else camera.intrinsics.camera
     if lens is None:

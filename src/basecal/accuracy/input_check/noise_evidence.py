@@ -1,8 +1,8 @@
 """Whether the data ask for a wider hypothesis where arms and cameras have the noise that they may have.
 
-Predictions by robots taken for exact are better wherever a further unknown takes up some of the arms' errors, and most
-so of few samples. With noise estimated beside both hypotheses the gain in likelihood tells whether more than that is
-behind it.
+With robots assumed exact, predictions improve whenever a further unknown compensates some of the arms' errors, most of
+all with few samples. With noise estimated beside both hypotheses, the gain in likelihood shows whether there is more to
+it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from basecal.numerics.spectral import spectrum
 def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
     """What the data say for a hypothesis that has the declared one as a special case.
 
-    Of a size the two likelihoods are compared, of what views say of their poses and of how points in space scatter
-    about these, which have a size of their own: pixels of a target of any size scatter alike. The hypothesis' noise is
-    looked for from the declared one's, for where both the arms and the pictures may be what is off, two noises explain
-    the views, and a gain of one over the other is none of the hypothesis.
+    For a size two likelihoods are compared: of the views' poses, and of how points in space scatter about these. Points
+    in space have a size of their own, while pixels of a target of any size scatter equally. The search for the
+    hypothesis' noise starts from the declared one's. If both the arms and the pictures may be off, two noises explain
+    the views. A gain of one over the other is then no gain of the hypothesis.
 
     Of a lens or a transform that is free it is how far it is from the stated one, squared, in sigmas: views that
     estimate their own lens say more than those that do not, and likelihoods that are restricted by other unknowns are

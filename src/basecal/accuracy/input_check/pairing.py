@@ -37,8 +37,8 @@ def pairing_errors(
 ) -> list[tuple[ConventionHypothesis, Fits]]:
     """The likeliest samples from which on one stream is paired one sample off, best first, and the fits that say so.
 
-    One half of the recording is paired rightly throughout, as declared or as shifted: fitted to that half, every
-    sample tells which of the two pairings it has.
+    One half of the recording is paired rightly throughout, as declared or as shifted: after a fit to that half, every
+    sample shows which of the two pairings it has.
     """
     count, known = len(baseline.order), known_transforms(baseline.problem)
     without_poses = any(has_metric_start(group, known) for group in baseline.problem.groups)

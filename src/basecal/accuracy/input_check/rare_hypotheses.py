@@ -1,7 +1,7 @@
 """Mix-ups that are looked for only where nothing usual explains how the targets move.
 
-An order turned round, streams off by many samples, rotation matrices transposed, and angles that one controller lists
-in one way and were read in another. They are many: each costs a look, and chance more to choose from.
+A reversed order, streams off by many samples, transposed rotation matrices, and angles that were read as another
+controller's. They are many: each costs a look, and chance more to choose from.
 """
 
 from __future__ import annotations

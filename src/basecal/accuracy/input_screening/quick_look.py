@@ -35,7 +35,7 @@ class QuickLook:
         views: How many samples with a view were looked at.
         findings: What they are certain of, and of a whole recording also what they doubt.
         error: How far views are from where the others predict them, in words; None where `untold`.
-        untold: Why nothing is told; empty where something is.
+        untold: Why nothing is reported; empty where something is.
     """
 
     views: int

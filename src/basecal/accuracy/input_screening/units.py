@@ -1,4 +1,4 @@
-"""Units that cannot be, told from the input alone: before images are searched and anything is solved."""
+"""Implausible units, found from the input alone: before images are searched and anything is solved."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def discoveries(log_chances: Sequence[float], tests: int, share: float = FALSE_D
 
 
 def equally_likely(costs: Sequence[float]) -> list[int]:
-    """Which explanations the data do not tell from the best one, itself among them.
+    """Which explanations the data do not distinguish from the best one, itself among them.
 
     Args:
         costs: (n,) of each: minus twice its log likelihood, and what its freedoms take away by chance.

@@ -281,7 +281,7 @@ def as_recorded(cell: Cell, recording: Recording, problem: Problem) -> Reading:
     Args:
         cell: As declared.
         recording: Likewise.
-        problem: Packed of both; what stamps are off by themselves is left out.
+        problem: Packed of both; the jitter of single stamps is left out.
     """
     samples = canonical_order(recording.samples)
     tracks = {name: _track(cell, name, [s.robots.get(name) for s in samples]) for name in cell.robots}

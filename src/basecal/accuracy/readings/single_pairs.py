@@ -1,7 +1,7 @@
 """Cells of many robots, one camera and one target at a time: what a mix-up is, each pair shows by its own views.
 
-Among the samples of a hundred robots hardly any are of one pair, and each way to misread one robot would have to be
-tried among all.
+Of the samples of a hundred robots hardly any belong to one pair. Each way to misread one robot would have to be tried
+on all of them.
 """
 
 from __future__ import annotations

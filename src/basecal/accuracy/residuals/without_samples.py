@@ -40,8 +40,8 @@ def without_samples(
 ) -> WithoutSamples:
     """The calibration without samples of these numbers.
 
-    It is the calibration moved by what the samples moved it, with its covariance and what they contributed to that, by
-    the noise that was found.
+    The effect of the samples on the calibration is subtracted, and their contribution to its information, with the
+    estimated noise.
 
     Args:
         cell: What was calibrated.

@@ -68,7 +68,7 @@ def _gain(fold: Fold, candidate: Candidates) -> float:
 
 
 def _cost(views: Linearised, of_left: Sums, step: Array, size: Array) -> float:
-    """Minus twice the log likelihood of views after a step of unknowns and sizes, but for what both have in common."""
+    """Minus twice the log likelihood of views after a step of unknowns and sizes, without terms that both share."""
     gradient, across, information = (each[0] for each in of_left)
     of_step = 2 * views.gradient @ step + step @ views.hessian @ step
     return float(of_step + 2 * gradient @ size + 2 * size @ across @ step + size @ information @ size)

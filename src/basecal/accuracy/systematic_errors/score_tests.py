@@ -1,9 +1,9 @@
 """Score tests at a solution: whether one more unknown would find anything, without solving for it.
 
-With g the gradient and H the information of views, the errors of single stops eliminated, D how they move with the
-unknowns and with the random effects that stops share, in their sigmas, I their prior, and E with the error,
-U = E'g - E'HD (D'HD + I)^+ D'g has the covariance P = E'HE - E'HD (D'HD + I)^+ D'HE, and U'P^-1 U is chi-square where
-there is no such error: the null model's covariance has all its random effects in it. Source: Rao 1948;
+g is the gradient and H the information of views, with the errors of single stops eliminated. D is their derivative to
+the unknowns and to the random effects that stops share, in their sigmas. I is the prior of these, and E the derivative
+to the error. U = E'g - E'HD (D'HD + I)^+ D'g has the covariance P = E'HE - E'HD (D'HD + I)^+ D'HE. U'P^-1 U is
+chi-square if there is no such error: the null model's covariance has all its random effects in it. Source: Rao 1948;
 docs/mathematics.md (11.1).
 """
 
@@ -65,7 +65,7 @@ class Score:
 def log_chance_of_gain(gain: float, freedoms: int, residuals: float) -> float:
     """Logarithm of the chance that unknowns without effect gain so much of minus twice the log likelihood.
 
-    The noise is estimated with and without them, so that the gain tells the ratio of the sums of squares, which is
+    The noise is estimated with and without them, so that the gain gives the ratio of the sums of squares, which is
     Fisher-distributed. Source: docs/mathematics.md (11.2).
 
     Args:

@@ -1,4 +1,4 @@
-"""`board-size` where robots' noise is known: what arms that were taken for exact suggested, in better numbers."""
+"""`board-size` where robots' noise is known: the suggestion of arms that were assumed exact, in better numbers."""
 
 from __future__ import annotations
 

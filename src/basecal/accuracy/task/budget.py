@@ -1,8 +1,8 @@
 """The variance at the task by source, and what halving each source brings.
 
-A covariance is of the first degree in the variances of its sources, so that it is the sum, over them, of each variance
-times the derivative to it: C W_s C, with C the covariance and W_s what a source says of the unknowns and the stops'
-errors. Source: Euler's theorem on homogeneous functions; docs/mathematics.md (14.1), (14.2).
+A covariance is homogeneous of degree one in the variances of its sources. It is therefore the sum of each variance
+times the derivative to it: C W_s C, with C the covariance and W_s a source's information about the unknowns and the
+stops' errors. Source: Euler's theorem on homogeneous functions; docs/mathematics.md (14.1), (14.2).
 """
 
 from __future__ import annotations

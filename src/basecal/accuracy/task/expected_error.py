@@ -45,8 +45,8 @@ class ExpectedError:
 def expected_errors(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[ExpectedError, ...]:
     """The expected error of each requested transform, where it is used most uncertainly.
 
-    A base is used at the recorded flanges of its robot, the mount of a camera where its targets are, the mount of a
-    target at its points; the robots' own errors come on top.
+    A base is used at the recorded flanges of its robot. The mount of a camera is used at its targets, that of a target
+    at its points; the robots' own errors come on top.
 
     Args:
         cell: What was calibrated.
@@ -168,7 +168,7 @@ def _non_central(covariances: Array, means: Array) -> _NonCentral:
 def _central_quantile(covariances: Array) -> Array:
     """Of mean zero, to 1e-6.
 
-    Along a direction u, uniform on the sphere, the vector is chi L u, with chi of three degrees of freedom and L L' the
+    Along a direction u, uniform on the sphere, the vector is chi L u. chi has three degrees of freedom, and L L' is the
     covariance: the probability is the mean over u of that of chi < length / |L u|.
     """
     variances = np.maximum(np.linalg.eigvalsh(covariances), 0.0)

@@ -1,7 +1,7 @@
 """Errors of an arm's joints and links that are not estimated, as its stops and its poses elsewhere share them.
 
-Each offset of a joint, and each shift and turn of a link, is an error alone, of one sigma for turns and one for
-shifts. What recorded poses show of them says how large they are, and with that what they may be in directions that no
+Each joint offset, and each shift and rotation of a link, is an independent error. Rotations share one sigma, and shifts
+another. What recorded poses show of them says how large they are, and with that what they may be in directions that no
 recorded pose shows: a mount takes up what shifts the flange by which it hangs, equally at all poses, and the answer
 fits as well; sent elsewhere, that flange is off.
 Source: docs/mathematics.md (14.6).

@@ -1,10 +1,9 @@
 """Whether a calibration of a part of the workspace alone predicts held-out samples there better than that of all.
 
-Errors of arms that are smooth in their poses are nearly the same in a part of the workspace, where a calibration may
-take them up; noise it can only spread over fewer samples. Each part is fitted from all samples, those far from its
-middle counting little, and both fits predict samples of it that neither has used. Which of the two predicts these
-better hangs on a few samples' noise: a local fit is taken where it does, and is farther from that of all than noise
-explains.
+Errors of arms that are smooth in their poses are nearly the same in a part of the workspace. A calibration there may
+compensate them, but averages noise over fewer samples. Each part is fitted from all samples, those far from its middle
+counting little, and both fits predict samples of it that neither has used. Which of the two predicts these better hangs
+on a few samples' noise: a local fit is taken where it does, and is farther from that of all than noise explains.
 Source: "Base Calibration for Dual Robot System" (local calibration); Hausman 1978 (of two estimates, one efficient
 where there is noise alone); docs/mathematics.md (14.4), (14.5).
 """
@@ -98,8 +97,9 @@ def _samples_inside(places: Array, samples: IntArray, box_m: Sequence[float]) ->
 def _chance_of_noise(solution: Solution, fit: Refit, worth: Sequence[Array], names: Sequence[str]) -> float:
     """The chance of a local fit so far from that of all where there is noise alone.
 
-    With A and A' the information of all views and of views by their worth w, and M that by w squared, the local fit
-    has the covariance L = A'^-1 M A'^-1, the fit of all A^-1 with it, too, and their difference L - A^-1.
+    A is the information of all views, A' that of views weighted by w, and M that weighted by w squared. The local fit
+    has the covariance L = A'^-1 M A'^-1. The fit of all has A^-1, which is also its covariance with the local fit, so
+    that their difference has L - A^-1.
     """
     problem, state = solution.problem, solution.state
     by_all, by_worth, by_square = (

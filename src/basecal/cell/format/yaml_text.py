@@ -64,7 +64,7 @@ class _NotPlain(Exception):
 
     Attributes:
         reason: What it is and what to do.
-        line: Where it stands, from 1.
+        line: Its line, from 1.
     """
 
     def __init__(self, reason: str, event: Any) -> None:

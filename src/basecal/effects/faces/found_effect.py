@@ -51,7 +51,7 @@ class FoundEffect:
         moved: (p,) shift of the answer's columns when the recording is corrected.
         joint: Which joint of the robot has it, from 0; None if none does.
         is_certain: Whether chance is excluded; other effects predict held-out blocks better all the same.
-        alternatives: Effects that the data do not tell from it.
+        alternatives: Effects that the data do not distinguish from it.
         share: How probable it is, so that it widens the answer by as much of the variance.
     """
 
