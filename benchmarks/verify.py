@@ -128,7 +128,7 @@ def _checked(cell: Cell, calibration: Calibration, later: Recording, seed: int) 
         return {"moved": still.moved, "detectable_m": None, "named": None}
     length = max(LEAST_SHIFT_M, 2 * still.detectable_m)
     transform, far = _moved_mount(cell, calibration, later, length * direction(seed))
-    frames = [] if far.shift is None else [far.shift.transform, *(other.transform for other in far.alike)]
+    frames = [] if far.shift is None else [far.shift.transform, *(other.transform for other in far.alternatives)]
     return {
         "moved": still.moved,
         "detectable_m": still.detectable_m,

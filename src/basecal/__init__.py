@@ -1,4 +1,4 @@
-"""Where robot bases stand relative to each other, from what a camera sees, and how sure that is.
+"""Poses of robot bases relative to each other, with covariance, from camera views of targets.
 
 The public names are loaded when they are first used, so that `import basecal` costs nothing.
 """

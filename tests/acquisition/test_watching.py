@@ -50,9 +50,9 @@ def test_what_became_of_samples_is_kept():
 def test_a_glance_does_not_change():
     """Who looked sees what was, while the capture goes on."""
     watch = Watch()
-    watch.tell("one")
+    watch.notify("one")
     before = watch.snapshot
-    watch.tell("two")
+    watch.notify("two")
     watch.end(End("GOOD", "over"))
     assert (before.doing, before.end) == ("one", None)
     assert (watch.snapshot.doing, watch.snapshot.end.word) == ("two", "GOOD")

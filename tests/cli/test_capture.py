@@ -170,9 +170,9 @@ def test_a_plan_for_a_task_is_made_without_refused_samples(monkeypatch: pytest.M
     monkeypatch.setattr(module, "checked_plan", checked)
     monkeypatch.setattr("basecal.acquisition.rig.check_guarantees", lambda *_: None)
 
-    def found(replanned: object) -> list[int]:
+    def found(replanner: object) -> list[int]:
         moving = module.Moving()
-        given = module._check_capture(None, None, plan, True, moving, replanned, go=True, dry_run=False, quiet=True)
+        given = module._check_capture(None, None, plan, True, moving, replanner, go=True, dry_run=False, quiet=True)
         return [sample.sample for sample in given]
 
     assert found(SimpleNamespace(exclude=leave_out)) == [2]

@@ -40,7 +40,7 @@ def rig(is_live: bool = True) -> Rig:
 def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: bool = False) -> str:
     monkeypatch.setattr(sys, "stdout", stream)
     with capture_view(of, CELL, web=False, port=0, quiet=quiet) as view:
-        view.tell("sample 4: arms move")
+        view.notify("sample 4: arms move")
         view.report("camera wrist: pictures arrive late")
         view.note(step(), 1)
         view.end("GOOD", "9 of 9 samples taken", "basecal calibrate mycell")

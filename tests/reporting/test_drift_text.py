@@ -45,7 +45,7 @@ def test_as_json() -> None:
 
 
 def test_nothing_moved_names_nothing() -> None:
-    still = replace(MOVED, moved=False, chance=0.4, alike=(), outliers=(41,))
+    still = replace(MOVED, moved=False, chance=0.4, alternatives=(), outliers=(41,))
     data = verification_dict(still)
     assert (data["frame"], data["shift_mm"]) == (None, None)
     text = verification_text(still)

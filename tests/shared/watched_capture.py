@@ -39,5 +39,5 @@ def captured(cell: Cell) -> Watch:
     watch.send("hand", RobotState(joints_rad=facing_arms().home["hand"] + 0.1))
     watch.note(Step(3, "target not seen by wrist", 7, 25, Coverage(cells, turned), None))
     watch.expect(5e-4, 8e-4)
-    watch.tell("sample 4: arms move")
+    watch.notify("sample 4: arms move")
     return watch

@@ -1,9 +1,9 @@
 """Residuals that go by their place in the image: a lens that bends light as its model cannot.
 
 Each view has a pose of its own here, and the lens's own terms are projected out. What is left contains no effect of
-robots or mounts. Other terms are estimated view by view. The part that all views share is tested against their scatter,
-since points of one view share errors of the board and of blur, and are not independent. Source: Fisher 1925 (analysis
-of variance), McCullagh & Nelder 1989 (dispersion).
+robots or mounts. Other terms are estimated view by view. The part that all views share is tested against their scatter.
+Points of one view share errors of the board and of blur, and are not independent. Source: Fisher 1925 (analysis of
+variance), McCullagh & Nelder 1989 (dispersion).
 """
 
 from __future__ import annotations

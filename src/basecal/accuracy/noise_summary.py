@@ -20,8 +20,8 @@ def noise_summary(cell: Cell, recording: Recording, solution: Solution) -> dict[
     `targets` has the coefficients of shapes that were estimated, in sigmas, see `noise.target_shape`.
     `freedoms` of a robot are the degrees of freedom of its estimated sigmas. `rms_factor` is the root mean square of
     all that these may be, over the likeliest. Errors that a robot's stops share have the name of their effect. They
-    hold the sigma at the flange, root mean square over stops [m, rad], of joints and links beyond what a base and a
-    mount compensate. They also hold the sigma of each shift and rotation, and the effect's figures.
+    hold the sigma at the flange, root mean square over stops [m, rad]. For joints and links it is what a base and a
+    mount do not compensate. They also hold the sigma of each shift and rotation, and the effect's figures.
     """
     noise = solution.noise
     used: dict[str, Any] = {field: getattr(noise.noise, field) for field in noise.estimated}

@@ -91,7 +91,9 @@ def unlikely_sigmas(solution: Solution, settings: Settings) -> tuple[Contradicte
         return ()
     opened = replace(problem, unstated=problem.unstated | below.keys(), held=False)
     rival = with_noise(replace(solution, problem=opened), settings).noise
-    compared = compare_evidence("noise of robots", solution.noise.plain_surprise - rival.plain_surprise)
+    compared = compare_evidence(
+        "noise of robots", solution.noise.plain_minus_2_log_evidence - rival.plain_minus_2_log_evidence
+    )
     found = {name: float(rival.robots[name][3:].mean() / stated) for name, stated in below.items()}
     return tuple(
         ContradictedSigma(name, True, ratio, compared.chance) for name, ratio in found.items() if compared.is_taken

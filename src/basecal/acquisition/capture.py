@@ -115,7 +115,7 @@ def capture(taker: Taker, plan: Sequence[Sample], replan: Replan | None = None) 
                 append_sample(taker.folder, replace(found, observations=()))
                 captured.add(found)
             if replan is not None:
-                taker.tell("planning anew")
+                taker.notify("planning anew")
                 instead = replan(captured.taken, abandoned_samples(taker.folder, taker.sketch.cell))
                 left = list(store_plan(taker.folder, taker.sketch.cell, instead))
                 captured.planned = len(captured.taken) + len(left)
@@ -141,7 +141,7 @@ def capture_led(taker: Taker, samples: int, key: Key) -> Iterator[Step]:
         captured = _begin_capture(taker, samples, check)
         last = max((sample.sample for sample in captured.taken), default=-1)
         number, end = last + 1, last + 1 + samples
-        led = Led(taker.rig, key, taker.tell)
+        led = Led(taker.rig, key, taker.notify)
         while number < end and led.wait():
             try:
                 found = taker.take(Sample(number), captured.trusted_samples)

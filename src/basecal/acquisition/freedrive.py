@@ -12,7 +12,7 @@ from basecal.acquisition.freshness import Patience
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.states import state_vector
 from basecal.acquisition.stillness import wait_until_led
-from basecal.acquisition.taking import Tell
+from basecal.acquisition.taking import Notify
 from basecal.cell import RobotState
 from basecal.geometry import Array
 
@@ -54,8 +54,8 @@ def release_arms(robots: Iterable[Robot]) -> ExitStack:
 class Led:
     """A person who leads the live robots of a rig; where drivers can do that, arms are free until a sample is due."""
 
-    def __init__(self, rig: Rig, key: Key, report: Tell) -> None:
-        self._rig, self._key, self._tell = rig, key, report
+    def __init__(self, rig: Rig, key: Key, report: Notify) -> None:
+        self._rig, self._key, self._notify = rig, key, report
         self._last: Array | None = None
 
     def wait(self) -> bool:
@@ -69,7 +69,7 @@ class Led:
         live = {name: robot for name, robot in self._rig.robots.items() if robot.is_live}
         if not live:
             return self._key() != END_KEY
-        self._tell("lead the arms to a new place and hold them still, or press space; q ends")
+        self._notify("lead the arms to a new place and hold them still, or press space; q ends")
         with release_arms(live.values()):
             return self._is_due(live)
 

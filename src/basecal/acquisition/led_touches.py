@@ -8,7 +8,7 @@ from pathlib import Path
 from basecal.acquisition.freedrive import END_KEY, release_arms
 from basecal.acquisition.rig import Rig
 from basecal.acquisition.stillness import Unfit, wait_for_arms
-from basecal.acquisition.taking import Tell
+from basecal.acquisition.taking import Notify
 from basecal.cell import Cell, Sample, TouchObservation
 from basecal.cell.files import append_sample, read_recording
 from basecal.errors import InputError, list_names, nearest
@@ -19,7 +19,7 @@ Answer = Callable[[], str | None]
 _PATIENCE_S = 5.0  # for an arm that a person has just let go
 
 
-def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Tell) -> Iterator[Sample]:
+def take_touches(rig: Rig, cell: Cell, folder: Path, answer: Answer, report: Notify) -> Iterator[Sample]:
     """Touches, each on the disk when it is given; no arm is sent anywhere.
 
     Args:

@@ -23,7 +23,7 @@ from basecal.vision.detectors import LIGHT
 from basecal.vision.edge_width import edge_width
 from basecal.vision.image_file import png_bytes
 
-Tell = Callable[[str], None]
+Notify = Callable[[str], None]
 """Receives what is done now, in words."""
 
 _EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # between samples that say nearly the same
@@ -64,7 +64,7 @@ class Taker:
         sketch: The cell.
         folder: The cell's folder.
         settings: How arms are moved and waited for.
-        tell: Receives what is done.
+        notify: Receives what is done.
         report: Receives what a person should know of pictures.
         sharpness: Of the views so far.
     """
@@ -73,7 +73,7 @@ class Taker:
     sketch: Sketch
     folder: Path
     settings: CaptureSettings
-    tell: Tell = lambda words: None
+    notify: Notify = lambda words: None
     report: Report = lambda words: None
     sharpness: Sharpness = field(default_factory=Sharpness)
 
@@ -93,7 +93,7 @@ class Taker:
             try:
                 return _take_sample(self, target_sample, samples, patience_s)
             except Moving as why:
-                self.tell(f"{why}; once more")
+                self.notify(f"{why}; once more")
         return _take_sample(self, target_sample, samples, patience_s)
 
 
@@ -107,7 +107,7 @@ def _send(taker: Taker, target_sample: Sample) -> float:
         Unfit: if one of them is refused; nothing is sent then.
         DriverError: if a robot does not answer.
     """
-    taker.tell(
+    taker.notify(
         f"sample {target_sample.sample}: arms move" if target_sample.robots else f"sample {target_sample.sample}"
     )
     sent = {name: robot for name, robot in movers(taker.rig).items() if name in target_sample.robots}
@@ -135,7 +135,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     goals = {name: state for name, state in target_sample.robots.items() if isinstance(rig.robots.get(name), Moves)}
     before = wait_for_arms(rig.robots, goals, patience_s, rig.arms.note)
     rested_s = time.monotonic()
-    taker.tell(f"sample {target_sample.sample}: waiting for a still picture")
+    taker.notify(f"sample {target_sample.sample}: waiting for a still picture")
     shots = {name: _take_shot(taker, name, rested_s) for name in rig.cameras}
     rig.arms.forget()
     # After the picture they are nearer to where they were in it, since the last of a way is slow.
@@ -143,7 +143,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
     stamp_s = next(iter(shots.values())).stamp_s
-    taker.tell(f"sample {target_sample.sample}: looking for the target")
+    taker.notify(f"sample {target_sample.sample}: looking for the target")
     sample = Sample(target_sample.sample, stamp_s, states, (), *_write_shots(folder, target_sample.sample, shots))
     like = find_equal_sample(sketch, sample, samples, _EQUAL_M, _EQUAL_RAD)
     if like is not None:

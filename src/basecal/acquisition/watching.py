@@ -99,7 +99,7 @@ class Watch:
         with self._lock:
             return self._glance
 
-    def tell(self, words: str) -> None:
+    def notify(self, words: str) -> None:
         """Note what is done now."""
         with self._lock:
             self._glance = replace(self._glance, doing=words)

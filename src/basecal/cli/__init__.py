@@ -34,14 +34,14 @@ _VERBS = {
 """Each a function of a module of its name, and the first sentence of its help: none is loaded to list them."""
 _END_CHARACTERS = 1000  # of a message at each of its ends, if it is longer than both
 _IMPORT = "Make a cell and its recording from other programs' files, or complete what is there."
-_HELP = """Where robot bases stand relative to each other, from what a camera sees, and
-how sure that is.
+_HELP = """Estimate the poses of robot bases relative to each other, with covariance,
+from camera views of targets.
 
 Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page
 of its own: `basecal VERB --help`.
 
-Exit codes: 0 good or tolerance met, 1 doubtful, 2 wrong usage,
-3 unreadable input, 4 refused, 5 tolerance missed, 70 a fault of this program,
+Exit codes: 0 good or tolerance met; 1 doubtful; 2 wrong usage;
+3 unreadable input; 4 refused; 5 tolerance missed; 70 a fault of this program;
 130 interrupted."""
 
 

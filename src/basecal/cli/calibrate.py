@@ -185,8 +185,8 @@ def calibrate_folder(
 
     inputs = input_hashes(folder, cell)
     recording = detected_recording(folder, cell)
-    with progress("calibrating") as tell:
-        stages = Stages(tell)
+    with progress("calibrating") as notify:
+        stages = Stages(notify)
         calibration = calibrated(cell, recording, replace(settings or Settings(), stages=stages))
         asked = calibration.settings if needed_m is None else {**calibration.settings, "tolerance_m": needed_m}
         calibration = replace(calibration, settings=asked, inputs=inputs, versions=used_versions())

@@ -14,7 +14,7 @@ from basecal.cli.capture_plan import capture_plan, checked_plan, refuse, say_pla
 from basecal.cli.capture_touch import capture_touches
 from basecal.cli.capture_view import CaptureView, capture_view
 from basecal.cli.connecting import ASKING, Connecting, allowed_rig
-from basecal.cli.replanning import Replanned, ShiftsForTask, Task, requested_task
+from basecal.cli.replanning import Replanner, ShiftsForTask, Task, requested_task
 from basecal.cli.task_point import Box, Point
 from basecal.cli.terminal import print_json, quote_path, say, say_next
 from basecal.errors import UsageError
@@ -159,18 +159,18 @@ def capture(
     sketch, count, limits = _sketch(cell), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
-        replanned, shifts = _planners(rig, sketch, cell, task, pattern, plan, samples, seed)
+        replanner, shifts = _planners(rig, sketch, cell, task, pattern, plan, samples, seed)
         if not freedrive:
-            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanned, shifts, more)
-            wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanned, go=go, dry_run=dry_run, quiet=json)
+            wanted, is_new = capture_plan(rig, sketch, cell, str(plan or pattern), count, seed, replanner, shifts, more)
+            wanted = _check_capture(rig, sketch, wanted, is_new, moving, replanner, go=go, dry_run=dry_run, quiet=json)
             if not go:
                 return _finish_plan(cell, wanted, json)
             wanted = _store_plan(cell, sketch, wanted, is_new)
         view = shown.enter_context(capture_view(rig, sketch.cell, web, port, quiet=json))
         by = _taker(view.rig(rig), sketch, cell, limits, view, stop_on_disagreement)
-        steps = _take_samples(by, wanted, count if freedrive else None, replanned, view, stop_on_disagreement)
-        view.end(*_outcome(steps, replanned), f"basecal calibrate {quote_path(cell)}")
-    return _summarise(cell, steps, replanned, json)
+        steps = _take_samples(by, wanted, count if freedrive else None, replanner, view, stop_on_disagreement)
+        view.end(*_outcome(steps, replanner), f"basecal calibrate {quote_path(cell)}")
+    return _summarise(cell, steps, replanner, json)
 
 
 def _checked_task(
@@ -204,10 +204,10 @@ def _planners(
     plan: Path | None,
     samples: int | None,
     seed: int,
-) -> tuple[Replanned | None, ShiftsForTask | None]:
+) -> tuple[Replanner | None, ShiftsForTask | None]:
     """What plans for a task: samples anew after each, or stations of shifts once."""
-    replanned = Replanned(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
-    return replanned, ShiftsForTask(task, samples) if task and replanned is None else None
+    replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
+    return replanner, ShiftsForTask(task, samples) if task and replanner is None else None
 
 
 def _sketch(cell: Path) -> Sketch:
@@ -223,7 +223,7 @@ def _check_capture(
     plan: Sequence[Sample],
     is_new: bool,
     moving: Moving,
-    replanner: Replanned | None,
+    replanner: Replanner | None,
     *,
     go: bool,
     dry_run: bool,
@@ -287,7 +287,7 @@ def _take_samples(
     taker: Taker,
     plan: Sequence[Sample],
     led: int | None,
-    replan: Replanned | None,
+    replan: Replanner | None,
     view: CaptureView,
     stops: bool = False,
 ) -> list[Step]:
@@ -320,7 +320,7 @@ def _taker(
 
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)
     taker = Taker(rig, sketch, folder, settings)
-    return taker if view is None else replace(taker, tell=view.tell, report=view.report)
+    return taker if view is None else replace(taker, notify=view.notify, report=view.report)
 
 
 def _finish_plan(cell: Path, samples: Sequence[Sample], json: bool) -> int:
@@ -339,18 +339,18 @@ def _lasting_doubts(steps: Sequence[Step]) -> list[str]:
     return [doubt.message for step in steps for doubt in step.doubts if doubt.is_lasting]
 
 
-def _outcome(steps: Sequence[Step], replanned: Replanned | None) -> tuple[str, str]:
+def _outcome(steps: Sequence[Step], replanner: Replanner | None) -> tuple[str, str]:
     """The verdict of a capture in a word, and why in a sentence."""
     doubts, missing = _lasting_doubts(steps), _abandoned_steps(steps)
-    if replanned is not None:
-        return ("PASS" if replanned.is_reached else "FAIL"), replanned.words()
+    if replanner is not None:
+        return ("PASS" if replanner.is_reached else "FAIL"), replanner.words()
     if doubts:
         return "DOUBTFUL", doubts[0]
     counted = f"{len(steps) - len(missing)} of {len(steps)} samples taken"
     return ("DOUBTFUL", f"{counted}; the first missing one: {missing[0].why_not}") if missing else ("GOOD", counted)
 
 
-def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanned | None, json: bool) -> int:
+def _summarise(cell: Path, steps: Sequence[Step], replanner: Replanner | None, json: bool) -> int:
     missing, doubts = _abandoned_steps(steps), _lasting_doubts(steps)
     taken = {step.sample for step in steps if not step.why_not}
     if json:

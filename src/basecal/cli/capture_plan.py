@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from basecal.acquisition.rig import Rig
     from basecal.cell import Sample
-    from basecal.cli.replanning import Replanned, ShiftsForTask
+    from basecal.cli.replanning import Replanner, ShiftsForTask
     from basecal.planning.plan_check import PlanCheck, SpeedLimits
     from basecal.planning.sketch import Sketch
 
@@ -30,7 +30,7 @@ def capture_plan(
     pattern: str,
     samples: int,
     seed: int,
-    replanner: Replanned | None = None,
+    replanner: Replanner | None = None,
     shifts: ShiftsForTask | None = None,
     is_continued: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
@@ -117,7 +117,7 @@ def say_plan(
     is_new: bool,
     plan_check: PlanCheck,
     go: bool,
-    replanner: Replanned | None,
+    replanner: Replanner | None,
 ) -> None:
     """Print what a capture would do, or is about to do."""
     from basecal.acquisition.rig import movers

@@ -40,9 +40,9 @@ class CaptureView:
 
         return watch_rig(rig, self.watch)
 
-    def tell(self, words: str) -> None:
+    def notify(self, words: str) -> None:
         """Report what is done now."""
-        self.watch.tell(words)
+        self.watch.notify(words)
 
     def report(self, words: str) -> None:
         """Report what a person should know."""

@@ -19,7 +19,7 @@ def manual() -> str:
     lines = [
         ".TH BASECAL 1",
         ".SH NAME",
-        r"basecal \- where robot bases stand relative to each other, and how sure that is",
+        r"basecal \- poses of robot bases relative to each other, with covariance",
     ]
     lines += [".SH SYNOPSIS", ".B basecal", ".I VERB", "[OPTIONS]", ".SH DESCRIPTION", *_body(_help_text([]))]
     for verb, app in build_app().resolved_commands().items():

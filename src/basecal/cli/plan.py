@@ -102,7 +102,7 @@ def plan(
         counted = _without_observations(recording) if anew else recording
         found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
-    _tell(found, needed_m, motion, cell, output, json)
+    _print_plan(found, needed_m, motion, cell, output, json)
     if report or opens_page:
         _write_page(described, found, calibration, needed_m, cell, output, opens_page)
     return 5 if found.reachable is False else 0
@@ -170,7 +170,7 @@ def _check_output(to: str | None, robot: str | None, output: Path | None, json: 
         raise UsageError("--to and --json both want to be printed: give -o FILE for what --to writes")
 
 
-def _tell(
+def _print_plan(
     plan_result: Plan, needed_m: float | None, motion: str | None, cell: Path, output: Path | None, json: bool
 ) -> None:
     """Print and write what is requested: a robot's program alone where it is printed."""

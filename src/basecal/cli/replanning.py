@@ -53,7 +53,7 @@ def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
     return detected_recording(folder, cell).samples if has_journal else ()
 
 
-class Replanned:
+class Replanner:
     """What is still to be taken, planned anew after each sample."""
 
     def __init__(

@@ -32,7 +32,7 @@ EFFECT = Effect(
     "smooth_by_place",
     random=RandomEffect(
         SharedPrior(
-            (8e-4, 3.0), "accuracy of 0.5 to 2 mm of arms as they are sold (Nubiola & Bonev 2013)", is_over_stop=False
+            (8e-4, 3.0), "accuracy of 0.5 to 2 mm of arms as delivered (Nubiola & Bonev 2013)", is_over_stop=False
         ),
         "smooth over {length_m:g} m of place, along the axes of its base",
         by_poses=errors,

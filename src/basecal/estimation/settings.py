@@ -26,11 +26,11 @@ class Settings:
         method: `maximum-likelihood`; `axis-shift`, the paper's closed form; or `scene`, from pictures of the static
             scene, without a target.
         iterations: Steps of the descent, at most.
-        start: `closed` (a closed form, or a search where the data need it), `thorough` (always a search), `guess` (the
-            cell's means and guesses) or `axis-shift` (the paper's closed form).
-        task_point: (x, y, z) [m] in the reference robot's base, about which the error is reported by source and
-            place, and where the axis-shift method, for which it is the eye robot's base, should fit best; None for a
-            mean of all stations.
+        start: One of four. `closed`: a closed form, or a search where the data need it. `thorough`: always a search.
+            `guess`: the cell's means and guesses. `axis-shift`: the paper's closed form.
+        task_point: (x, y, z) [m] in the reference robot's base, about which the error is reported by source and place.
+            The axis-shift method fits best there; for it the point is in the eye robot's base, and None is a mean of
+            all stations.
         task_box: With a task point: two opposite corners of the part of the workspace, (x, y, z, x, y, z) [m] there,
             that is to be calibrated separately, too; the workspace is parted by where samples are where it is None.
         robot_noise: `estimated` if none is stated, together with all other noise, or `stated`: robots that state none

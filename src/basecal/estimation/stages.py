@@ -35,7 +35,7 @@ class Stages:
     """Time by stage, and word of each as it begins.
 
     Args:
-        tell: Called with the name of each stage as it begins, and as parts of it are done.
+        notify: Called with the name of each stage as it begins, and as parts of it are done.
         clock: Where the time comes from [s].
 
     Attributes:
@@ -43,17 +43,17 @@ class Stages:
     """
 
     def __init__(
-        self, tell: Callable[[str], None] | None = None, clock: Callable[[], float] = time.perf_counter
+        self, notify: Callable[[str], None] | None = None, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self.seconds: dict[str, float] = {}
         self._clock = clock
-        self._tell = tell
+        self._notify = notify
         self._running = ""
 
     def part(self, done_count: int, total: int) -> None:
-        """Tell how much of the present stage is done."""
-        if self._tell is not None and self._running:
-            self._tell(f"{self._running}, {done_count} of {total}")
+        """Report how much of the present stage is done."""
+        if self._notify is not None and self._running:
+            self._notify(f"{self._running}, {done_count} of {total}")
 
     @contextmanager
     def stage(self, name: StageName) -> Iterator[None]:
@@ -61,8 +61,8 @@ class Stages:
         if self._running:
             yield
             return
-        if self._tell is not None:
-            self._tell(name)
+        if self._notify is not None:
+            self._notify(name)
         self._running = name
         began = self._clock()
         try:

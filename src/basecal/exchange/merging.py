@@ -182,8 +182,8 @@ def _check_times(parts: Sequence[Part]) -> None:
     for (_, end, is_stream, folder), (start, _, is_stream_too, other) in pairwise(spans):
         if start <= end and (is_stream or is_stream_too):
             raise InputError(
-                f"{folder} and {other} overlap in time ({start:g} to {end:g} s) and have robots and "
-                "pictures on lines of their own, which are joined by time: shift the times of one of them"
+                f"{folder} and {other} overlap in time ({start:g} to {end:g} s). Their robots and "
+                "pictures are on separate lines, which are joined by time: shift the times of one of them"
             )
 
 

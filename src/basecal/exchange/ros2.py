@@ -35,8 +35,8 @@ def ros_covariance(parent_from_child: PoseEstimate) -> Array:
     """Covariance of a pose as `geometry_msgs/PoseWithCovariance` has it, (6, 6) [m, rad].
 
     Ours is along the axes of the child; that of ROS is of x, y, z of the child's origin in the parent, then of small
-    rotations about axes through that origin which are parallel to the parent's: both halves are turned, and no lever
-    arm enters.
+    rotations. Their axes pass through that origin and are parallel to the parent's: both halves are turned, and no
+    lever arm enters.
 
     Source: geometry_msgs/PoseWithCovariance.msg, "fixed-axis representation".
     """

@@ -51,8 +51,8 @@ def corrected_urdf(
     Raises:
         DatasetError: if the URDF cannot be used.
         FrameNotFound: if a link does not exist.
-        InputError: if there are more or fewer errors than joints, or the tip is moved and no fixed joint follows the
-            last one, where that could be written.
+        InputError: if the numbers of errors and joints differ, or the tip is moved and no fixed joint follows the last
+            one to hold it.
     """
     from xml.etree.ElementTree import tostring
 

@@ -56,7 +56,7 @@ def line_number(loc: Loc, lines: Mapping[Loc, int]) -> int | None:
 
 
 def dataset_error(path: str, problems: Iterable[Problem], lines: Mapping[Loc, int]) -> DatasetError:
-    """One error that tells every problem on a line of its own, in the order of the file."""
+    """One error that lists every problem on a line of its own, in the order of the file."""
     distinct = {(line_number(p.loc, lines) or 0, field_name(p.loc), p.message): p for p in problems}
     errors = [
         DatasetError(path, problem.message, line or None, field or None)

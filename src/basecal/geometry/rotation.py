@@ -36,7 +36,8 @@ def cross_matrix(w: Array) -> Array:
 
 
 def exp_coefficients(angle: Array, count: int = 3) -> Array:
-    """The first of sin x / x, (1 - cos x) / x^2, (x - sin x) / x^3, (x^2 / 2 + cos x - 1) / x^4 and so on, up to five.
+    """The first of `sin x / x, (1 - cos x) / x^2, (x - sin x) / x^3, (x^2 / 2 + cos x - 1) / x^4` and so on, up to
+    five.
 
     Exact at and near zero.
 

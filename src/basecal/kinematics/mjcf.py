@@ -36,8 +36,8 @@ def chain_of_mjcf(root: Element, base: str, flange: str, path: str) -> SerialCha
         path: Of the file, for errors.
 
     Raises:
-        DatasetError: if it names other files, MuJoCo does not take it, the flange does not hang under the base, or a
-            joint on the way is no hinge.
+        DatasetError: if it names other files; MuJoCo refuses it; the flange is not below the base; or a joint on the
+            way is no hinge.
         FrameNotFound: if a body does not exist.
         MissingExtra: if MuJoCo is not installed.
 

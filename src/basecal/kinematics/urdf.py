@@ -62,8 +62,8 @@ def read_chain(path: str | Path, base_link: str, flange_link: str, folder: str |
         folder: That holds the file, and the meshes of <collision> elements; the file's own if not given.
 
     Raises:
-        DatasetError: if the file cannot be read, is no tree of links, or has on the way a joint that neither turns nor
-            is fixed, that mimics another, or whose numbers cannot be used.
+        DatasetError: if the file cannot be read, or is no tree of links. Also if a joint on the way neither turns nor
+            is fixed, mimics another, or has numbers that cannot be used.
         FrameNotFound: if a link does not exist.
         MissingExtra: if it is an MJCF and MuJoCo is not installed.
 

@@ -50,7 +50,7 @@ def concatenate(nouns: Sequence[T]) -> T:
 
 
 def stack(nouns: Sequence[T]) -> T:
-    """A batch of nouns that have no batch axis, alike in all that is shared."""
+    """A batch of nouns that have no batch axis and are equal in all that is shared."""
     stacked: T = _map_fields(np.stack, nouns, is_batch=False)
     return stacked
 

@@ -143,7 +143,7 @@ class _Ends(Generic[S, L]):
     iterations: list[IntArray] = field(default_factory=list)
 
     def add(self, row: IntArray, state: S, cost: Array, model: L, has_converged: bool, iterations: int) -> None:
-        """Note problems that have ended alike."""
+        """Note problems that have ended in the same way."""
         self.row.append(row)
         self.state.append(state)
         self.cost.append(cost)
@@ -167,8 +167,8 @@ class _Ends(Generic[S, L]):
 def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
     """The optima downhill of a batch of states.
 
-    A problem has converged when what is left after a step, by the rate at which steps shrink, is a small share of the
-    sigmas that the data have left, or the step itself below 1e-13 [m, rad].
+    A problem has converged in two cases. The rest after a step, by the rate at which steps shrink, is a small share of
+    the sigmas that the data leave. Or the step is below 1e-13 [m, rad].
 
     Args:
         system: The problems.

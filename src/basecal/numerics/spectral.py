@@ -172,7 +172,7 @@ def smallest_vectors(matrix: Array) -> Array:
     """The eigenvectors of the smallest eigenvalues of symmetric positive semidefinite matrices (..., k, k), (..., k).
 
     By inverse iteration, squared, in half the time of the decomposition of many. Where the smallest eigenvalue is a
-    share r of the next, r^16 of the next vector is left; of two alike, some vector of both.
+    share r of the next, r^16 of the next vector is left; of two equal ones, some vector of both.
     """
     inverse = matrix.copy()
     diagonal = np.einsum("...ii->...i", inverse)  # a view

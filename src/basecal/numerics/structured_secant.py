@@ -1,7 +1,7 @@
 """What residuals bend: the part of a cost's curvature that J'J leaves out, as steps show it.
 
 Where residuals are large and the model is curved, steps of Gauss-Newton overshoot or fall short by the same share
-each time. The change of the gradient over a step tells by how much; a symmetric matrix of rank one then fixes that
+each time. The change of the gradient over a step gives this share; a symmetric matrix of rank one then fixes that
 direction.
 Source: Dennis, Gay, Welsch 1981, "An adaptive nonlinear least-squares algorithm" (NL2SOL); the update is SR1.
 """
@@ -29,7 +29,7 @@ def with_secant(bend: Array, hessian: Array, change: Array, step: Array, is_near
         hessian: J'J after the step, (b, p, p).
         change: Of the gradient over the step, (b, p).
         step: (b, p).
-        is_near: (b,) whether the step was taken and near enough to an optimum to tell.
+        is_near: (b,) whether the step was taken and near enough to an optimum to be used.
     """
     kept = np.where(is_near[:, None, None], bend, 0.0)
     if not is_near.any():

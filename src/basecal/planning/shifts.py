@@ -1,8 +1,8 @@
 """Programmed shifts: from stations over the workspace, the target is shifted along its axes before a still camera.
 
 Source: "Base Calibration for Dual Robot System", section 2: the shifts (2.2), and that they are done several times at
-different positions (2.4). We differ: the camera looks straight at the light, shifts go to both sides, so that what the
-closed form neglects is of second order, and their length weighs it against the noise of pixels.
+different positions (2.4). We differ: the camera looks straight at the light, and shifts go to both sides. What the
+closed form neglects is then of second order. The length of shifts balances it against the noise of pixels.
 """
 
 from __future__ import annotations

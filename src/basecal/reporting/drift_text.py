@@ -29,7 +29,7 @@ def verification_dict(verification: Verification) -> dict[str, Any]:
         "joint": shift.joint + 1 if shift is not None and verification.moved and shift.joint is not None else None,
         "shift_mm": 1e3 * shift.shift_m if shift is not None and verification.moved else None,
         "shift_deg": math.degrees(shift.shift_rad) if shift is not None and verification.moved else None,
-        "alike": [_thing_name(other) for other in verification.alike],
+        "alike": [_thing_name(other) for other in verification.alternatives],
         "p": verification.chance,
         "detectable_mm": None if verification.detectable_m is None else 1e3 * verification.detectable_m,
         "power": POWER,
@@ -51,8 +51,8 @@ def verification_text(verification: Verification) -> str:
     else:
         likeliest = _shift_sentence(verification.shift)
         lines = [f"MOVED: {count} are not explained (p = {verification.chance:.2g}); most likely {likeliest}"]
-        if verification.alike:
-            others = ", ".join(_thing_name(other) for other in verification.alike)
+        if verification.alternatives:
+            others = ", ".join(_thing_name(other) for other in verification.alternatives)
             lines.append(f"as likely, or nearly: {others}; samples with other rotations of both arms distinguish them")
         lines.append("look what was bumped or loosened there, and calibrate again")
     if verification.detectable_m is not None:

@@ -41,9 +41,9 @@ class Scenario:
         arms: Which robot moves. The eye carries the camera, the hand the target (with two cameras: the first and the
             second robot). `halves`: the hand is still, then the eye. `stations`: the eye stops at a few places, the
             hand moves at each.
-        layout: `dual` (robots eye and hand), `eye_in_hand` and `eye_to_hand` (robot arm, camera or target on world),
-            `two_cameras` (robots left and right, board on world), `two_world_cameras` (robot arm holds the
-            board), `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another),
+        layout: One of these. `dual` (robots eye and hand), `eye_in_hand` and `eye_to_hand` (robot arm, camera or target
+            on world). `two_cameras` (robots left and right, board on world), `two_world_cameras` (robot arm holds the
+            board). `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another),
             `ring` (likewise, and each sees the next but one: loops), `grid` (robots in rows, each sees those to its
             right and below); of a `ring` and a `grid` only the pair's robots are recorded in a sample.
         robots: How many robots are in a `chain`, `ring` or `grid`.

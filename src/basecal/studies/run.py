@@ -33,17 +33,17 @@ def run_study(study: Study, folder: Path, workers: WorkerPool, step: Step | None
         InputError: if the folder holds another study, or cannot be written, or the cluster is not there.
         BasecalError: if a chunk kills the processes that work on it.
     """
-    tell = step or (lambda done, total: None)
+    notify = step or (lambda done, total: None)
     _claim(study, folder)
     total = sum(chunk.trials for chunk in study.chunks)
     left = [chunk for chunk in study.chunks if read_chunk(folder, study, chunk) is None]
     done = total - sum(chunk.trials for chunk in left)
-    tell(done, total)
+    notify(done, total)
     jobs = [Job(chunk.index, chunk.trials, partial(run_chunk, study.text, chunk.index)) for chunk in left]
     for job, content in done_jobs(jobs, workers):
         keep_chunk(folder, study.chunks[job.number], content)
         done += job.size
-        tell(done, total)
+        notify(done, total)
 
 
 def _claim(study: Study, folder: Path) -> None:

@@ -107,7 +107,7 @@ def test_touches_check_a_calibration(cell):
     shifted = TRUTH @ SE3(np.eye(3), np.array([3e-3, 0, 0]))
     found = verify(cell, calibration, recorded(cell, touches(rng, 4, shifted)))
     assert found.moved
-    assert "hand_base" in [found.shift.frame, *(other.frame for other in found.alike)]
+    assert "hand_base" in [found.shift.frame, *(other.frame for other in found.alternatives)]
 
 
 @pytest.mark.parametrize("about", ["mark_b", "hand_tip"])

@@ -49,8 +49,8 @@ def test_a_single_sample_sees_that_something_moved_and_not_what() -> None:
     tangent = np.array([0.01, 0, 0, 0, 0, 0])
     found = verified(made, made.with_base_moved(tangent))
     assert found.moved is True
-    assert "hand_base" in {found.shift.frame, *(other.frame for other in found.alike)}
-    assert found.alike
+    assert "hand_base" in {found.shift.frame, *(other.frame for other in found.alternatives)}
+    assert found.alternatives
 
 
 def test_a_sample_that_is_off_alone_is_left_out() -> None:
@@ -71,7 +71,7 @@ def test_a_calibration_that_knows_next_to_nothing_tells_nothing() -> None:
     found = verify(made.cell, vague, made.with_base_moved(tangent))
     assert found.detectable_m > 0.1
     assert found.moved is None
-    assert found.alike == ()
+    assert found.alternatives == ()
 
 
 def everything_fixed() -> Later:
@@ -140,13 +140,13 @@ def test_what_is_far_less_likely_to_have_moved_is_no_alike() -> None:
     made = later()
     plain = verified(made, made.with_base_moved(np.array([0.003, 0, 0, 0, 0, 0])))
     assert plain.shift is not None
-    scores = [each.statistic - each.freedoms for each in plain.alike]
+    scores = [each.statistic - each.freedoms for each in plain.alternatives]
     best = plain.shift.statistic - plain.shift.freedoms
     assert all(score > best - 6.0 for score in scores)
     far = verified(made, made.with_base_moved(np.array([0.01, -0.01, 0.01, 0.01, 0.02, 0])))
     assert far.shift is not None
     assert far.shift.frame == "hand_base"
-    assert far.alike == ()
+    assert far.alternatives == ()
 
 
 @pytest.mark.parametrize(("count", "blamed"), [(3, False), (4, True), (5, True)])

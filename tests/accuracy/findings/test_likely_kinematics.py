@@ -15,7 +15,11 @@ SIGMAS = {"eye": np.array([5e-4, 1e-3]), "hand": np.array([1e-4, 2e-3])}
 
 
 def noise(term, gain=30.0):
-    return {"noise": SimpleNamespace(common={term: SIGMAS}, plain_surprise=100.0, surprise=100.0 - gain)}
+    return {
+        "noise": SimpleNamespace(
+            common={term: SIGMAS}, plain_minus_2_log_evidence=100.0, minus_2_log_evidence=100.0 - gain
+        )
+    }
 
 
 OF = "of eye and hand"

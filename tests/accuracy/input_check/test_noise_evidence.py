@@ -121,22 +121,22 @@ def known(monkeypatch, narrower, wider):
     return found
 
 
-def solution_of(name, surprise=0.0, columns=(), views=5):
+def solution_of(name, minus_2_log_evidence=0.0, columns=(), views=5):
     return SimpleNamespace(
         name=name,
         views=views,
-        noise=SimpleNamespace(surprise=surprise),
+        noise=SimpleNamespace(minus_2_log_evidence=minus_2_log_evidence),
         problem=SimpleNamespace(columns=dict.fromkeys(columns)),
         state=SimpleNamespace(cameras={k: SimpleNamespace(parameters=k) for k in ("a", "b", "c")}),
     )
 
 
-@pytest.mark.parametrize(("surprise", "scatter"), [(7.0, 2.0), (3.0, -1.0), (12.0, 1.0)])
-def test_a_gain_is_of_both_likelihoods(monkeypatch, surprise, scatter):
+@pytest.mark.parametrize(("minus_2_log_evidence", "scatter"), [(7.0, 2.0), (3.0, -1.0), (12.0, 1.0)])
+def test_a_gain_is_of_both_likelihoods(monkeypatch, minus_2_log_evidence, scatter):
     """What the declared noise is surprised by more, and by how much less points scatter; one freedom gives a chance."""
     monkeypatch.setattr(module, "_scatter_gain", lambda wider, narrower: scatter)
-    found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", surprise, ["a"]))
-    gain = 10.0 - surprise + scatter
+    found = known(monkeypatch, solution_of("narrower", 10.0, ["a"]), solution_of("wider", minus_2_log_evidence, ["a"]))
+    gain = 10.0 - minus_2_log_evidence + scatter
     assert found.gain == pytest.approx(gain)
     assert found.chance == pytest.approx(chi2.sf(max(gain, 0.0), 1))
 

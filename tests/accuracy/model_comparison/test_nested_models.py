@@ -40,7 +40,7 @@ def test_far_tails_of_many_freedoms_are_small():
 
 @pytest.mark.parametrize("noise_freedoms", [5, 40])
 def test_noise_that_is_estimated_makes_larger_gains_likelier(noise_freedoms):
-    """By Fisher's distribution; without freedoms nothing is a surprise."""
+    """By Fisher's distribution; without freedoms nothing is surprising."""
     assert log_chance(30.0, 3, noise_freedoms) == pytest.approx(f.logsf(10.0, 3, noise_freedoms), rel=1e-9)
     assert log_chance(30.0, 3, noise_freedoms) > log_chance(30.0, 3)
     assert log_chance(30.0, 0, noise_freedoms) == 0.0

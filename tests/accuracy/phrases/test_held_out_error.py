@@ -51,8 +51,7 @@ def test_a_robot_that_only_shifts_or_only_turns_absorbs_too(length_m, angle_rad)
     noise = {"robots": {"still": {"sigma_t_m": [0.0] * 3, "sigma_r_rad": [0.0] * 3}, "arm": arm, **NOISE["robots"]}}
     assert told(0.1, 0.149, noise) is None
     assert told(0.1, 0.151, noise) == (
-        "Held-out views are off by 0.151 px and residuals are 0.100 px because each stop that is used has its own pose "
-        f"error estimated (arm {1e3 * length_m:.2g} mm and {1e3 * angle_rad:.2g} mrad; eye 0.2 mm and 0.4 mrad; 1 "
-        "sigma per axis), which absorbs it, while that of a stop held out is not known: the larger figure is what to "
-        "expect at a new pose."
+        "Held-out views are off by 0.151 px and residuals are 0.100 px. Each stop in use has its own estimated pose "
+        f"error (arm {1e3 * length_m:.2g} mm and {1e3 * angle_rad:.2g} mrad; eye 0.2 mm and 0.4 mrad; 1 sigma per "
+        "axis); that of a held-out stop is unknown. Expect the larger figure at a new pose."
     )

@@ -31,7 +31,7 @@ from basecal.simulation import Scenario, simulate
 
 SCENARIO = Scenario(samples=40, position_m=0.3, spread_rad=0.8, robot_noise=(1e-4, 1e-4), target="pose")
 SETTINGS = Settings(robot_noise="stated")
-NOISE = SimpleNamespace(logs=np.zeros(1), common={}, plain_surprise=0.0, surprise=0.0)
+NOISE = SimpleNamespace(logs=np.zeros(1), common={}, plain_minus_2_log_evidence=0.0, minus_2_log_evidence=0.0)
 HALF = SCENARIO.samples // 2
 MOST_SQUARED = 22.5  # of six freedoms: one in a thousand
 
@@ -335,8 +335,10 @@ def suspect(code="drift", log_chance=-20.0, several=0.0, about="arm", moves=(Non
 
 
 def surprised(plain, logs=True):
-    """A solution of such a surprise, and of half of it with a random effect."""
-    noise = SimpleNamespace(logs=np.zeros(1) if logs else None, plain_surprise=plain, surprise=plain / 2, common={})
+    """A solution of such evidence, and of half of it with a random effect."""
+    noise = SimpleNamespace(
+        logs=np.zeros(1) if logs else None, plain_minus_2_log_evidence=plain, minus_2_log_evidence=plain / 2, common={}
+    )
     return SimpleNamespace(noise=noise)
 
 
@@ -344,7 +346,7 @@ def surprised(plain, logs=True):
 def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
     """Of forty freedoms two are of the error.
 
-    By the surprise with the random effect that the error is tested beside, before it is taken out and after.
+    By the evidence with the random effect that the error is tested beside, before it is taken out and after.
     """
     error = suspect(size=(0.5, 0.1), several=1.5)
     of = SimpleNamespace(random_effect=lambda effect, about: name, linearisation=SimpleNamespace(residuals=40.0))
@@ -353,7 +355,7 @@ def test_a_gain_counts_by_the_freedoms_of_the_residuals(monkeypatch, name):
     monkeypatch.setattr(search, "_negative_log_evidence", lambda solution, name: after[name])
 
     def chance(before, left, **changed):
-        """That of what is gained from one surprise to another."""
+        """That of what is gained from one evidence to another."""
         after[name] = left / (2 if name else 1)
         return search._log_chance(of, error, search._gain(of, error, surprised(before, **changed)))
 

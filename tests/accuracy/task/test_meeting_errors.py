@@ -100,7 +100,7 @@ def test_what_may_be_off_counts_by_its_evidence(arms_off, monkeypatch):
     for kinds in (["joint_offsets"], ["link_parameters"], ["joint_offsets", "link_parameters"]):
         monkeypatch.setattr("basecal.accuracy.task.meeting_errors.MODELS", (tuple(kinds),))
         arms = {robot: kinematic_errors(problem, state, robot, kinds) for robot in ("eye", "hand")}
-        evidence = model_sigmas(problem, state, solution.noise, arms, EXPECTED_PRIOR).surprise
+        evidence = model_sigmas(problem, state, solution.noise, arms, EXPECTED_PRIOR).minus_2_log_evidence
         likelihoods.append(np.exp(-evidence / 2 - 500))
         alone = meeting_errors(meeting, solution, {})
         means.append(alone[0][0])
@@ -190,8 +190,8 @@ def test_models_count_by_their_evidence():
     rng = np.random.default_rng(0)
     means, roots = rng.standard_normal((2, 2, 6)), rng.standard_normal((2, 2, 6, 6))
     both = [
-        _Expected(surprise, mean, root @ root.mT)
-        for surprise, mean, root in zip((500.0, 500.0 + 2 * np.log(3)), means, roots, strict=True)
+        _Expected(minus_2_log_evidence, mean, root @ root.mT)
+        for minus_2_log_evidence, mean, root in zip((500.0, 500.0 + 2 * np.log(3)), means, roots, strict=True)
     ]
     mean, covariance = _mixture(both)
     np.testing.assert_allclose(mean, 0.75 * means[0] + 0.25 * means[1])
@@ -200,5 +200,5 @@ def test_models_count_by_their_evidence():
         for share, each in zip((0.75, 0.25), both, strict=True)
     )
     np.testing.assert_allclose(covariance, second - np.einsum("ni,nj->nij", mean, mean), atol=1e-12)
-    for found, alone in zip(_mixture([both[0], both[1]._replace(surprise=1e4)]), both[0][1:], strict=True):
+    for found, alone in zip(_mixture([both[0], both[1]._replace(minus_2_log_evidence=1e4)]), both[0][1:], strict=True):
         np.testing.assert_allclose(found, alone)

@@ -198,7 +198,7 @@ def test_what_is_held_or_stated_needs_no_estimate(rng):
     for given in (problem, replace(problem, held=True)):
         same, again, noise = estimate_noise(given, end, 2)
         assert (same is given, again is end, noise.settled, noise.factor) == (True, True, True, 1.0)
-        assert (noise.surprise, noise.plain_surprise) == (0.0, 0.0)
+        assert (noise.minus_2_log_evidence, noise.plain_minus_2_log_evidence) == (0.0, 0.0)
 
 
 def test_a_problem_holds_what_was_estimated():

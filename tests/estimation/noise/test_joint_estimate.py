@@ -206,14 +206,17 @@ def test_many_views_start_from_the_sigmas_of_some_of_them_where_these_settled(mo
 )
 def test_no_arm_is_built_as_stated(monkeypatch, terms, counted):
     """Where links or zeros are modelled, the model without any of them does not count, however likely it is."""
-    models = {name: SimpleNamespace(surprise=10.0 * len(name), name=name, logs=np.zeros(1)) for name in ("", *terms)}
+    models = {
+        name: SimpleNamespace(minus_2_log_evidence=10.0 * len(name), name=name, logs=np.zeros(1))
+        for name in ("", *terms)
+    }
     integrated = []
     monkeypatch.setattr(joint_estimate, "sigma_models", lambda *of: models)
     monkeypatch.setattr(joint_estimate, "integrated_covariance", lambda of, *how: integrated.extend(of) or np.eye(2))
     noise = NoiseEstimate(Noise(), 1.0, (), True, logs=np.zeros(1))
     found = joint_estimate.integrate_sigmas(SimpleNamespace(width=2), None, noise)
     assert [each.name for each in integrated] == counted
-    assert (found.surprise, dict(found.common)) == (0.0, {})
+    assert (found.minus_2_log_evidence, dict(found.common)) == (0.0, {})
 
 
 def sigmas_found(rng, shapes=None):
@@ -262,7 +265,12 @@ def test_an_estimate_holds_what_was_found(rng):
     """Sigmas by their names; of robots also the mean of their squares, of what is log-normal by twice its variance."""
     of = sigmas_found(rng)
     found = joint_estimate._estimate(of, SimpleNamespace(shapes={}), False)
-    assert (found.factor, found.settled, found.surprise, found.plain_surprise) == (1.0, False, 12.5, 12.5)
+    assert (found.factor, found.settled, found.minus_2_log_evidence, found.plain_minus_2_log_evidence) == (
+        1.0,
+        False,
+        12.5,
+        12.5,
+    )
     assert found.estimated == ("pixel_px", "pose_m")
     assert found.noise == found.cameras["left"]
     assert found.jitter_s == {"left": pytest.approx(7.0)}

@@ -30,8 +30,11 @@ def test_models_count_by_how_much_likelier_one_is(found):
     """However unlikely both are: of two alike the covariance is that of either."""
     found = replace(found, covariance=1e-6 * np.eye(len(found.logs)))
     alone = integrated_covariance([found], posterior(found.model, found.logs).step)
-    for surprise in (-1e5, 0.0, 1e5):
-        both = [replace(found, surprise=surprise), replace(found, surprise=surprise)]
+    for minus_2_log_evidence in (-1e5, 0.0, 1e5):
+        both = [
+            replace(found, minus_2_log_evidence=minus_2_log_evidence),
+            replace(found, minus_2_log_evidence=minus_2_log_evidence),
+        ]
         np.testing.assert_allclose(
             integrated_covariance(both, posterior(found.model, found.logs).step), alone, rtol=1e-9
         )
@@ -54,7 +57,7 @@ def test_tails_of_few_stops_are_integrated(samples, seed, nodes):
         step = rng.standard_normal(len(found.logs))
         logs = found.logs + width @ step
         known = posterior(model, logs)
-        minus_log = 0.5 * (known.value + prior.value(logs)[0] - found.surprise) - 0.5 * step @ step
+        minus_log = 0.5 * (known.value + prior.value(logs)[0] - found.minus_2_log_evidence) - 0.5 * step @ step
         off = (known.step - posterior(found.model, found.logs).step)[:6]
         share = np.exp(-minus_log)
         total += share * (known.covariance[:6, :6] + np.outer(off, off))
@@ -96,7 +99,9 @@ def test_surprise_is_laplaces(found):
     assert (np.linalg.eigvalsh(found.covariance) > 0).all()
     here = posterior(found.model, found.logs)
     height = here.value + found.prior.value(found.logs)[0]
-    assert found.surprise == pytest.approx(height - np.linalg.slogdet(2 * np.pi * found.covariance)[1], rel=1e-9)
+    assert found.minus_2_log_evidence == pytest.approx(
+        height - np.linalg.slogdet(2 * np.pi * found.covariance)[1], rel=1e-9
+    )
     information = 0.5 * (here.average_information() + found.prior.curvature)
     np.testing.assert_allclose(found.covariance, np.linalg.inv(information), rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(found.columns.mean[: found.model.width], here.step)
@@ -153,7 +158,7 @@ def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
         for sign in (1, -1):
             logs = found.logs + sign * np.sqrt(k) * axis
             node = posterior(found.model, logs)
-            height = node.value + found.prior.value(logs)[0] - found.surprise
+            height = node.value + found.prior.value(logs)[0] - found.minus_2_log_evidence
             off = node.step - about
             total = total + np.exp(-0.5 * height) * (node.covariance + np.outer(off, off))
             weights += np.exp(-0.5 * height)
@@ -164,13 +169,13 @@ def test_nearly_normal_sigmas_are_integrated_by_cubature(found):
 def test_a_model_counts_by_its_evidence(found):
     """One thrice as likely as another has three quarters; of one of a millionth nothing is left."""
     k, about = len(found.logs), np.zeros(found.model.width)
-    sure = replace(found, covariance=1e-4 * np.eye(k), surprise=7.0)
+    sure = replace(found, covariance=1e-4 * np.eye(k), minus_2_log_evidence=7.0)
     other = replace(sure, logs=found.logs + 0.5)
     first, second = (integrated_covariance([of], about) for of in (sure, other))
-    third = replace(other, surprise=7.0 + 2 * np.log(3.0))
+    third = replace(other, minus_2_log_evidence=7.0 + 2 * np.log(3.0))
     np.testing.assert_allclose(integrated_covariance([sure, third], about), 0.75 * first + 0.25 * second, rtol=1e-9)
     for share, rest in ((1.1e-6, 1.0), (0.9e-6, 0.0)):
-        hardly = replace(other, surprise=7.0 - 2 * np.log(share))
+        hardly = replace(other, minus_2_log_evidence=7.0 - 2 * np.log(share))
         left = integrated_covariance([sure, hardly], about) - first / (1 + share)
         np.testing.assert_allclose(left, rest * share * second, rtol=1e-4, atol=1e-7 * share * second.max())
 
@@ -267,8 +272,8 @@ def test_a_step_is_newtons_where_no_bound_holds():
 
 def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
     """Of two, the covariance about a place is theirs by their shares, with how far each mean is off."""
-    sure = replace(of_numbers, covariance=1e-6 * np.eye(11), surprise=1e5)
-    other = replace(sure, logs=sure.logs + 0.3, surprise=1e5 + 2 * np.log(3.0))
+    sure = replace(of_numbers, covariance=1e-6 * np.eye(11), minus_2_log_evidence=1e5)
+    other = replace(sure, logs=sure.logs + 0.3, minus_2_log_evidence=1e5 + 2 * np.log(3.0))
     about = np.array([0.1, -0.2, 0.3])
     expected = 0.0
     for share, of in ((0.75, sure), (0.25, other)):
@@ -285,7 +290,7 @@ def test_a_model_of_next_to_no_share_is_left_out(of_numbers):
 
 
 def test_the_mode_of_made_up_numbers_is_stationary(of_numbers):
-    """The slope there is less than the last step's gain tells; curvature and surprise are of that place."""
+    """The slope there is less than the last step's gain tells; curvature and evidence are of that place."""
     model, prior = of_numbers.model, of_numbers.prior
     surface = laplace._Surface.evaluate(model, prior, of_numbers.logs)
     known, (height, slope) = posterior(model, of_numbers.logs), prior.value(of_numbers.logs)
@@ -299,6 +304,6 @@ def test_the_mode_of_made_up_numbers_is_stationary(of_numbers):
     assert at_mode.value < surface.value
     np.testing.assert_allclose(found.covariance, np.linalg.inv(0.5 * at_mode.curvature), rtol=1e-6, atol=1e-9)
     spread = np.linalg.slogdet(2 * np.pi * found.covariance)[1]
-    assert found.surprise == pytest.approx(at_mode.value - spread)
+    assert found.minus_2_log_evidence == pytest.approx(at_mode.value - spread)
     again = sigma_posterior(model, prior, found.logs[:3])
     np.testing.assert_allclose(again.logs, found.logs, atol=0.1)

@@ -120,7 +120,7 @@ def test_each_stop_stands_in_a_block_or_among_the_columns(stops, block, row, col
     as_stamped = mixed_model(replace(moving, open_jitter=frozenset(), jitter_s={}), state, ROBOTS).layout
     assert as_stamped.rows == rows
     jitter = [-1 if known_s is None else of for of in jitter]
-    ((of_views, row_of_views),) = layout.shaken
+    ((of_views, row_of_views),) = layout.jitter_rows
     assert of_views.tolist() == jitter
     assert row_of_views.tolist() == [-1 if of < 0 else rows for of in jitter]
     assert layout.blocks == max(*block, *jitter, -1) + 1
@@ -142,7 +142,7 @@ def derivative(problem, layout, view, motion, common):
         if robot in common:
             first, shared = layout.common[robot]
             columns[:, first : first + len(shared.is_turn)] += sign * shared.by_stop[stand]
-    ((_, row),) = layout.shaken
+    ((_, row),) = layout.jitter_rows
     if row[view] >= 0:
         errors[:, row[view]] = motion[view]
     return columns, errors
@@ -171,7 +171,7 @@ def test_moments_are_sums_over_views(stops, known_s, robots_in_common, mount, rn
     }
     model = mixed_model(problem, state, ROBOTS, common)
     layout = model.layout
-    ((jitter, _),) = layout.shaken
+    ((jitter, _),) = layout.jitter_rows
     (group,) = problem.groups
     for name, own in (("pose_m", np.repeat([1.0, 0.0], 3)), ("pose_rad", np.repeat([0.0, 1.0], 3))):
         part = model.parts["camera", name]

@@ -113,12 +113,13 @@ def test_a_robot_alone_has_no_neighbours(problem, monkeypatch):
 def test_each_sigma_is_that_of_where_it_is_told():
     """Robots' by the mean of their squares; cameras and shapes by whose neighbourhood tells them; surprises add up."""
 
-    def estimate(pixel_px, settled, variances, surprise, shapes):
+    def estimate(pixel_px, settled, variances, minus_2_log_evidence, shapes):
         """Of one neighbourhood, which saw both cameras."""
         cameras = {"a": Noise(pixel_px), "b": Noise(2 * pixel_px)}
         return NoiseEstimate(
             Noise(pixel_px), 1.0, ("pixel_px",) if settled else (), settled, {}, cameras,
-            surprise=surprise, plain_surprise=10 * surprise, shapes=shapes,
+            minus_2_log_evidence=minus_2_log_evidence, plain_minus_2_log_evidence=10 * minus_2_log_evidence,
+            shapes=shapes,
             robot_variances={robot: np.full(6, of) for robot, of in variances.items()},
         )  # fmt: skip
 
@@ -136,7 +137,12 @@ def test_each_sigma_is_that_of_where_it_is_told():
     assert of.shapes == {"t": shape, "u": shape}
     np.testing.assert_allclose(of.robots["r1"], 2e-3)
     np.testing.assert_allclose(of.robots["r2"], 3e-3)
-    assert (of.estimated, of.settled, of.surprise, of.plain_surprise) == (("pixel_px",), False, 7.0, 70.0)
+    assert (of.estimated, of.settled, of.minus_2_log_evidence, of.plain_minus_2_log_evidence) == (
+        ("pixel_px",),
+        False,
+        7.0,
+        70.0,
+    )
     assert merge_estimates({**found, "r2": found["r1"]}, parts).settled
     assert of.factor == 1.0
     assert of.noise == of.cameras["a"]

@@ -89,5 +89,5 @@ def test_sigmas_are_those_of_all_views(monkeypatch):
     assert taken == [20, 20, 40, 20, 40]
     sigmas = [np.concatenate([each.noise.robots[robot] for robot in ("eye", "hand")]) for each in (whole, after)]
     np.testing.assert_allclose(sigmas[1], sigmas[0], rtol=0.02)
-    assert after.noise.surprise == pytest.approx(whole.noise.surprise, abs=0.05)
+    assert after.noise.minus_2_log_evidence == pytest.approx(whole.noise.minus_2_log_evidence, abs=0.05)
     np.testing.assert_allclose(np.diag(after.noise.covariance), np.diag(whole.noise.covariance), rtol=0.02)

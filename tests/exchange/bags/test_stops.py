@@ -73,7 +73,7 @@ def test_poses_are_averaged_on_their_manifold() -> None:
 def test_why_there_is_none() -> None:
     assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
     assert "no picture" in explain_no_stop(tracks(pictures=np.array([])))
-    assert "no robot stands" in explain_no_stop(tracks(pictures=np.array([1.5])))
+    assert "no robot is at rest" in explain_no_stop(tracks(pictures=np.array([1.5])))
 
 
 def test_looks_are_in_order_and_of_different_times() -> None:

@@ -31,7 +31,7 @@ class Verification:
         moved: Whether something did; None if undecided, as the samples or the calibration have too little information.
         chance: Of samples so far off, where nothing moved.
         shift: The most likely thing to have moved, whether it did or not; None where nothing is compared.
-        alike: Others that explain the samples about as well, where something moved.
+        alternatives: Others that explain the samples about as well, where something moved.
         detectable_m: The shift of what was calibrated that would be seen with the chance `POWER` [m]; None where none.
         samples: Numbers of the samples that were compared.
         outliers: Numbers of samples that alone are off, and were left out.
@@ -41,7 +41,7 @@ class Verification:
     moved: bool | None
     chance: float
     shift: Shift | None
-    alike: tuple[Shift, ...]
+    alternatives: tuple[Shift, ...]
     detectable_m: float | None
     samples: tuple[int, ...]
     outliers: tuple[int, ...] = ()
@@ -88,5 +88,5 @@ def _verify(cell: Cell, innovations: Innovations) -> Verification:
     is_blind = seen is not None and seen > _LARGEST_DETECTABLE_M
     is_moved = None if is_blind else True if moved else None if seen is None else False
     equal = equally_likely([each.freedoms - each.statistic for each in explanations])
-    alike = [explanations[k] for k in equal if is_moved and explanations[k] is not best]
-    return Verification(is_moved, chance, best, tuple(alike), seen, samples, asked=tuple(asked))
+    others = [explanations[k] for k in equal if is_moved and explanations[k] is not best]
+    return Verification(is_moved, chance, best, tuple(others), seen, samples, asked=tuple(asked))

@@ -22,7 +22,10 @@ def likely_kinematics(evidence: Evidence) -> list[Finding]:
     noise = evidence.solution.noise
     name, sigmas = next(iter(noise.common.items()), ("", {}))
     likely = RANDOM_EFFECTS[name].likely if name else None
-    if likely is None or not compare_evidence(name, noise.plain_surprise - noise.surprise).is_taken:
+    if (
+        likely is None
+        or not compare_evidence(name, noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence).is_taken
+    ):
         return []
     words = likely(sigmas)
     found = evidence.systematic_error

@@ -40,7 +40,7 @@ def poor_fit(evidence: Evidence) -> list[Finding]:
 
 def _stated_finding(sigma: ContradictedSigma, evidence: Evidence) -> Finding:
     """A warning if stated sigmas are too small, or hid directions; an info if they are too large, or off by little."""
-    about = _robots_alike(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
+    about = _robots_in_doubt(sigma, evidence) if sigma.of_robot else (sigma.about,) if sigma.about else ()
     whose = f"poses of {' or '.join(about)}" if sigma.of_robot else f"what {sigma.about} saw" if about else "everything"
     found = evidence.solution.noise.robots.get(sigma.about)
     stated = np.zeros(6) if found is None else _mean_noise(sigma.about, evidence)
@@ -65,7 +65,7 @@ def _mean_noise(robot: str, evidence: Evidence) -> Array:
     return np.asarray(stops.sigma[[name == robot for name in stops.robot]].mean(0))
 
 
-def _robots_alike(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:
+def _robots_in_doubt(sigma: ContradictedSigma, evidence: Evidence) -> tuple[str, ...]:
     """A robot, and if its sigma is too small those in the same views that state theirs, too: either may be off."""
     recorded = evidence.recorded
     seen = {robot for group in recorded.groups if sigma.about in group.robots for robot in group.robots}

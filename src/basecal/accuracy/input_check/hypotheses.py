@@ -39,7 +39,7 @@ class ConventionHypothesis:
         about: Names of robots, cameras and targets.
         words: What is so under this hypothesis, as the end of "It fits if ...".
         fix: What to do, in one line.
-        tell: What would tell it from the declared one where both fit.
+        distinction: What would distinguish it from the declared one where both fit.
         reread: The reading that says so, of the declared one.
         nested: Whether it has the declared hypothesis as a special case and so never fits worse.
         by_order: Whether it goes by where samples stand among the others, so that `reread` needs all of them.
@@ -49,7 +49,7 @@ class ConventionHypothesis:
     about: tuple[str, ...]
     words: str
     fix: str
-    tell: str
+    distinction: str
     reread: Reread
     nested: bool = False
     by_order: bool = False

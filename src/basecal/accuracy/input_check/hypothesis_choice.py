@@ -181,6 +181,12 @@ def _ambiguous(cell: Cell, baseline: TriedHypothesis, rivals: Sequence[TriedHypo
         for t, mm in zip(rivals, moves, strict=True)
     )
     about = tuple(dict.fromkeys(each for t in rivals for each in t.hypothesis.about))
-    tell = tuple(sentence(tell) for tell in dict.fromkeys(t.hypothesis.tell for t in rivals) if tell)
+    distinctions = dict.fromkeys(t.hypothesis.distinction for t in rivals)
     what = f"Held-out samples are predicted as well ({baseline.fit.error_in_words()} as declared) if {listed}."
-    return Finding("ambiguous-convention", severity, about, what, ("Check which is true.", *tell))
+    return Finding(
+        "ambiguous-convention",
+        severity,
+        about,
+        what,
+        ("Check which is true.", *(sentence(each) for each in distinctions if each)),
+    )

@@ -46,7 +46,7 @@ def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | 
     wider = solve_at_mode(fit.solution.problem, fit.solution.state, noisy, guess=narrower.noise)
     freed = [name for name in wider.problem.columns if name not in narrower.problem.columns]
     if not freed:
-        gain = narrower.noise.surprise - wider.noise.surprise + _scatter_gain(wider, narrower)
+        gain = narrower.noise.minus_2_log_evidence - wider.noise.minus_2_log_evidence + _scatter_gain(wider, narrower)
         return compare_nested_models("size", gain, 1, CONFIRMED)
     off = [_distance(wider, narrower.state, name) for name in freed]
     gain = sum(square for square, _ in off)

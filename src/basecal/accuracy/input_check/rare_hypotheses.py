@@ -240,13 +240,13 @@ def _rotation_hypotheses(
     rewritten: Callable[[tuple[str, ...], PoseMap], Reread],
     subject: str,
 ) -> Iterator[ConventionHypothesis]:
-    tell = f"turn {join_names(names) or 'every arm'} further between samples"
+    distinction = f"turn {join_names(names) or 'every arm'} further between samples"
     yield ConventionHypothesis(
         "matrix-transposed",
         names,
         f"the rotation matrices of {subject} are transposed",
         "write them by rows, or transpose them",
-        tell,
+        distinction,
         rewritten(names, lambda poses: SE3(poses.rotation.mT, poses.translation)),
     )
     yield from _position_axes(names, rewritten, subject)
@@ -271,7 +271,7 @@ def _rotation_hypotheses(
                 names,
                 words,
                 f"turn them into rotations as {meant}",
-                tell,
+                distinction,
                 rewritten(names, _relist_rotations(_LISTINGS[meant], _LISTINGS[read], choose)),
             )
 

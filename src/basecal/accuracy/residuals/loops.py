@@ -1,8 +1,8 @@
 """Every closed loop of robots and cameras: how far from closing it is.
 
 Each view closes a loop through one camera and one target. Several pairs of camera and target may relate the same bases,
-directly or around a ring. Each pair then gives the relative pose of its two bases by its own views alone, with its
-mounts estimated again if these views determine them. The product of these poses around the ring should be the identity.
+directly or around a ring. Each pair then gives the relative pose of its two bases by its own views alone. Its mounts
+are estimated again if these views determine them. The product of these poses around the ring should be the identity.
 """
 
 from __future__ import annotations

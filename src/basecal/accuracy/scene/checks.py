@@ -101,7 +101,7 @@ def join_findings(
         share = join.rival / join.score
         what = f"Two positions of {second} fit its pictures: the second has {share:.0%} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
-        yield Finding("scene-rival", "error", names, what, do, "The scene has objects that look alike.")
+        yield Finding("scene-rival", "error", names, what, do, "Some objects of the scene look the same.")
     elif common < _LEAST_COMMON:
         what = f"{common:.0%} of the points at places that {first} and {second} both see are the same point."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)

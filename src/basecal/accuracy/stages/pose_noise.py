@@ -49,11 +49,13 @@ def _is_open(group: ViewGroup) -> bool:
 def likely_size(case: Case, target: str) -> float | None:
     """Half of a target's side over its median distance, by the evidence; None if equal errors are as likely."""
     solution = replace(case.solution, problem=replace(case.solution.problem, held=False))
-    equal = with_noise(solution, case.settings).noise.surprise
+    equal = with_noise(solution, case.settings).noise.minus_2_log_evidence
     ratios = np.zeros(len(_SIZES))
     for k, size in enumerate(_SIZES):
         problem = _shape_errors(solution.problem, solution.state, {target: size})
-        ratios[k] = (equal - with_noise(replace(solution, problem=problem), case.settings).noise.surprise) / 2
+        ratios[k] = (
+            equal - with_noise(replace(solution, problem=problem), case.settings).noise.minus_2_log_evidence
+        ) / 2
     return _peak(ratios) if compare_likelihoods("pose errors by tilt", ratios).is_taken else None
 
 

@@ -292,7 +292,7 @@ def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
     if solution.noise.logs is None:
         return 0.0
     name = situation.random_effect(suspect.effect, suspect.candidate.about[0])
-    before = solution.noise.surprise if name else solution.noise.plain_surprise
+    before = solution.noise.minus_2_log_evidence if name else solution.noise.plain_minus_2_log_evidence
     return before - _negative_log_evidence(_without_suspect(solution, situation, suspect), name)
 
 
@@ -305,7 +305,7 @@ def _is_contained(solution: Solution, suspect: Suspect) -> bool:
     """Whether errors of joints and links that stops evidently share contain a suspect of the same robot's joints."""
     noise = solution.noise
     name, robots = next(iter(noise.common.items()), ("", {}))
-    is_evident = name and compare_evidence(name, noise.plain_surprise - noise.surprise).is_taken
+    is_evident = name and compare_evidence(name, noise.plain_minus_2_log_evidence - noise.minus_2_log_evidence).is_taken
     of_joints = suspect.effect in ROBOT_PARAMETERS and suspect.candidate.about[0] in robots
     return bool(is_evident and of_joints and RANDOM_EFFECTS[name].by_joints is not None)
 
@@ -325,12 +325,12 @@ def _negative_log_evidence(solution: Solution, name: str) -> float:
     """Minus twice the log of the evidence about a state with the random effect of a name; without any if ""."""
     problem, noise = solution.problem, solution.noise
     if not name:
-        return model_sigmas(problem, solution.state, noise).surprise
+        return model_sigmas(problem, solution.state, noise).minus_2_log_evidence
     effect = RANDOM_EFFECTS[name]
     found = {robot: shared_errors(effect, problem, robot) for robot in open_robots(problem)}
     shared = {robot: errors for robot, errors in found.items() if errors is not None}
     start = replace(noise, logs=noise.logs_by_model[name])
-    return model_sigmas(problem, solution.state, start, shared, effect.expected).surprise
+    return model_sigmas(problem, solution.state, start, shared, effect.expected).minus_2_log_evidence
 
 
 def _describe(situation: Situation, suspect: Suspect, solution: Solution, corrected_solution: Solution) -> FoundEffect:

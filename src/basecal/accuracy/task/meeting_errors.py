@@ -108,7 +108,7 @@ def _models_by_poses(meeting: Meeting, solution: Solution) -> list[_Model]:
 class _Expected(NamedTuple):
     """By one model: minus twice the log of its evidence, mean, (n, 6), and covariance, (n, 6, 6)."""
 
-    surprise: float
+    minus_2_log_evidence: float
     mean: Array
     covariance: Array
 
@@ -125,19 +125,19 @@ def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, wide
     covariance = add_own(moved @ products @ np.swapaxes(moved, 1, 2), {**own, **estimated}.values())
     for robot, share in model.unknown.items():
         covariance = covariance + share[:, None, None] * np.diag(np.repeat(squares[places.shared[robot]], 3))
-    return _Expected(model.sigmas.surprise, moved @ mean, covariance)
+    return _Expected(model.sigmas.minus_2_log_evidence, moved @ mean, covariance)
 
 
 def _likely_models(models: Sequence[_Model]) -> list[_Model]:
     """Those that count: the others have hardly any evidence beside the likeliest."""
-    least = min(model.sigmas.surprise for model in models)
-    return [model for model in models if model.sigmas.surprise - least < -2 * np.log(_LEAST_SHARE)]
+    least = min(model.sigmas.minus_2_log_evidence for model in models)
+    return [model for model in models if model.sigmas.minus_2_log_evidence - least < -2 * np.log(_LEAST_SHARE)]
 
 
 def _mixture(errors: Sequence[_Expected]) -> tuple[Array, Array]:
     """Mean and covariance over models, which count by their evidence."""
-    least = min(each.surprise for each in errors)
-    shares = np.exp([-0.5 * (each.surprise - least) for each in errors])
+    least = min(each.minus_2_log_evidence for each in errors)
+    shares = np.exp([-0.5 * (each.minus_2_log_evidence - least) for each in errors])
     shares /= shares.sum()
     mean = np.einsum("m,mni->ni", shares, [each.mean for each in errors])
     off = np.array([each.mean for each in errors]) - mean

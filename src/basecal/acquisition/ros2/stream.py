@@ -89,7 +89,7 @@ class Stream:
             words = list_names(sorted(known.get(number, f"publisher {number}") for number in self._publishers))
             raise DriverError(
                 f"{self._name}: {len(self._publishers)} publishers send {self._topic}: {words}. Their values cannot be "
-                f"told apart. End all but one, or give each robot a topic of its own"
+                f"distinguished. End all but one, or give each robot a topic of its own"
             )
 
     def _silence_reason(self, came: int) -> str:

@@ -35,18 +35,17 @@ class SharedPrior(NamedTuple):
 
 KINEMATICS = SharedPrior(
     (8e-4, 5.0),
-    "1.2 mrad within a factor of 1.9 on fifteen arms of Universal Robots and two Motoman MA1400, 0.8 mrad for the "
-    "accuracy of 0.5 to 2 mm of arms as they are sold (Nubiola & Bonev 2013)",
+    "1.2 mrad within a factor of 1.9 on fifteen arms of Universal Robots and two Motoman MA1400; 0.8 mrad for the "
+    "accuracy of 0.5 to 2 mm of arms as delivered (Nubiola & Bonev 2013)",
     is_over_stop=False,
     lever=(0.2, 2.0),
 )
 """Of each joint and link of an arm that is built otherwise than stated.
 
-What makers find of each arm before it leaves them tells what a URDF of its type lacks: of fifteen arms of Universal
-Robots whose calibrations are in public repositories, taken for turns alike of all joints and links, 1.2 mrad within a
-factor of 1.9, with shifts of 0.1 m times that. Two Motoman MA1400 have 1.2 mrad and 0.65 mm. An accuracy of 0.5 to 2 mm
-comes of 0.8 mrad (Nubiola & Bonev 2013); that of an arm that was calibrated, of a tenth, and the 7 mrad of hobbyists'
-arms are within one and a half standard deviations.
+Factory calibrations show the errors of a type's URDF. Those of fifteen arms of Universal Robots are in public
+repositories: rotations of 1.2 mrad within a factor of 1.9, equal over joints and links, and shifts of 0.1 m times that.
+Two Motoman MA1400 have 1.2 mrad and 0.65 mm. An accuracy of 0.5 to 2 mm comes of 0.8 mrad (Nubiola & Bonev 2013). That
+of a calibrated arm, of a tenth, and the 7 mrad of hobbyists' arms are within one and a half standard deviations.
 """
 
 

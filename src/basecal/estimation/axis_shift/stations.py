@@ -102,8 +102,8 @@ def find_stations(problem: Problem, cameras: dict[str, Camera]) -> list[Station]
     stations = [station for station in found if station is not None]
     if not stations:
         raise NotObservable(
-            "no station found: the axis-shift method needs a camera that stands still while a single light is shifted "
-            "along three directions that do not lie in a plane, without being turned"
+            "no station found: the axis-shift method needs stations of a single light. The camera stands still there, "
+            "and the light shifts without rotating, along three directions that are not in one plane"
         )
     return stations
 

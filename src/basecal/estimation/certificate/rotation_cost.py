@@ -1,8 +1,8 @@
 """What the rotations of a loop cost at least, as a form on products of unit quaternions.
 
-In A X B = Y C Z the quaternion of Z' C' Y' A X B is linear in those of X, Y' and Z', so that sin^2(angle / 2) of a
-loop is a form on their product, whichever signs the quaternions have: with w_i sin^2(angle_i / 2) below the cost of
-each view, the sum over views is one form, as large with ten views as with ten thousand.
+In A X B = Y C Z the quaternion of Z' C' Y' A X B is linear in those of X, Y' and Z'. sin^2(angle / 2) of a loop is
+therefore a form on their product, for any signs of the quaternions. w_i sin^2(angle_i / 2) is below the cost of each
+view. The sum over views is one form, as large with ten views as with ten thousand.
 Source: docs/mathematics.md (10.2), (10.3).
 """
 
@@ -59,7 +59,7 @@ def loop_form(problem: Problem, state: State, group: ViewGroup, views: ViewCosts
     """The form of one group of views.
 
     Args:
-        problem: Tells which transforms are fixed, and the robots' noise.
+        problem: Gives the fixed transforms, and the robots' noise.
         state: Holds the values of those.
         group: The views.
         views: What their rotations cost at least.

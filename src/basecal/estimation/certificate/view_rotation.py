@@ -1,8 +1,8 @@
 """How much a view's cost grows at least as its rotation is turned away from the view's own.
 
 A view whose own rotation is R costs at least `constant + weight * sin^2(angle / 2)` at R turned by an angle, whatever
-its translation. For measured poses and 3-D points this holds everywhere. For pixels it is the curvature at the view's
-own optimum, halved, and the view counts only where its second pose is out of the question.
+its translation. For measured poses and 3-D points this holds everywhere. For pixels it is half the curvature at the
+view's own optimum. The view counts only if its second pose is excluded.
 Source: docs/mathematics.md (10.1).
 """
 

@@ -1,1 +1,1 @@
-"""Sigmas of what states none."""
+"""Estimation of unstated noise."""

@@ -1,7 +1,7 @@
-"""Sigmas of what states none, estimated from the residuals.
+"""Unstated sigmas, estimated from the residuals.
 
-Where they are all there is, one common factor: cost / dof. Where priors or robots' noise are stated too, each sigma
-is the fixed point of sigma^2 = (sum of squares) / (n - gamma), with gamma the number of unknowns that its residuals
+If no other sigma is stated, they have one common factor: cost / dof. If priors or robots' noise are stated too, each
+sigma is the fixed point of sigma^2 = (sum of squares) / (n - gamma). gamma is the number of unknowns that its residuals
 determine: the derivative of the posterior's log determinant to the log of its weight. Source: MacKay 1992;
 docs/mathematics.md (5.1).
 """
@@ -33,25 +33,25 @@ _LOG_STEP = 1e-3  # of the difference that gives a slope: rounding and bend are 
 
 @dataclass(frozen=True, eq=False)
 class NoiseEstimate:
-    """Sigmas in use for what states none.
+    """Sigmas in use for unstated noise.
 
     Attributes:
         noise: The sigmas.
         factor: What the information's inverse is multiplied by.
         estimated: Fields of `noise` that were estimated.
         settled: Whether the estimation came to rest.
-        robots: Estimated sigmas of robots that state none, (6,) [m, rad], by name.
+        robots: Estimated sigmas of robots without stated ones, (6,) [m, rad], by name.
         cameras: Sigmas by camera; those of `noise` where none is named.
-        common: Sigmas of what robots' stops have in common, those of its shifts and turns, (2,), by term and robot; of
-            the term that the data make likely.
+        common: Sigmas of errors that robots' stops share, of shifts and rotations, (2,), by term and robot; of the
+            likely term.
         covariance: (p, p) of all columns, the sigmas integrated over; None where it is the information's inverse.
-        surprise: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
-        plain_surprise: The same of the model without terms in common alone.
+        minus_2_log_evidence: Minus twice the log of the evidence, the sigmas integrated over, but for a constant.
+        plain_minus_2_log_evidence: The same of the model without shared terms.
         shapes: Of targets whose shape was estimated: its coefficients, (k,), and their covariance, (k, k).
         logs: (k,) logarithms of the sigmas that were estimated jointly; None of others.
-        logs_by_model: Likewise of each model of what stops have in common, where the sigmas were integrated over.
+        logs_by_model: Likewise of each model of shared errors, if the sigmas were integrated over.
         robot_variances: Of robots in `robots`, the mean over all that their sigmas may be of their squares, (6,).
-        jitter_s: Of stamps of cameras that state none [s].
+        jitter_s: Of stamps of cameras without stated jitter [s].
         beside_common: The sigmas of single stops and of views beside those in `common`; None without any.
     """
 
@@ -63,8 +63,8 @@ class NoiseEstimate:
     cameras: Mapping[str, Noise] = field(default_factory=dict)
     common: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
     covariance: Array | None = None
-    surprise: float = 0.0
-    plain_surprise: float = 0.0
+    minus_2_log_evidence: float = 0.0
+    plain_minus_2_log_evidence: float = 0.0
     shapes: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     logs: Array | None = None
     logs_by_model: Mapping[str, Array] = field(default_factory=dict)
@@ -108,7 +108,7 @@ def _statuses(problem: Problem) -> dict[str, str]:
 
 
 def estimate_noise(problem: Problem, end: Optimum, iterations: int) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """The problem and its optimum with sigmas for what states none, and these sigmas."""
+    """The problem and its optimum with unstated sigmas estimated, and these sigmas."""
     if problem.held:
         return problem, end, NoiseEstimate(Noise(), 1.0, (), True)
     counts = residual_counts(problem)

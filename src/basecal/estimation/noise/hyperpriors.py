@@ -1,13 +1,13 @@
 """What is known beforehand of sigmas: log-normal, about what devices of their kind have, and wide.
 
-Points in images: detectors find corners to 0.02 to 0.3 px (Geiger et al. 2012, Duda & Frese 2018); what a view of a
-board gets wrong as a whole is larger than its points scatter, by 1.1 to 5 on recordings of six real rigs.
-Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm (ABB IRB 120 0.01, UR3e and UR5e 0.03, Motoman MA1400 0.08, KUKA LBR
-iiwa and Franka 0.1 mm), accuracy without calibration 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach of 0.6 m 0.02 to 3
-mrad. Errors of joints are angles, so that those of a place are as large as its distance from the base makes them.
-What stops have in common is expected in proportion to what each gets wrong by itself, term by term.
-Stamps: cameras that are triggered and stamped by their own clock jitter by microseconds, those stamped on arrival at a
-computer by 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
+Points in images: detectors find corners to 0.02 to 0.3 px (Geiger et al. 2012, Duda & Frese 2018); the error that all
+points of a view of a board share is 1.1 to 5 times their scatter, on recordings of six real rigs.
+Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm: ABB IRB 120 0.01, UR3e and UR5e 0.03, Motoman MA1400 0.08, KUKA LBR
+iiwa and Franka 0.1 mm. Accuracy without calibration is 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach of 0.6 m 0.02 to
+3 mrad. Errors of joints are angles, so that those of a place are as large as its distance from the base makes them.
+Errors that stops share are expected in proportion to those of single stops, term by term.
+Stamps: cameras that are triggered and stamped by their own clock jitter by microseconds. Those stamped on arrival at a
+computer jitter by 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
     Args:
         model: The model.
         reach_m: How far each robot's flange is from its base, root of the mean square [m].
-        common: Of what stops have in common, where the model has such errors.
+        common: Of shared errors of stops, if the model has them.
     """
     forms, places = np.eye(model.sigmas.count), model.sigmas
     rows: list[tuple[Array, float, float]] = []
@@ -89,7 +89,7 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
 def _common_forms(
     reach_m: Mapping[str, float], common: SharedPrior, shared_logs: Mapping[str, Array], single: Mapping[str, Array]
 ) -> list[tuple[Array, float, float]]:
-    """Of the sigmas in common: forms (2, k) of shift and turn by robot, and those of its single stops."""
+    """Of the shared sigmas: forms (2, k) of shift and turn by robot, and those of its single stops."""
     rows = []
     lever_m, factor = common.lever
     for robot, (shift, turn) in shared_logs.items():
@@ -112,7 +112,7 @@ def _part_prior(field: str, squares: float, freedoms: float) -> tuple[float, flo
 
 
 def _pool_robots(forms: Sequence[Array], sigma: tuple[float, float]) -> list[tuple[Array, float, float]]:
-    """Robots of one cell are more alike than any two: a common part, and one of each."""
+    """Robots of one cell are more similar than any two: a common part, and one of each."""
     n = len(forms)
     if not n:
         return []

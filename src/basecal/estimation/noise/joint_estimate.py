@@ -1,8 +1,8 @@
-"""Sigmas of what states none, all together: views, robots' stops and what a robot's stops have in common.
+"""Unstated sigmas, estimated jointly: of views, of robots' stops, and of errors that a robot's stops share.
 
-The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Each term that stops may have in
-common is a model beside the first: all count by their evidence in how well the answer is known. The answer itself is
-that of the first, which predicts as well and lets no such term take up what belongs to a mount.
+The optimum at some sigmas, the most likely sigmas about it, and again until they rest. Each term that stops may share
+is a model beside the first: all count by their evidence in how well the answer is known. The answer itself is that of
+the first, which predicts as well and lets no such term take up what belongs to a mount.
 Source: docs/mathematics.md (5.2), (5.3).
 """
 
@@ -47,7 +47,7 @@ _NOMINAL = (5e-4, 1e-3)  # [m, rad] of the first optimum: within a factor of a f
 
 @dataclass(frozen=True, eq=False)
 class _Sigmas:
-    """Sigmas by name: noise by camera, of robots those of single stops, (6,) [m, rad], and in common, (2,) [m, rad].
+    """Sigmas by name: noise by camera, of robots those of single stops, (6,) [m, rad], and shared ones, (2,) [m, rad].
 
     With them, of targets the coefficients of their shape, (k,), and the covariance of these.
     """
@@ -78,7 +78,7 @@ def estimate_jointly(
     guess: NoiseEstimate | None = None,
     step: Callable[[int, int], None] | None = None,
 ) -> tuple[Problem, Optimum, NoiseEstimate]:
-    """The problem with the most likely sigmas for what states none, its optimum, and these sigmas.
+    """The problem with the most likely unstated sigmas, its optimum, and these sigmas.
 
     Args:
         problem: The problem.
@@ -169,7 +169,7 @@ def _has_settled_shapes(posterior: SigmaPosterior) -> bool:
 def integrate_sigmas(
     problem: Problem, state: State, noise: NoiseEstimate, is_quick: bool = False, guess: NoiseEstimate | None = None
 ) -> NoiseEstimate:
-    """What was estimated jointly, with the covariance over all that the sigmas, and terms in common, may be.
+    """The joint estimate, with the covariance over all values of the sigmas, and all shared terms.
 
     Args:
         problem: The problem with the most likely sigmas.
@@ -181,13 +181,13 @@ def integrate_sigmas(
     if noise.logs is None:
         return noise
     models = sigma_models(problem, state, noise, {} if guess is None else guess.logs_by_model)
-    likeliest = min(models, key=lambda name: models[name].surprise)
+    likeliest = min(models, key=lambda name: models[name].minus_2_log_evidence)
     is_sure = any(RANDOM_EFFECTS[name].is_certain for name in models if name)
     counted = [of for name, of in models.items() if name or not is_sure]
     with np.errstate(all="ignore"):
         covariance = integrated_covariance(counted, np.zeros(problem.width), is_quick)
     best, logs = models[likeliest], {name: of.logs for name, of in models.items()}
-    found = replace(noise, covariance=covariance, surprise=best.surprise, logs_by_model=logs)
+    found = replace(noise, covariance=covariance, minus_2_log_evidence=best.minus_2_log_evidence, logs_by_model=logs)
     if not likeliest:
         return replace(found, common={}, beside_common=None)
     sigmas = _sigmas(best, problem)
@@ -198,7 +198,7 @@ def integrate_sigmas(
 def sigma_models(
     problem: Problem, state: State, noise: NoiseEstimate, start_logs: Mapping[str, Array] = MappingProxyType({})
 ) -> dict[str, SigmaPosterior]:
-    """The sigmas of single stops and views alone, by "", and with each term that stops may have in common, by name.
+    """The sigmas of single stops and views alone, by "", and with each term that stops may share, by name.
 
     Args:
         problem: The problem with the most likely sigmas.
@@ -226,13 +226,13 @@ def model_sigmas(
     shared_errors: Mapping[str, SharedErrors] | None = None,
     shared_prior: SharedPrior | None = None,
 ) -> SigmaPosterior:
-    """The sigmas of a model, which may be one in which stops have more in common.
+    """The sigmas of a model, which may have more shared errors.
 
     Args:
         problem: The problem with the most likely sigmas.
         state: Its optimum.
         noise: These sigmas, estimated jointly.
-        shared_errors: What stops have in common, by robot, of some of `open_robots`; nothing if None.
+        shared_errors: Shared errors of stops, by robot, of some of `open_robots`; none if None.
         shared_prior: Of its sigmas.
     """
     with np.errstate(all="ignore"):
@@ -265,7 +265,7 @@ def _sigma_posterior(
     shared_prior: SharedPrior | None = None,
     estimates: EstimatesOf | None = None,
 ) -> SigmaPosterior:
-    """The sigmas about a state, looked for from `logs`; also of what stops have in common, and is expected of it.
+    """The sigmas about a state, looked for from `logs`; also of shared errors of stops, and their prior.
 
     Where nothing near them is known, those of some of the views come first. What all views say is given as `estimates`
     where it is known.
@@ -339,8 +339,8 @@ def _estimate(posterior: SigmaPosterior, problem: Problem, is_settled: bool) -> 
         is_settled,
         sigmas.robots,
         sigmas.cameras,
-        surprise=posterior.surprise,
-        plain_surprise=posterior.surprise,
+        minus_2_log_evidence=posterior.minus_2_log_evidence,
+        plain_minus_2_log_evidence=posterior.minus_2_log_evidence,
         shapes=shapes,
         logs=posterior.logs,
         jitter_s=sigmas.jitter_s,

@@ -1,10 +1,10 @@
 """The most likely sigmas of a model, how well they are known, and what that leaves unknown of everything else.
 
-Sigmas that the data hardly tell are integrated over, not fixed: nodes about the most likely ones (a cubature of
-Laplace's normal approximation, each node weighed by its own likelihood) give the mean of the covariances and the spread
-of the means. Of few views variances have tails that so few nodes do not reach: there nodes are drawn, more widely than
-the approximation, and weighed by how much likelier they are than drawn. Source: Tierney & Kadane 1986; Arasaratnam &
-Haykin 2009 (nodes); Kloek & van Dijk 1978 (importance sampling); Rue, Martino & Chopin 2009.
+Sigmas that the data hardly determine are integrated over, not fixed. Nodes are placed about the most likely ones, by a
+cubature of Laplace's normal approximation. Weighted by their likelihoods, they give the mean of the covariances and the
+spread of the means. With few views, variances have tails that so few nodes do not reach. Nodes are then drawn more
+widely than the approximation, with importance weights. Source: Tierney & Kadane 1986; Arasaratnam & Haykin 2009
+(nodes); Kloek & van Dijk 1978 (importance sampling); Rue, Martino & Chopin 2009.
 """
 
 from __future__ import annotations
@@ -57,18 +57,18 @@ class SigmaPosterior:
         prior: What was known beforehand.
         logs: (k,) the most likely logarithms.
         covariance: (k, k) of the logarithms.
-        surprise: Minus twice the log of the evidence for the model, but for a constant that models share.
+        minus_2_log_evidence: Minus twice the log of the evidence for the model, but for a constant that models share.
     """
 
     model: MixedModel
     prior: LogNormals
     logs: Array
     covariance: Array
-    surprise: float
+    minus_2_log_evidence: float
 
     @cached_property
     def columns(self) -> Columns:
-        """What is known of the columns there, which is asked for again and again."""
+        """What is known of the columns there, which is used repeatedly."""
         return solve_columns(self.model, self.logs[None], np.arange(len(self.model.prior))).take(0)
 
 
@@ -83,8 +83,8 @@ def sigma_posterior(model: MixedModel, prior: LogNormals, start: Array | None = 
     logs = prior.start if start is None else np.append(start, prior.start[len(start) :])
     logs, here = _find_mode(model, prior, logs)
     curvature = floored_spectrum(0.5 * here.curvature, _LEAST_CURVATURE)
-    surprise = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())
-    return SigmaPosterior(model, prior, logs, curvature.inverse, surprise)
+    minus_2_log_evidence = here.value + float(np.log(curvature.values / (2 * np.pi)).sum())
+    return SigmaPosterior(model, prior, logs, curvature.inverse, minus_2_log_evidence)
 
 
 def _find_mode(model: MixedModel, prior: LogNormals, start: Array) -> tuple[Array, _Surface]:
@@ -146,8 +146,8 @@ def integrated_covariance(models: Sequence[SigmaPosterior], model: Array, is_qui
 
     Models count by their evidence. The quick integral uses the nodes of the cubature alone, and the likely models.
     """
-    least = min(of.surprise for of in models)
-    shares = np.exp(-0.5 * np.array([of.surprise - least for of in models]))
+    least = min(of.minus_2_log_evidence for of in models)
+    shares = np.exp(-0.5 * np.array([of.minus_2_log_evidence - least for of in models]))
     shares /= shares.sum()
     shares = np.where(shares > (_LIKELY_SHARE if is_quick else _LEAST_SHARE), shares, 0.0)
     total = np.zeros((len(model), len(model)))

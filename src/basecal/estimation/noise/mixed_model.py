@@ -1,8 +1,8 @@
 """A problem to second order about a state, as a linear mixed model whose variances are open.
 
 Of each view and each sigma there is a cost, a gradient and an information about `camera_from_target` and the lens. The
-unknowns move these through their adjoints, the errors of stops through theirs, so that all that the sigmas need are
-sums over views, which do not grow with the number of points. Stops that views tie to few others stand with these in a
+unknowns move these through their adjoints, the errors of stops through theirs. The sigmas therefore need only sums over
+views, whose size does not grow with the number of points. Stops that views tie to few others stand with these in a
 block; those that tie many together stand among the unknowns. Source: Harville 1977; docs/mathematics.md (5.2).
 """
 
@@ -64,13 +64,13 @@ class Layout:
     Attributes:
         block: By stop the block that its error stands in; -1 elsewhere.
         row: Likewise its first row there.
-        column: By stop the first column of its error, where it stands among the columns; -1 elsewhere.
+        column: By stop the first column of its error, if it is among the columns; else -1.
         blocks: How many blocks.
         rows: Rows of each.
         width: How many columns.
-        common: By robot the first column of what its stops have in common, and what that is.
+        common: By robot the first column of the errors that its stops share, and the effect.
         shapes: By target the columns of its shape.
-        shaken: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
+        jitter_rows: By group, of each view the block and the row there of its stamp's jitter, (n,) each; -1 for none.
     """
 
     block: IntArray
@@ -81,7 +81,7 @@ class Layout:
     width: int
     common: Mapping[str, tuple[int, SharedErrors]]
     shapes: Mapping[str, slice]
-    shaken: tuple[tuple[IntArray, IntArray], ...]
+    jitter_rows: tuple[tuple[IntArray, IntArray], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ EstimatesOf = Sequence[Mapping[str, ViewEstimates]]
 
 
 def make_estimates(problem: Problem, state: State) -> EstimatesOf:
-    """What views say of a state, which models of the same state with other errors in common share."""
+    """What views say of a state, for all models of that state, whatever errors stops share in them."""
     shaped = shaped_targets(problem)
     return [
         view_estimates(
@@ -157,7 +157,7 @@ def mixed_model(
         problem: The problem; stops of `robots` have unit sigmas, so that their errors are in metres and radians.
         state: The state.
         robots: Whose sigmas are open.
-        common: By robot what its stops have in common.
+        common: By robot the effect that its stops share.
         estimates: `make_estimates` problem and state, where they are known.
     """
     layout = _layout(problem, common or {})
@@ -195,7 +195,7 @@ def _layout(problem: Problem, shared_errors: Mapping[str, SharedErrors]) -> Layo
     block, row = of.block, np.where(of.block >= 0, 6 * of.place, -1)
     column = np.full(count, -1, dtype=np.int64)
     blocks, rows = int(block.max(initial=-1)) + 1, int(row.max(initial=0)) + 6
-    shaken, blocks, more = _jitter_layout(problem, block, blocks, rows)
+    jitter_rows, blocks, more = _jitter_layout(problem, block, blocks, rows)
     rows += more
     width = problem.width
     for stop in of.hubs:
@@ -209,7 +209,7 @@ def _layout(problem: Problem, shared_errors: Mapping[str, SharedErrors]) -> Layo
     for target, count in shaped_targets(problem).items():
         shapes[target] = slice(width, width + count)
         width += count
-    return Layout(block, row, column, blocks, rows, width, common, shapes, shaken)
+    return Layout(block, row, column, blocks, rows, width, common, shapes, jitter_rows)
 
 
 def _jitter_layout(
@@ -291,7 +291,7 @@ def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Lay
 
 def _place_jitter(errors: Array, block: IntArray, problem: Problem, number: int, layout: Layout) -> None:
     """Put what jitter moves views by into its row: by a second where it is open, else by its sigma."""
-    group, (own, row) = problem.groups[number], layout.shaken[number]
+    group, (own, row) = problem.groups[number], layout.jitter_rows[number]
     here = np.flatnonzero(own >= 0)
     if len(here):
         unit = group.motion if group.camera in problem.open_jitter else problem.shake(group)
@@ -376,7 +376,7 @@ def _sigma_indices(problem: Problem, layout: Layout, sigmas: SigmaPlaces) -> tup
     tied, hub = ((of_robot >= 0) & (at >= 0) for at in (layout.block, layout.column))
     error[layout.block[tied, None], layout.row[tied, None] + six] = which[tied]
     column[layout.column[hub, None] + six] = which[hub]
-    for group, (own, row) in zip(problem.groups, layout.shaken, strict=True):
+    for group, (own, row) in zip(problem.groups, layout.jitter_rows, strict=True):
         if group.camera in sigmas.jitter:
             error[own[own >= 0], row[own >= 0]] = sigmas.jitter[group.camera]
     for robot, (at, shared) in layout.common.items():

@@ -64,8 +64,8 @@ def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
 def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, Neighbourhood]) -> NoiseEstimate:
     """The sigmas of all, of each from where it is reported.
 
-    A robot's is the root of the mean over all that it may be of its square: where few views tell it, the likeliest one
-    would make the answer look too sure.
+    A robot's is the root of the mean of its square over all values that it may have. With few views, the likeliest
+    value would make the answer look too certain.
     """
     variances = {robot: of.robot_variances[robot] for robot, of in estimates.items() if robot in of.robot_variances}
     cameras: dict[str, Noise] = {}
@@ -80,8 +80,8 @@ def merge_estimates(estimates: Mapping[str, NoiseEstimate], parts: Mapping[str, 
         all(of.settled for of in estimates.values()),
         {robot: np.sqrt(of) for robot, of in variances.items()},
         cameras,
-        surprise=sum(of.surprise for of in estimates.values()),
-        plain_surprise=sum(of.plain_surprise for of in estimates.values()),
+        minus_2_log_evidence=sum(of.minus_2_log_evidence for of in estimates.values()),
+        plain_minus_2_log_evidence=sum(of.plain_minus_2_log_evidence for of in estimates.values()),
         shapes=shapes,
         robot_variances=variances,
     )

@@ -1,7 +1,7 @@
 """The restricted likelihood of sigmas, its slope, and what is known of everything else at given sigmas.
 
-With y all that is unknown (columns flat or under priors, errors of stops of unit variance once scaled by their sigma),
-M its information and g its gradient at the state, minus twice the logarithm is, but for a constant,
+y are all unknowns: columns, flat or under priors, and errors of stops, of unit variance once scaled by their sigma. M
+is their information and g their gradient at the state. Minus twice the logarithm is, but for a constant,
 
     sum n_f log sigma_f^2 + cost + log det M - g' M^-1 g
 
@@ -86,7 +86,7 @@ class Posterior:
 
     @property
     def stop_errors(self) -> Array:
-        """(k, 6) most likely errors of all stops, those in common among them, in units of the problem."""
+        """(k, 6) most likely errors of all stops, shared ones included, in units of the problem."""
         columns = self.mean_columns * scales(self.logs, self.model.of_columns)
         return self.model.stop_errors(self.mean_errors * scales(self.logs, self.model.of_errors), columns)
 
@@ -119,8 +119,8 @@ class Posterior:
     def _expected_by_sums(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
         """As `_by_blocks` where all goes by one part, whose weight is w: by sums over all blocks, half the work.
 
-        There I + w u B u is the inverse of `own`, and w u F x its product with `back`, B the part's information of
-        errors, F that of errors and columns, so that what is squared is known of `back` and `own` alone.
+        B is the part's information of errors, F that of errors and columns. I + w u B u is the inverse of `own`, and w
+        u F x its product with `back`. The squares then follow from `back` and `own` alone.
         """
         k, own = len(self.logs), np.einsum("bqq->bq", self.blocks.own)
         sums = np.zeros((k + 1, *self.spread.shape))
@@ -289,7 +289,7 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
 
 
 def _solve(equations: _Equations, columns: IntArray) -> Columns:
-    """What is known of some columns, (c,), at nodes, (n,); what nothing tells is held by a floor, alike at all."""
+    """What is known of some columns, (c,), at nodes, (n,); one floor holds directions without information at all."""
     # Of what nothing was seen its own unit.
     size = 1 / np.sqrt(np.where(equations.information > 0, equations.information, 1.0))
     scaled = 0.5 * (equations.hessian + equations.hessian.mT) * size[:, :, None] * size[:, None, :]

@@ -18,7 +18,7 @@ class SigmaPlaces:
         views: By camera and field of `Noise`.
         stops: By robot, the two of its single stops: of translation and rotation.
         jitter: By camera, that of its stamps.
-        shared: By robot, the two of what its stops have in common; none if the model has no such errors.
+        shared: By robot, the two of errors that its stops share; none if the model has no such errors.
         count: How many there are.
     """
 

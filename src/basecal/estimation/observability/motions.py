@@ -1,9 +1,9 @@
 """What motions a recording holds, and what they cannot show whatever was seen: known before anything is solved.
 
-A twist of a robot's base that every recorded pose of its flange carries to one and the same twist there cannot be
-distinguished from a change of what is mounted on that flange. A robot that stands still leaves all six of them, one
-that only shifts the three shifts, one that turns about a single axis the shift along it at least. Poses that keep to
-this but for as little as their own noise show no more: what they seem to say of such a twist is their noise.
+Consider a twist of a robot's base. If every recorded pose of the flange maps it to the same twist there, it cannot be
+distinguished from a change of the flange's mount. A robot that stands still has all six such twists, and one that only
+translates three. One that rotates about a single axis has at least the translation along it. Poses that keep to this
+but for as little as their own noise show no more: what they seem to say of such a twist is their noise.
 """
 
 from __future__ import annotations

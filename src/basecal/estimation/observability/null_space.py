@@ -28,7 +28,7 @@ Kind = Literal["translation", "rotation", "lens", "robot parameters"]
 
 @dataclass(frozen=True, eq=False)
 class NullDirection:
-    """A direction that the data leave open, or several alike.
+    """A direction that the data leave open, or several of the same kind.
 
     Attributes:
         kind: What moves.

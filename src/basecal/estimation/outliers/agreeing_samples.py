@@ -1,4 +1,4 @@
-"""Which samples close the loop with one another, where they are too few, or too much alike, to go by."""
+"""Which samples close the loop with one another, if they are too few, or too similar, for a solution."""
 
 from __future__ import annotations
 

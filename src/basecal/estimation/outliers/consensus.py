@@ -36,8 +36,8 @@ class Consensus:
 def best_consensus(ends: Sequence[Consensus]) -> Consensus | None:
     """The end that rests on most, of those whose views scatter about as little as clearly most views can.
 
-    Noise that nobody stated spreads over all views alike; what leaves most of them with a quarter of its variance is
-    no noise. Where all noise is stated, what keeps within it goes before what does not.
+    Unstated noise spreads over all views equally; what leaves most of them with a quarter of its variance is no noise.
+    Where all noise is stated, what keeps within it goes before what does not.
     """
     clear = [_spread(e) for e in ends if _inlier_share(e) >= _CLEAR_SHARE]
     limit = _QUIETER * min(clear, default=np.inf)

@@ -33,8 +33,8 @@ class LeftOut:
         target: Name of the target.
         ids: The points; empty where the whole view was left out.
         sigmas: How far in sigmas: the view, or the worst of its points; not finite where that cannot be said.
-        off_m: Likewise [m], of a view that gives a pose by itself, or of 3-D points; None of others.
-        off_rad: Likewise [rad], of a view that gives a pose by itself; None of others.
+        off_m: Likewise [m], of a view that gives a pose alone, or of 3-D points; None of others.
+        off_rad: Likewise [rad], of a view that gives a pose alone; None of others.
         off_px: Likewise [px], of points in pixels; infinite or NaN where they are predicted behind the camera.
     """
 

@@ -20,7 +20,7 @@ _STAMP_S = 2e-2  # of computers that stamp what arrives: with more, stamps are n
 
 
 def with_noise(solution: Solution, settings: Settings, guess: Solution | None = None) -> Solution:
-    """A solution with the most likely sigmas for what states none; as it is where its views say nothing in numbers.
+    """A solution with the most likely unstated sigmas; unchanged if its views are not finite.
 
     Args:
         solution: The solution.
@@ -46,18 +46,18 @@ def is_as_of_arms(solution: Solution) -> bool:
 def solve_with_noise(
     cell: Cell, settings: Settings, plain: Solution, noisy: Solution, exact: RobustSolution | None = None
 ) -> RobustSolution:
-    """The solution of all but the gross outliers, with the most likely sigmas for what states none.
+    """The solution of all but the gross outliers, with the most likely unstated sigmas.
 
-    Noise is estimated of all views first: outliers make it larger, yet stand out among the others. What is left tells
-    the noise again, by which all views are judged anew, until none changes sides. Where the first noise is more than
-    arms have, what agrees as if robots were exact goes before it.
+    Noise is estimated of all views first: outliers make it larger, yet stand out among the others. The noise is
+    estimated again from what is left, and all views are judged by it, until none changes sides. Where the first noise
+    is more than arms have, what agrees as if robots were exact goes before it.
 
     Args:
         cell: What exists and what is known.
         settings: How to solve.
         plain: The solution of all views as if robots that state no noise had none.
         noisy: That with noise estimated of all views.
-        exact: What agrees as if robots were exact; where the noise is such as arms have it is not asked for.
+        exact: What agrees as if robots were exact; not used if the noise is such as arms have.
     """
     stated = replace(settings, robot_noise="stated")
     solution, before = noisy if exact is None else with_noise(exact.solution, settings), exact

@@ -1,8 +1,8 @@
 """The solution of what agrees, and what does not, each with its reason.
 
-The plain solution first: where nothing in it is beyond chance, that is the answer. Else points are left out that the
-rest of their view contradicts, subsets of the samples find the state of most views, and views and points are judged
-by what all others predict, left out and taken back until none changes sides. Source: docs/mathematics.md, "Outliers".
+The plain solution first: where nothing in it is beyond chance, that is the answer. Else points that the rest of their
+view contradicts are left out. Subsets of the samples find the state of most views. All others predict each view and
+each point, which are left out and taken back until none changes sides. Source: docs/mathematics.md, "Outliers".
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def solve_robustly(
     """The solution of all views and points but the gross outliers, and these.
 
     Where there are none it is that of `solve_problem`. Where fewer than half of the samples agree it is that, too:
-    then no part of the data can be told to be the right one.
+    then no part of the data is known to be the right one.
 
     Args:
         problem: What was seen.

@@ -73,7 +73,7 @@ class RansacViews:
         return RansacViews(self.camera_from_target[views], self.points[views], self.squares[views], self.cost[views])
 
     def cheaper(self, rival: RansacViews) -> RansacViews:
-        """Of each view the cheaper of two; this one where they are alike."""
+        """Of each view the cheaper of two; this one if they are equal."""
         take = rival.cost < self.cost
         one, two = self.camera_from_target, rival.camera_from_target
         return RansacViews(

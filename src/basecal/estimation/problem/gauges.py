@@ -61,7 +61,7 @@ def determined_directions(moves: Array, other_moves: Array) -> Array:
 def determined_joints(moves: Array, other_moves: Array) -> IntArray:
     """Which of some moves, one of each joint, are not to be held so that the rest is none of the others.
 
-    Of joints that are in a gauge alike the first is held.
+    Of joints with an equal part in a gauge the first is held.
     """
     of = independent_moves(moves, other_moves)
     left, held = of.vectors[:, ~of.held], list[int]()

@@ -46,8 +46,8 @@ class Problem:
         point_mounts: Names of the mounts of single points, which have three columns.
         lenses: What is known of the lenses of cameras with pixels, by camera.
         stops: The robots' stops.
-        columns: Where each unknown that is not fixed stands in the step, by the transform's or the camera's name, or as
-            `<robot>_<kind>` for the parameters of a robot.
+        columns: The place of each unknown that is not fixed in the step. The keys are names of transforms and cameras,
+            and `<robot>_<kind>` for the parameters of a robot.
         models: What is estimated of the robots' own kinematics, by robot.
         chains: Kinematics as stated of the robots that have some, by robot.
         unstated: Names of the robots that state no noise.
@@ -55,7 +55,7 @@ class Problem:
         held: Whether sigmas that nobody stated are held at what they are.
         exact_targets: Names of the targets whose shape is as stated.
         shapes: How targets are shaped, by name, if that was estimated; see `effects.target_shape`.
-        jitter_s: Sigma in use of what stamps of a camera's views are off by themselves, by camera [s].
+        jitter_s: Sigma in use of the jitter of single stamps, by camera [s].
         open_jitter: Cameras whose jitter is to be estimated.
         open_clocks: Devices whose offsets in time are estimated about the solution.
         tied: Views of the static scene beside those of targets; None if there are none.
@@ -120,7 +120,7 @@ class Problem:
         return group.motion * jitter_s if jitter_s and group.motion is not None else None
 
     def with_noise(self, noise: Noise) -> Problem:
-        """The same with sigmas for what states none, unless these are held."""
+        """The same with other unstated sigmas, unless these are held."""
         return self if self.held else self.with_groups(g.with_noise(noise) for g in self.groups)
 
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:

@@ -32,7 +32,7 @@ class RobotModel:
         robot: Its name.
         chain: Its kinematics as stated, of n joints.
         stated: What is known of its parameters, by kind; of those that are not fixed.
-        columns: What of them is estimated, by kind; of those told joint by joint it may be none.
+        columns: What of them is estimated, by kind; of those given joint by joint it may be none.
     """
 
     robot: str
@@ -118,7 +118,7 @@ def robot_model(
     joints: Array,
     free_ends: tuple[bool, bool] = (False, False),
 ) -> RobotModel:
-    """The columns of what is not fixed; of what is free, those that the recorded joints tell from all else.
+    """The columns of what is not fixed; of what is free, those that the recorded joints separate from all else.
 
     Args:
         robot: Its name.

@@ -1,8 +1,8 @@
 """Which recorded poses are of one stop: a pose read back anew differs a little each time, and an arm may come again.
 
-The error of an arm belongs to the place where it stands, so that poses share it which agree as read-backs of one place
-do, whenever they were taken. Taken for stops of their own they would seem to vouch for one another. Within a stated
-noise that is larger, only poses one after another are one place: of hundreds of places some are as near by chance.
+The error of an arm belongs to its pose. Poses that agree as read-backs of one place do therefore share it, whenever
+they were taken. As separate stops they would seem independent. Within a stated noise that is larger, only poses one
+after another are one place: of hundreds of places some are as near by chance.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Nearest rotations of many matrices at once, several times faster than by their singular values.
 
-With singular values s, t, u (u below zero where the determinant d is) the largest sum l = s + t + u is the largest
-root of (l^2 - a)^2 = 4 b + 8 d l, of a = s^2 + t^2 + u^2 and b = (st)^2 + (tu)^2 + (us)^2; then the rotation is
+s, t, u are the singular values, with u below zero where the determinant d is. a = s^2 + t^2 + u^2 and b = (st)^2 +
+(tu)^2 + (us)^2. The largest sum l = s + t + u is the largest root of (l^2 - a)^2 = 4 b + 8 d l; then the rotation is
 ((k + a) M + l cof(M) - M M' M) / (k l - d), k = (l^2 - a) / 2. Source: Markley 1993 (fast optimal attitude matrix).
 """
 

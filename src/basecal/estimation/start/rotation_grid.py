@@ -1,6 +1,6 @@
 """Starts where no closed form exists: a grid over rotations, with everything else linear.
 
-Once the rotations of X and Y in A X B = Y C Z are fixed, the directions to a light leave the translations to linear
+In A X B = Y C Z the rotations of X and Y are fixed. The directions to a light then give the translations by linear
 least squares. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
 Source: docs/mathematics.md (6.5).
 """

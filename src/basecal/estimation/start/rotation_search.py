@@ -1,8 +1,8 @@
 """Rotations of A X B = Y C Z where no closed form determines them: the best cells of a grid, refined in turn.
 
 Of two of the three rotations the third that fits best is the one nearest to a weighted mean over the samples:
-X to that of A'YCZB', Y of AXBZ'C', Z of C'Y'AXB. All three are sums over products of entries of A, C and B, so that the
-moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, represent its samples. Loops with the same unknowns go side by
+X to that of A'YCZB', Y of AXBZ'C', Z of C'Y'AXB. All three are sums over products of entries of A, C and B. The moments
+sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, therefore represent its samples. Loops with the same unknowns go side by
 side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
 """
 
@@ -87,7 +87,7 @@ class _Loops:
 
 
 def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array, Array, Array]]]:
-    """For each loop the most promising rotations of X, Y and Z where views give whole poses, those alike once.
+    """For each loop the most promising rotations of X, Y and Z where views give whole poses, without duplicates.
 
     The best cells of the grid, refined: most of them end in the same few places. Rotations are (3, 3).
 

@@ -1,7 +1,8 @@
 """Where a robot was between the instants at which it was recorded.
 
-Between two records the tangent from the first goes by a cubic whose slopes at both ends are those of the records around
-them (Catmull and Rom 1974, of unequal spacing), so that the velocity has no jumps. Source: docs/mathematics.md (12.1).
+Between two records the tangent from the first follows a cubic. Its slopes at both ends are those of the records around
+them (Catmull and Rom 1974, of unequal spacing). The velocity therefore has no jumps.
+Source: docs/mathematics.md (12.1).
 """
 
 from __future__ import annotations

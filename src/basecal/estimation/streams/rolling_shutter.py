@@ -1,7 +1,7 @@
 """Pictures whose rows are seen one after another, of targets that move before the camera meanwhile.
 
-A view stands at the instant of the mean row of its pixels. What moved between that and the row of each pixel is taken
-off the pixel, by the velocities at the view and the transforms as far as they are known.
+A view stands at the instant of the mean row of its pixels. The motion between that instant and the row of each pixel is
+subtracted from the pixel. It follows from the velocities at the view, and from the transforms as far as they are known.
 Source: docs/mathematics.md (12.4).
 """
 

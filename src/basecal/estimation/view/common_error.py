@@ -1,7 +1,7 @@
 """Errors that all points of a view share, integrated out of what the view says.
 
-Of a shift in the image the covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11', so that many points of
-one view are not as many witnesses of what its lens or its time of exposure got wrong. Source: Woodbury 1950;
+With a shared shift in the image, the covariance of a coordinate's residuals is diag(sigma^2) + tau^2 11'. Many points
+of one view are then not as many independent measurements of errors of its lens or exposure time. Source: Woodbury 1950;
 docs/mathematics.md (2.8).
 """
 

@@ -35,7 +35,7 @@ class PixelMeasurement(SeenPoints):
         seen: (n, p).
         stated: (n, p) 1 / sigma where a sigma was stated, else 0 [1/px].
         weight: (n, p) 1 / sigma in use, 0 where not seen [1/px].
-        common_px: Sigma of an error that all points of a view have in common, per coordinate [px].
+        common_px: Sigma of an error that all points of a view share, per coordinate [px].
         relative: (n, p) 1 / sigma of points without a stated one over that of `Noise.pixel_px`; None for 1 everywhere.
     """
 

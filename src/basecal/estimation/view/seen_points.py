@@ -19,7 +19,7 @@ class SeenPoints(MeasuredPoints):
     Attributes:
         seen: ([b,] n, p) whether the point was seen.
         stated: ([b,] n, p) 1 / sigma of a coordinate, or 0 if none was stated.
-        noise_field: Of `Noise`, the sigma of a coordinate that states none.
+        noise_field: Of `Noise`, the sigma of a coordinate without a stated one.
     """
 
     seen: BoolArray

@@ -29,7 +29,7 @@ class ViewPoses:
     """Poses of a target in each view.
 
     Attributes:
-        camera_from_target: (n, 2) the best and the next best pose of each view; alike where there is only one.
+        camera_from_target: (n, 2) the best and the next best pose of each view; equal if there is only one.
         cost: (n, 2) sums of squared residuals; infinite if there is no pose.
         information: (n, 6, 6) of the best.
     """
@@ -125,7 +125,7 @@ def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
 def _mirror_normal(camera_from_plane: SE3) -> SE3:
     """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens.
 
-    A half turn about the normal n and then one about the line of sight s, (2 s s' - I) (2 n n' - I), turn it there.
+    It is reached by a half turn about the normal n, then one about the line of sight s: (2 s s' - I) (2 n n' - I).
     A plane at the camera's centre has no line of sight: its pose is kept.
     """
     normal, at = camera_from_plane.rotation[..., 2], camera_from_plane.translation

@@ -80,7 +80,7 @@ def explain_no_stop(tracks: Tracks) -> str:
     if rare:
         gap = _usual_gap(tracks.robots[rare[0]])
         return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests"
-    return f"no robot stands for {2 * _AROUND_S} s around a picture"
+    return f"no robot is at rest for {2 * _AROUND_S} s around a picture"
 
 
 def _usual_gap(track: Track) -> float:

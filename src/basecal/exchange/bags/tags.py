@@ -1,8 +1,8 @@
 """Corners of AprilTags that a detector found while a bag was recorded: `apriltag_msgs/AprilTagDetectionArray`.
 
-The detector counts pixels from the corner of the first one, half a pixel from its centre. It goes round a tag against
-the clock from the lower left, and what is lower left for it is top right for OpenCV, whose pictures of tags are turned
-by half a turn.
+The detector counts pixels from the corner of the first one, half a pixel from its centre. It goes counter-clockwise
+round a tag from the lower left. Its lower left is top right for OpenCV, whose pictures of tags are turned by half a
+turn.
 
 Source: apriltag_msgs/msg/AprilTagDetection.msg; apriltag.h of AprilTag 3, `apriltag_detection`.
 """

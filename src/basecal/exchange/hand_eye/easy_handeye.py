@@ -3,10 +3,10 @@
 Metres and quaternions x, y, z, w, as ROS has them. `tracking` is camera_from_target in both arrangements. `robot` is
 base_from_flange with the eye in hand, but its inverse with the eye on the base: the program so solves both by one
 equation, and here it is turned back. A calibration is flange_from_camera in the first, base_from_camera in the second.
-The `.samples` of easy_handeye2 leave the arrangement empty; the equation being one, no number tells it either. What
-does, in this order: the user, the file, a calibration of its name beside it, and the file's name, where it holds the
-words that the program's own examples have (`eih`, `eob`). easy_handeye keeps no file of its samples: what its service
-take_sample or get_sample_list answered (hand_world_samples, camera_marker_samples) is read.
+The `.samples` of easy_handeye2 leave the arrangement empty; the equation is the same, so that no number shows it
+either. It is taken from the first of these: the user; the file; a calibration of its name beside it; the file's name,
+if it holds the words of the program's own examples (`eih`, `eob`). easy_handeye keeps no file of its samples: what its
+service take_sample or get_sample_list answered (hand_world_samples, camera_marker_samples) is read.
 Source: HandeyeSampler and HandeyeCalibration of IFL-CAMP/easy_handeye and marcoesposito1988/easy_handeye2.
 """
 
@@ -83,12 +83,12 @@ def _arrangement(root: Field, on_robot: bool | None) -> _Arrangement:
     stated = _stated_arrangement(root)
     if on_robot is not None and stated is not None and stated.on_robot != on_robot:
         raise root.error(f"{stated.by}, the opposite of what --camera-on, or cell.yaml, says")
-    found = stated or (None if on_robot is None else _Arrangement(on_robot, "as told"))
+    found = stated or (None if on_robot is None else _Arrangement(on_robot, "as stated"))
     found = found or _sibling_arrangement(Path(root.path)) or _arrangement_from_name(Path(root.path))
     if found is None:
         raise root.error(
-            "does not say whether the camera is on the robot (eye_in_hand) or beside it (eye_on_base), on which the "
-            "direction of its robot poses depends: give --camera-on robot or --camera-on world"
+            "does not say whether the camera is on the robot (eye_in_hand) or beside it (eye_on_base). The direction "
+            "of its robot poses depends on that: give --camera-on robot or --camera-on world"
         )
     return found
 

@@ -57,7 +57,7 @@ def read_moveit_samples(path: str | Path, camera_on_robot: bool | None) -> HandE
     return HandEyeRecord(
         str(path),
         f"{len(pairs)} samples of MoveIt (m): effector_wrt_world is base_from_flange, object_wrt_sensor is "
-        f"camera_from_target; {arrangement}, as told",
+        f"camera_from_target; {arrangement}, as stated",
         camera_on_robot,
         SE3.stack([base_from_flange for base_from_flange, _ in pairs]),
         SE3.stack([camera_from_target for _, camera_from_target in pairs]),

@@ -26,10 +26,9 @@ def read_data_set(
 ) -> Imported:
     """Pictures and robot poses of a data set of industrial_calibration or robot_cal_tools.
 
-    Reads the list of pictures and poses (metres, quaternions), and, where they
-    are written in it or in files of their own, the camera's intrinsics, which
-    become a start, and the ChArUco board or grid of circles. Guesses of mounts
-    are taken over.
+    Reads the list of pictures and poses (metres, quaternions). Reads the camera's intrinsics, which become a start, and
+    the ChArUco board or grid of circles. They may be in the list or in files of their own. Guesses of mounts are taken
+    over.
 
     For example:
 

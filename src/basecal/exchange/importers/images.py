@@ -103,7 +103,7 @@ def _describe(
 ) -> str:
     """What was read, in words; `carrier` is what was assumed to carry a new camera."""
     carried = "" if carrier is None else f", on {carrier!r}"
-    advice = " (where it stands beside the robot, correct `on: world` in cell.yaml)" if carried else ""
+    advice = " (if it is beside the robot, correct `on: world` in cell.yaml)" if carried else ""
     described = [f"; target {name!r}, {each['kind']} on {each['on']!r}" for name, each in targets.items()]
     return f"{count} pictures of {camera!r}{carried}, {size_px[0]} x {size_px[1]} px{advice}{''.join(described)}"
 

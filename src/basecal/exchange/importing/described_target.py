@@ -95,7 +95,7 @@ def target_entry(
 
     Raises:
         UsageError: if more is said of a target of no kind.
-        InputError: if its kind needs other sizes, several could carry it, or no picture tells it from another.
+        InputError: if its kind needs other sizes, several could carry it, or no picture distinguishes it from another.
     """
     ((name, carrier),) = carriers.items()
     if kind is None:
@@ -115,7 +115,7 @@ def are_indistinguishable(first: Target, second: Target) -> bool:
 
 
 def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
-    """Nothing, where pictures tell a target from those that the cell has.
+    """Nothing, if pictures distinguish a target from those that the cell has.
 
     Raises:
         InputError: if not.
@@ -126,8 +126,8 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
             continue
         if is_indistinguishable(of_kind, fields, other.target.options):
             raise InputError(
-                f"no picture tells {name!r} from {other.name!r} of cell.yaml, which has the same marks: if they are "
-                f"one and the same leave --target away, else state its own dictionary, family, number or counts"
+                f"no picture distinguishes {name!r} from {other.name!r} of cell.yaml, which has the same marks: if "
+                f"they are one target omit --target, else state its own dictionary, family, number or counts"
             )
 
 

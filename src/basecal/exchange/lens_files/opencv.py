@@ -1,7 +1,7 @@
 """The lens that a script wrote with OpenCV: FileStorage (YAML, XML, JSON) or a NumPy archive, under the usual names.
 
-The pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Four terms are k1 k2 p1 p2 or the fisheye's, which
-only the file's `fisheye_model`, or the user, can tell. Source: OpenCV's tutorials on camera calibration, whose sample
+The pixels are OpenCV's: the centre of the top-left pixel is (0, 0). Four terms are k1 k2 p1 p2 or the fisheye's. Only
+the file's `fisheye_model`, or the user, can decide that. Source: OpenCV's tutorials on camera calibration, whose sample
 writes camera_matrix and distortion_coefficients and whose Python page writes mtx and dist; stereo_calib's M1, D1.
 """
 

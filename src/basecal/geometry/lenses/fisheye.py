@@ -1,6 +1,6 @@
 """The lens of Kannala and Brandt with four terms: cv2.fisheye, but also past 90 deg.
 
-Of a point at the angle t from the axis, the image lies at d(t) = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) from the
+A point is at the angle t from the axis. Its image is at d(t) = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) from the
 centre. Source: Kannala & Brandt 2006, doi:10.1109/TPAMI.2006.153; docs/mathematics.md (2.5).
 """
 

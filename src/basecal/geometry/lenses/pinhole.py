@@ -1,7 +1,7 @@
 """The lens of Brown and Conrady in OpenCV's order k1 k2 p1 p2 [k3 [k4 k5 k6]], on the plane at unit distance.
 
-Of a point (a, b, 1), with s = a^2 + b^2 and radial = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3), the
-image is (a radial + 2 p1 a b + p2 (s + 2 a^2), b radial + p1 (s + 2 b^2) + 2 p2 a b). Its derivative is symmetric.
+Of a point (a, b, 1) the image is `(a radial + 2 p1 a b + p2 (s + 2 a^2), b radial + p1 (s + 2 b^2) + 2 p2 a b)`. Here
+`s = a^2 + b^2` and `radial = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3)`. Its derivative is symmetric.
 Source: Brown 1971, "Close-range camera calibration"; the rational terms as in OpenCV;
 docs/mathematics.md (2.3), (2.4), (2.6).
 """

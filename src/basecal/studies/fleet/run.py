@@ -109,15 +109,15 @@ def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None) -> No
     Raises:
         InputError: if something cannot be written, or the cluster is not there.
     """
-    tell = step or (lambda done, total: None)
+    notify = step or (lambda done, total: None)
     now = {cell: fleet.fingerprint(cell) for cell in fleet.cells}
     left = [cell for cell, of in now.items() if fleet.row(cell, of) is None]
     done, total = len(now) - len(left), len(now)
-    tell(done, total)
+    notify(done, total)
     folder = str(fleet.folder.resolve())
     jobs = [Job(k, 1, partial(calibrate_row, folder, cell), partial(killed_row, cell)) for k, cell in enumerate(left)]
     for job, content in done_jobs(jobs, workers):
         cell = left[job.number]
         fleet.keep(cell, now[cell], content)
         done += 1
-        tell(done, total)
+        notify(done, total)

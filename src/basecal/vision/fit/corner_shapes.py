@@ -1,7 +1,7 @@
 """Ideal corners under a Gaussian point spread, as functions of place, with their derivatives.
 
-Parameters of a corner, (n, 6): its place x, y [px], the directions of its two lines [rad], the logarithm of the point
-spread's sigma, and how much the camera has sharpened the image, 0 for not at all. The sides of a line are given by the
+Parameters of a corner, (n, 6): its place x, y [px]; the directions of its two lines [rad]; the logarithm of the point
+spread's sigma; and how much the camera has sharpened the image, 0 for not at all. The sides of a line are given by the
 signed distance to the right of its direction.
 
 A wedge is the chance that a place, moved by the point spread, is to the right of both lines: the normal distribution

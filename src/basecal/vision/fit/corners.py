@@ -103,8 +103,8 @@ def refine_corners(image: Levels, shape: Shape, start: Array, axes: Array, windo
 def _pixel_error_px(shape: Array) -> Array:
     """Errors (n,) of corners of parameters (n, 6) by the squares of pixels, which the model takes for Gaussian.
 
-    Such an error repeats with each pixel: it falls with the point spread as the first harmonic of a sampled Gaussian
-    does, and along a line that crosses rows or columns its signs take turns.
+    Such an error repeats with each pixel: it falls with the point spread like the first harmonic of a sampled Gaussian.
+    Along a line that crosses rows or columns its signs alternate.
     """
     spread = np.exp(np.minimum(shape[:, 4], np.log(_MOST_SPREAD_PX)))
     blur = np.maximum(spread**2 - _SQUARE_VARIANCE, 0.0)

@@ -1,7 +1,7 @@
 """Chessboards: OpenCV finds the grid, each corner is then fitted in the image.
 
-A board looks the same after half a turn if its numbers of inner corners are both even or both odd, and after a quarter
-turn if they are equal: ids may then count from either end, which only all views of a recording together
+A board looks the same after half a turn if its numbers of inner corners are both even or both odd. If they are equal,
+it looks the same after a quarter turn. Ids may then count from either end, which only all views of a recording together
 determine. Otherwise ids count from the corner whose outer square is black.
 """
 
