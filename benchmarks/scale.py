@@ -104,10 +104,10 @@ every other, as `benchmarks.robots` asks for them.
   robot with a camera and a board: {dense:.1f} GB for a thousand, and it grows with the square.
 - **Many robots: `calibration.json`.** It holds that covariance as text: some 80 MB for a hundred robots, and a file of
   more than 256 MB is not read back.
-- **Many robots: what `basecal calibrate` does besides.** The tests of conventions go pair by pair and noise that nobody
-  states is estimated by the views that each robot takes part in, which grow as the robots do; the tests of residuals,
-  and of samples held out, invert the matrix of all unknowns once or a few times, which grows with the cube of the
-  unknowns and is a small part for a hundred robots. Stops that several views share keep dense blocks. The whole
+- **Many robots: what `basecal calibrate` does besides.** The tests of conventions go pair by pair. Unstated noise is
+  estimated by the views that each robot takes part in. Both grow as the robots do. The tests of residuals, and of
+  held-out samples, invert the matrix of all unknowns once or a few times. Their time grows with the cube of the
+  unknowns, and is a small part for a hundred robots. Stops that several views share keep dense blocks. The whole
   command, time of a core and largest memory: {whole}.
 """
 
