@@ -303,6 +303,21 @@ def test_a_step_that_is_none_settles_where_nothing_else_moves(step, eliminated, 
     assert _has_converged(of, np.array([step]), np.array([1.0]), LOOSE).tolist() == [settled]
 
 
+@pytest.mark.parametrize(("expected", "before", "cost", "damping", "settled"), [
+    (0.9e-12, 1.1e-12, 1.0, 1e-9, True),
+    (1.1e-12, 1.1e-12, 1.0, 1e-9, False),  # the cost still shows it
+    (0.9e-12, 1.9e-12, 1.0, 1e-9, False),  # it is half of what was promised before: steps still shrink
+    (0.9e-12, 0.0, 1.0, 1e-9, False),
+    (0.9e-12, 0.0, 1.0, 1.1e-3, True),
+    (0.9e-12, 1.1e-12, np.inf, 1e-9, False),
+])  # fmt: skip
+def test_promises_that_a_cost_cannot_show_settle_where_they_no_longer_fall(expected, before, cost, damping, settled):
+    """Below 1e-12 of it: along directions known to degrees the gradient's rounding promises so much for ever."""
+    of = flight(cost=cost, dof=1.0, damping=damping, expected=before)
+    found = _has_converged(of, np.array([[1e-3, 0.0]]), np.array([expected]), Stop(sigmas=1e-9))
+    assert found.tolist() == [settled]
+
+
 @pytest.mark.parametrize(("damping", "slope", "undamped"), [
     (1e-3, 1.0, True), (1.1e-3, 1.0, False), (1e3, 1.9e-2, True), (1e3, 2.1e-2, False),
 ])  # fmt: skip

@@ -168,7 +168,8 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
     """The optima downhill of a batch of states.
 
     A problem has converged in two cases. The rest after a step, by the rate at which steps shrink, is a small share of
-    the sigmas that the data leave. Or the step is below 1e-13 [m, rad].
+    the sigmas that the data leave. Or steps are of rounding: below 1e-13 [m, rad], or no longer falling, where what
+    they promise is lost in the cost.
 
     Args:
         system: The problems.
@@ -259,7 +260,8 @@ def _has_converged(flight: _Flight[S, L], step: Array, expected_decrease: Array,
     still = (np.abs(step).max(axis=1, initial=0.0) < _SMALLEST_STEP) & (
         (flight.about.eliminated_cost <= limit) | is_rounding
     )
-    settled: BoolArray = (expected_decrease * rate <= limit) | still
+    unseen = _COST_ROUNDING * np.where(np.isfinite(flight.cost), flight.cost, 0.0)
+    settled: BoolArray = (expected_decrease * rate <= limit) | still | (is_rounding & (expected_decrease <= unseen))
     return settled
 
 
