@@ -168,8 +168,8 @@ def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S,
     """The optima downhill of a batch of states.
 
     A problem has converged in two cases. The rest after a step, by the rate at which steps shrink, is a small share of
-    the sigmas that the data leave. Or steps are of rounding: below 1e-13 [m, rad], or no longer falling, where what
-    they promise is lost in the cost.
+    the sigmas that the data leave. Or a step is rounding: it is below 1e-13 [m, rad], or the decrease that it promises
+    is below the rounding of the cost and no longer falls.
 
     Args:
         system: The problems.

@@ -19,8 +19,8 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, IntArray
 from basecal.numerics.spectral import scaled_spectrum, spectrum
 
-_MAX_STEPS = 4  # of Gauss and Newton: each is a twentieth of the one before, or less, where sigmas are degrees
-_LEAST_STEP = 0.1  # in sigmas: what the next would add leaves a covariance as it is
+_MAX_STEPS = 4  # of Gauss-Newton: where sigmas are degrees, each is at most a twentieth of the one before
+_LEAST_STEP = 0.1  # in sigmas: the next step, of 0.005, changes no digit of a covariance
 # Over the sigma of a product of two normals, whose tails are long: then an ellipsoid of 99 % holds 98.9 %, not 96.7 %.
 _TAILS = 2.0
 _LEAST_SHARE = 0.1  # of the smallest sigma, by which an arc leaves its tangent before it counts

@@ -185,10 +185,10 @@ def _second_moments(weights: Array, means: Array, covariances: Array) -> Array:
 def _weighed_nodes(
     posterior: SigmaPosterior, columns: IntArray, is_quick: bool = False
 ) -> tuple[Array, Array, Columns]:
-    """Sigmas that stand for all that they may be, and what is known of some columns there.
+    """Nodes of the sigmas that stand for their distribution, and estimates of some columns at each.
 
     Returns:
-        Weights, (n,), that add up to 1; logarithms, (n, k); and the columns.
+        Weights, (n,), that add up to 1; logarithms of the sigmas, (n, k); and the columns.
     """
     of = posterior.model
     if np.sqrt(np.diag(posterior.covariance)).max(initial=0.0) < (_NEARLY_KNOWN if is_quick else _KNOWN_SIGMA):

@@ -35,7 +35,7 @@ _NODES_AT_ONCE = 2**19  # numbers of an array over nodes and blocks: four megaby
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Some columns alone, at nodes of the sigmas, or at one.
+    """Estimates of some columns, at nodes of the sigmas or at one.
 
     Attributes:
         value: (...) minus twice the log of the restricted likelihood.
@@ -254,7 +254,7 @@ class _Equations(NamedTuple):
 
 
 def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = None) -> _Equations:
-    """The columns' equations at logarithms of sigmas, (..., k); `blocks`, for (k,) alone, is filled where given."""
+    """Equations of the columns at logarithms of sigmas, (..., k); those of a single node, (k,), may fill `blocks`."""
     weights = _weights(model, logs)
     x, u = scales(logs, model.of_columns), scales(logs, model.of_errors)
     cost, fixed, fixed_fixed = _weigh(model, weights, ("cost", "fixed", "fixed_fixed"), ...)
@@ -289,7 +289,7 @@ def _eliminate_errors(model: MixedModel, logs: Array, blocks: _Blocks | None = N
 
 
 def _solve(equations: _Equations, columns: IntArray) -> Columns:
-    """What is known of some columns, (c,), at nodes, (n,); one floor holds directions without information at all."""
+    """Estimates of some columns, (c,), at nodes, (n,); one floor holds directions without information at all."""
     # Of what nothing was seen its own unit.
     size = 1 / np.sqrt(np.where(equations.information > 0, equations.information, 1.0))
     scaled = 0.5 * (equations.hessian + equations.hessian.mT) * size[:, :, None] * size[:, None, :]
@@ -325,7 +325,7 @@ def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tup
     """Fields of the moments of all parts, or of some blocks of them, each part by its weights, (...)."""
 
     def weigh_field(key: tuple[str, str], field: str) -> Array:
-        """A part's field, (...) by its shape."""
+        """A field of a part times its weights, (...) by the shape of the field."""
         of = np.asarray(getattr(model.parts[key], field))[here]
         return np.asarray(np.multiply.outer(weights[key], of))
 
