@@ -1,0 +1,42 @@
+"""Threads of BLAS in a library call, in a process of its own: the number is read when NumPy is loaded."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+_PROGRAM = """
+import json
+import numpy
+from threadpoolctl import threadpool_info
+from basecal.numerics.threads import single_threaded
+
+def most_threads():
+    return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+
+print(json.dumps([most_threads(), single_threaded(most_threads)(), most_threads()]))
+"""
+
+
+def _threads(**stated: str) -> list[int]:
+    """The number of threads before, in and after a decorated function."""
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | stated
+    done = subprocess.run([sys.executable, "-c", _PROGRAM], env=environment, capture_output=True, check=True, text=True)
+    found: list[int] = json.loads(done.stdout)
+    return found
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread anyway")
+def test_a_library_call_has_one_thread_and_restores_the_number() -> None:
+    before, within, after = _threads()
+    assert before == after > 1
+    assert within == 1
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one thread anyway")
+def test_a_stated_number_is_kept() -> None:
+    assert _threads(OPENBLAS_NUM_THREADS="2") == [2, 2, 2]
