@@ -13,12 +13,12 @@ _PROGRAM = """
 import json
 import numpy
 from threadpoolctl import threadpool_info
-from basecal.numerics.threads import single_threaded
+from basecal.numerics.threads import limit_threads
 
 def most_threads():
     return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
 
-print(json.dumps([most_threads(), single_threaded(most_threads)(), most_threads()]))
+print(json.dumps([most_threads(), limit_threads(most_threads)(), most_threads()]))
 """
 
 

@@ -14,7 +14,7 @@ from basecal.accuracy.stages.case import Case
 from basecal.cell import Calibration, Cell, Finding, Recording
 from basecal.estimation.settings import DEFAULT, LOG, Settings
 from basecal.estimation.stages import StageName
-from basecal.numerics.threads import single_threaded
+from basecal.numerics.threads import limit_threads
 
 _LOG_LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "info": logging.INFO}
 
@@ -61,7 +61,7 @@ JUDGING_STAGES = (
 )
 
 
-@single_threaded
+@limit_threads
 def calibrate(cell: Cell, recording: Recording, settings: Settings = DEFAULT) -> Calibration:
     """The transforms of a cell with covariance, and whether to trust them.
 

@@ -23,7 +23,7 @@ from basecal.estimation.streams.streams import synchronous
 from basecal.estimation.view.measurement import Noise
 from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.numerics.spectral import spectrum
-from basecal.numerics.threads import single_threaded
+from basecal.numerics.threads import limit_threads
 
 _READING_ROUNDS = 6  # rounds of choosing correspondences at most
 _LARGEST_FACTOR = 1e30  # keeps covariances finite where exact robots cannot explain the data at all
@@ -90,7 +90,7 @@ class Solution:
         return np.zeros((size, size)) if where is None else self.covariance[where, where]
 
 
-@single_threaded
+@limit_threads
 def solve(cell: Cell, recording: Recording, settings: Settings = STATED) -> Solution:
     """Start, maximum likelihood and covariance.
 

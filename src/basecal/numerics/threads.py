@@ -12,7 +12,7 @@ _Result = TypeVar("_Result")
 _STATED = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
-def single_threaded(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+def limit_threads(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
     """Decorate a function to run with one thread of BLAS, and to restore the caller's number after it.
 
     A number that an environment variable of a BLAS states is kept.

@@ -18,7 +18,7 @@ from basecal.errors import InputError
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
 from basecal.geometry import Array
-from basecal.numerics.threads import single_threaded
+from basecal.numerics.threads import limit_threads
 from basecal.planning.candidates import candidates
 from basecal.planning.choose import choose_fewest, exchange, greedy, with_sample
 from basecal.planning.feasible import is_in_view
@@ -125,7 +125,7 @@ def _calibrated_meeting(calibration: Calibration, points_m: Array) -> MeetingErr
     return calibration.meeting if np.array_equal(its_points_m, points_m) else None
 
 
-@single_threaded
+@limit_threads
 def plan_for_task(
     cell: Cell,
     recording: Recording,

@@ -12,7 +12,7 @@ from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joi
 from basecal.accuracy.model_comparison.nested_models import MOVED, equally_likely
 from basecal.cell import Calibration, Cell, Recording
 from basecal.estimation.streams.streams import synchronous
-from basecal.numerics.threads import single_threaded
+from basecal.numerics.threads import limit_threads
 
 POWER = 0.95
 """The chance by which a shift of the length that is given as detectable is seen."""
@@ -49,7 +49,7 @@ class Verification:
     asked: tuple[Shift, ...] = ()
 
 
-@single_threaded
+@limit_threads
 def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verification:
     """New samples of a cell against its calibration.
 
