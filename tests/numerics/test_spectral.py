@@ -15,6 +15,7 @@ from basecal.numerics.spectral import (
     floored_inverse,
     floored_spectrum,
     holds_information,
+    inverse_beside_identity,
     least_norm,
     null_vector,
     principal_axes,
@@ -259,6 +260,31 @@ def test_a_floored_inverse_is_that_of_the_floored_matrix(rng):
         np.testing.assert_allclose(
             floored_inverse(matrix, 1e-3), floored_spectrum(matrix, 1e-3).inverse, rtol=1e-9, atol=1e-9
         )
+
+
+def test_a_floored_inverse_of_a_matrix_at_rounding_has_no_negative_variance():
+    """Whose smallest eigenvalue is rounding of the largest: Cholesky takes it, and its plain inverse is indefinite."""
+    basis = np.linalg.qr(np.random.default_rng(5).standard_normal((200, 6, 6)))[0]
+    matrix = (basis * [1e-7, 1e6, 1e7, 1e9, 5e9, 1e10]) @ basis.mT
+    matrix = 0.5 * (matrix + matrix.mT)
+    assert np.linalg.eigvalsh(floored_inverse(matrix, 1e-15)).min() > 0
+
+
+def test_an_inverse_beside_the_identity_is_regular_if_the_identity_is_rounding(rng):
+    """The matrix is of rank 2, and 1 is a millionth of its rounding: all eigenvalues are from 0 to 1."""
+    rows = 1e11 * rng.standard_normal((2, 4))
+    values = np.linalg.eigvalsh(inverse_beside_identity(rows.T @ rows))
+    assert values.min() > -1e-9
+    assert values.max() < 1 + 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_an_inverse_beside_the_identity_keeps_what_the_matrix_does_not_reach(rng, size):
+    """Of a matrix of rank 2: what it does not reach keeps the identity's 1, the rest is 1 / (1 + its eigenvalue)."""
+    basis = np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    found = inverse_beside_identity((basis * [0.0, 0.0, size, 2 * size]) @ basis.T)
+    wanted = (basis * [1.0, 1.0, 1 / (1 + size), 1 / (1 + 2 * size)]) @ basis.T
+    np.testing.assert_allclose(found, wanted, atol=1e-6)
 
 
 def test_above_takes_units_out_of_rows_and_columns(rng):

@@ -27,7 +27,10 @@ FOUND = (
     ("industrial", 10003812),
     ("write faults", 1),
     ("capture journal", 146),
-    *(pytest.param("calibrate, numbers", seed, marks=pytest.mark.slow) for seed in (10000077, 10000185, 10001213)),
+    *(
+        pytest.param("calibrate, numbers", seed, marks=pytest.mark.slow)
+        for seed in (10000077, 10000185, 10001213, 10001570, 10002376, 10003317, 10004458)
+    ),
 )
 
 

@@ -24,7 +24,7 @@ from basecal.estimation.solve import Solution, integrate_solution, solve_from
 from basecal.estimation.view.common_error import without_motion
 from basecal.estimation.view.measurement import ViewInformation
 from basecal.geometry import Array
-from basecal.numerics.spectral import spectrum
+from basecal.numerics.spectral import inverse_beside_identity, spectrum
 
 _LEAST_CHANCE = 1e-300  # a chance, and a sum of squares, that is no number any more
 _FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its sigma
@@ -130,7 +130,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
         for i, of in enumerate(private):
             by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
         transposed = by_error.mT
-        own = np.linalg.inv(np.eye(by_error.shape[-1]) + transposed @ view.information @ by_error)
+        own = inverse_beside_identity(transposed @ view.information @ by_error)
         back = own @ transposed @ view.information
         carried = np.eye(view.gradient.shape[-1]) - by_error @ back
         posterior = carried @ model.spread[k] @ carried.mT + by_error @ own @ transposed

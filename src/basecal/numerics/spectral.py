@@ -117,7 +117,7 @@ def spectrum(information: Array, rounding: float = ROUNDING) -> Spectrum:
     return Spectrum(values, vectors, scale, holds_information(values, rounding))
 
 
-def scaled_spectrum(matrix: Array, least: float, scale: Array | None = None) -> Spectrum:
+def scaled_spectrum(matrix: Array, least: float | Array, scale: Array | None = None) -> Spectrum:
     """Symmetric matrices (..., k, k) taken apart in units in which `least` is the smallest eigenvalue that counts.
 
     None counts that is rounding of the largest.
@@ -135,19 +135,29 @@ def scaled_spectrum(matrix: Array, least: float, scale: Array | None = None) -> 
     return Spectrum(values, vectors, scale, (values > least) & holds_information(values))
 
 
-def floored_spectrum(matrix: Array, least: float) -> Spectrum:
+def floored_spectrum(matrix: Array, least: float | Array) -> Spectrum:
     """Symmetric matrices (..., k, k) with eigenvalues below `least` raised to it: regular, for steps and densities."""
     of = scaled_spectrum(matrix, least)
     return replace(of, values=np.maximum(of.values, least), held=np.ones(of.held.shape, dtype=bool))
 
 
 def floored_inverse(matrix: Array, least: float) -> Array:
-    """The inverse of what `floored_spectrum` gives; decomposes only if an eigenvalue is below `least`."""
+    """The inverse of what `floored_spectrum` gives; decomposes only if an eigenvalue is below the floor.
+
+    The floor is `least`, or rounding of the trace if that is more: an inverse of less has negative variances.
+    """
+    floor = np.maximum(least, ROUNDING * np.trace(matrix, axis1=-2, axis2=-1))[..., None]
     try:
-        np.linalg.cholesky(matrix - least * np.eye(matrix.shape[-1]))
+        np.linalg.cholesky(matrix - floor[..., None] * np.eye(matrix.shape[-1]))
     except np.linalg.LinAlgError:
-        return floored_spectrum(matrix, least).inverse
+        return floored_spectrum(matrix, floor).inverse
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
+def inverse_beside_identity(matrix: Array) -> Array:
+    """`(1 + M)^-1` of symmetric, positive semidefinite M, (..., k, k): regular if M drowns the identity in rounding."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors / (1 + np.maximum(values, 0.0))[..., None, :]) @ vectors.mT)
 
 
 def holds_information(values: Array, rounding: float = ROUNDING) -> BoolArray:

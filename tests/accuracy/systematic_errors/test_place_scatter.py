@@ -67,6 +67,14 @@ def test_errors_by_place_scatter():
     assert min(scatter_of(solved(seed, 5e-3)).ratio for seed in range(4)) > 3.0
 
 
+def test_one_place_has_no_scatter(monkeypatch):
+    """A recording whose flanges stay at one place cannot be split by place."""
+    solution = solved()
+    stay = np.zeros((40, 24))
+    monkeypatch.setattr("basecal.accuracy.systematic_errors.place_scatter._flange_poses", lambda _: stay)
+    assert scatter_of(solution) == PlaceScatter()
+
+
 def named(seed, **how):
     cell, recording = recorded(seed, **how)
     problem, _ = build_problem(cell, recording)

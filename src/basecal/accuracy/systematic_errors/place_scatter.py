@@ -45,6 +45,8 @@ def place_scatter(situation: Situation, null: Linearised, change: Candidates) ->
         change: A change of one frame.
     """
     is_beyond = _place_splits(situation, change.about[0])
+    if not is_beyond.size:
+        return PlaceScatter()
     splits = split_frame(situation, change.about[0], is_beyond, (None,) * is_beyond.shape[1])
     beside = with_random_effects(null, tuple(None if moves is None else moves[:, 0] for moves in change.moves))
     found = score(beside, splits.join_sizes())

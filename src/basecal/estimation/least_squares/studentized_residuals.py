@@ -20,7 +20,7 @@ from basecal.estimation.view.measurement import Measurement
 from basecal.estimation.view.pixels import PixelMeasurement
 from basecal.estimation.view.seen_points import PointJacobians, SeenPoints, point_jacobians
 from basecal.geometry import Array, BoolArray, IntArray
-from basecal.numerics.spectral import VIEW_ROUNDING, scaled_spectrum, spectrum
+from basecal.numerics.spectral import VIEW_ROUNDING, inverse_beside_identity, scaled_spectrum, spectrum
 
 _LEAST_GAIN_SHARE = 1e-9  # share of a stop's own variance that the views take away, below which it is rounding
 _ALONE_LEVERAGE = 1.0 - 1e-4
@@ -199,7 +199,7 @@ def _posterior(model: LeaveOneOut, k: int, rows: PointJacobians) -> Array:
     by_error = np.zeros((n, q, 6 * len(private)))
     for i, of in enumerate(private):
         by_error[of.view, :, 6 * i : 6 * i + 6] = of.by_error
-    inner = np.linalg.inv(np.eye(by_error.shape[-1]) + by_error.mT @ information @ by_error)
+    inner = inverse_beside_identity(by_error.mT @ information @ by_error)
     own = by_error @ inner @ by_error.mT
     carried = np.eye(q) - own @ information
     posterior: Array = carried @ spread @ carried.mT + own
