@@ -87,6 +87,12 @@ def write(name: str, result: Mapping[str, Any]) -> Path:
     return path
 
 
+def read(name: str) -> dict[str, Any]:
+    """What results/<name>.json holds."""
+    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
+    return found
+
+
 class Kept:
     """Outcomes that are kept in a file as they come, a line each, by what was tried."""
 

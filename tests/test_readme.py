@@ -11,6 +11,7 @@ from statistics import median
 from xml.etree.ElementTree import fromstring
 
 import pytest
+from benchmarks.readme import figures, sentences, updated
 
 from basecal.cli import main
 
@@ -67,6 +68,16 @@ def test_the_first_figure_is_measured() -> None:
     rows = json.loads((ROOT / "benchmarks" / "results" / "two_arms.json").read_text(encoding="utf-8"))["rows"]
     theirs, ours = (median(row[key][0] for row in rows) for key in ("opencv", "ours"))
     assert f"**Calibrate twice and concatenate: {theirs:.1f} mm. basecal: {ours:.1f} mm.**" in TEXT
+
+
+def test_the_figures_are_measured() -> None:
+    """The table and the sentences above it are those of the stored results: `python -m benchmarks.readme`."""
+    assert updated(TEXT) == TEXT
+    stale = TEXT
+    for shown in (figures(), sentences()):
+        stale = stale.replace(shown, shown.replace("1", "7"))
+    assert stale != TEXT
+    assert updated(stale) == TEXT
 
 
 @pytest.mark.journey
