@@ -1,4 +1,4 @@
-"""What a file holds, if it is a file, and not more than a file of its kind ever holds."""
+"""Content of a regular file of bounded size."""
 
 from __future__ import annotations
 

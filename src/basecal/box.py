@@ -53,7 +53,7 @@ _ERRORS: dict[Any, type[BasecalError]] = {each.exit_code: each for each in (Usag
 def frames(
     module: str, words: Sequence[str], size: int, ending_s: float = 0.0, silence_s: float = math.inf
 ) -> Iterator[Frame]:
-    """What a module's `read_frames` gives, one frame after another.
+    """Frames of a module's `read_frames`, one after another.
 
     Args:
         module: Its full name.
@@ -172,7 +172,7 @@ def limit(seconds: int, most_bytes: int) -> None:
 
 
 def _address_space_bytes() -> int:
-    """What this process has mapped; an upper bound for libraries if the system does not report it."""
+    """Mapped address space of this process [bytes]; an upper bound for libraries if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")

@@ -43,7 +43,7 @@ class BasecalError(Exception):
 
 
 class InputError(BasecalError, ValueError):
-    """What was given cannot be used as it is; the message says what was expected."""
+    """The input cannot be used as it is; the message says what was expected."""
 
 
 class UsageError(InputError):

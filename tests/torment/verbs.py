@@ -7,6 +7,7 @@ from pathlib import Path
 from shutil import copytree
 from typing import NamedTuple
 
+import basecal.cli.demo as demo
 from basecal.cell.files import latest_run, read_calibration, read_cell, read_recording, read_verifications
 from torment.cells import made
 from torment.outcome import Fell, of_command
@@ -14,6 +15,7 @@ from torment.starts import PHOTOS, POSES, replayed, start_cell, unrecorded, with
 
 _SIMULATED = 3
 _PLACES, _FRAMES = 2, 3  # of a bag, and of an episode
+_DEMO_PLACES = 6
 
 
 class Verb(NamedTuple):
@@ -47,6 +49,11 @@ def _samples(folder: Path) -> int:
     return len(read_recording(folder / "new").samples)
 
 
+def _shorten_demo(folder: Path) -> None:
+    """Let a demo go to few places: each of its kills is two demos."""
+    demo._SAMPLES["poses"] = _DEMO_PLACES
+
+
 VERBS: dict[str, Verb] = {
     "calibrate": Verb("pose", lambda folder: ["calibrate", str(folder / "cell")], _calibrated),
     "report": Verb("led", lambda folder: ["report", str(folder / "cell")], _calibrated),
@@ -59,6 +66,12 @@ VERBS: dict[str, Verb] = {
         "pose",
         lambda folder: ["simulate", str(folder / "new"), "--samples", str(_SIMULATED), "--joints"],
         lambda folder: _samples(folder) == _SIMULATED,
+    ),
+    "demo": Verb(
+        "pose",
+        lambda folder: ["demo", str(folder / "new")],
+        lambda folder: _samples(folder) == _DEMO_PLACES and latest_run(folder / "new") is not None,
+        _shorten_demo,
     ),
     "import poses": Verb(
         "pose",

@@ -1,1 +1,1 @@
-"""What a solution is worth: its fit, its findings, its verdict."""
+"""The quality of a solution: its fit, its findings, its verdict."""

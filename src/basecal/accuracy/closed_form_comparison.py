@@ -21,7 +21,7 @@ def difference(pose: SE3, reference: SE3) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class StationBeside:
-    """What one station says.
+    """The answer of one station.
 
     Attributes:
         samples: Their numbers; the first is where its shifts start from.

@@ -1,4 +1,4 @@
-"""What a calibration does not hold and a report of it shows, worked out from it and its recording."""
+"""Details of a fit for its report, computed from a calibration and its recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What free parameters of robots leave uncertain in transforms, where a gauge holds them at zero.
+"""Uncertainty of transforms by free parameters of robots that a gauge holds at zero.
 
 A first joint turns an arm as its base does: if both are free, the joint is held. Its true value is of the size of those
 that were found, or of those that arms usually have. Source: docs/mathematics.md (9.3).

@@ -136,7 +136,7 @@ def _single_view_poses(solution: Solution, group: ViewGroup) -> list[tuple[Pixel
 
 
 class _Projected(NamedTuple):
-    """What views say of a lens, weighted, with each view's own pose projected out.
+    """The weighted views of a lens, with each view's own pose projected out.
 
     Attributes:
         residual: (n, r).

@@ -1,4 +1,4 @@
-"""What a calibration says of the noise that it used: in all, of each camera and of each robot."""
+"""The noise that a calibration used: in all, of each camera and of each robot."""
 
 from __future__ import annotations
 

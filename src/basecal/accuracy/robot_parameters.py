@@ -1,4 +1,4 @@
-"""What a solution says of the robots' own kinematics, and which of it the data have seen.
+"""Estimates of the robots' own kinematics, and the part of them that the data observe.
 
 A parameter is seen if the data have at least as much information about it as its prior. By the Schur complement, the
 information of the data alone is 1 / v - 1 / s^2, with v its variance and s the prior's sigma. The condition is v < s^2

@@ -17,7 +17,7 @@ class SampleUse:
 
 
 def sample_use(recording: Recording, calibration: Calibration) -> SampleUse:
-    """What a calibration used of a recording: a view is left out whole, or it counts."""
+    """The use of each sample of a recording: a view is excluded whole, or it counts."""
     views, left_out = calibration.residuals.per_sample, outlier_views(calibration)
     used = [view for view in views if view not in left_out]
     return SampleUse(len({view.sample for view in used}), len(recording.samples), len(views))

@@ -39,7 +39,7 @@ _LARGEST_BYTES = 2**26  # of samples given up: a line of each there can be, and 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What has become of one sample of the plan.
+    """The result of one sample of the plan.
 
     Attributes:
         sample: Its number.
@@ -176,13 +176,13 @@ class _Captured:
         self._check.add(sample)
 
     def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
-        """What to report once a sample is taken, or why it is not."""
+        """The step to report once a sample is taken, or the reason why it is not."""
         waits = is_last or self._by.settings.waits_for_check
         covered, checked = measure_coverage(self._by.sketch, self.taken), self._check.collect(waits)
         return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
     def repeat_doubtful(self, step: Step, plan: Sequence[Sample], remaining_samples: Sequence[Sample]) -> list[Sample]:
-        """What is left, after the samples of a step's doubts that are worth taking again."""
+        """The remaining plan, after the samples of a step's doubts that are worth taking again."""
         again = {doubt.sample for doubt in step.doubts if doubt.repeats} - self._doubted
         number = max(sample.sample for sample in (*plan, *self.taken, *remaining_samples)) + 1
         places = [sample for sample in plan if sample.sample in again]
@@ -215,7 +215,7 @@ def _abandoned_numbers(folder: Path) -> set[int]:
 
 
 def _lines(folder: Path) -> Iterator[dict[str, Any]]:
-    """What was given up, but for a line that is cut off or damaged: its sample is tried again."""
+    """Lines of samples that were given up; a line that is cut off or damaged is omitted, and its sample tried again."""
     path = folder / ABANDONED_FILE
     for line in read_bounded(path, _LARGEST_BYTES).splitlines() if path.exists() else []:
         try:

@@ -22,7 +22,7 @@ _FEWEST_SAMPLES = 5  # samples, before which nothing is said
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """What samples cover.
+    """The coverage of samples.
 
     Attributes:
         cells: Where in the picture points were seen, of `COVERAGE_GRID`.
@@ -38,7 +38,7 @@ class Coverage:
         return float(self.cells.mean())
 
     def advice(self, samples: int) -> str:
-        """What to do to see more; empty if there is nothing to say."""
+        """Advice to cover more; empty if there is none."""
         if samples < _FEWEST_SAMPLES:
             return ""
         for robot, turned in self.turned_rad.items():
@@ -49,7 +49,7 @@ class Coverage:
 
 
 def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
-    """What samples cover, of the camera and the robots of a sketch."""
+    """Measure the coverage of samples, of the camera and the robots of a sketch."""
     cells = np.zeros(COVERAGE_GRID, dtype=bool)
     size = sketch.lens.size_px
     for sample in samples:

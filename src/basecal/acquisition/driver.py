@@ -1,4 +1,4 @@
-"""What a driver is: the faces of robots and cameras, and what they give.
+"""The protocols of drivers: robots and cameras, and the values that they give.
 
 A driver is a module with `open_robot(place) -> Robot`, `open_camera(place) -> Camera`, or both. What not every robot or
 camera can do is a face of its own, which a driver has or has not. Reading waits: `state` and `picture` come back with
@@ -68,7 +68,7 @@ class Picture:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What a driver is given when it is opened.
+    """The folder, name and options with which a driver is opened.
 
     Attributes:
         name: The robot or camera, by its name in the cell.
@@ -108,7 +108,7 @@ class Robot(Protocol):
 
 @runtime_checkable
 class Moves(Protocol):
-    """What a robot has that can be sent somewhere."""
+    """The methods of a robot that can be sent somewhere."""
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Begin to go there; at once, without waiting for the end.
@@ -127,7 +127,7 @@ class Moves(Protocol):
 
 @runtime_checkable
 class ChecksGoals(Protocol):
-    """What a robot has whose controller can be asked whether it would go somewhere."""
+    """The method of a robot whose controller can be asked whether it would go somewhere."""
 
     def goal_refusal(self, to: RobotState) -> str:
         """Why the controller would not go there, in words; empty if it would.
@@ -139,7 +139,7 @@ class ChecksGoals(Protocol):
 
 @runtime_checkable
 class HasWatchdog(Protocol):
-    """What a robot has whose controller stops it unless this computer reports again and again that it is well."""
+    """The method of a robot whose controller stops it unless this computer reports again and again that it is well."""
 
     def keep_alive(self) -> None:
         """Report to the controller that this computer is well; called every 20 ms by a thread of its own.
@@ -151,7 +151,7 @@ class HasWatchdog(Protocol):
 
 @runtime_checkable
 class Freedrives(Protocol):
-    """What a robot has that a person can lead by hand."""
+    """The methods of a robot that a person can lead by hand."""
 
     def freedrive(self, on: bool) -> None:
         """Let the arm be led, or hold it."""
@@ -184,7 +184,7 @@ class Camera(Protocol):
 
 @runtime_checkable
 class Switches(Protocol):
-    """What a camera has that can switch the light it looks at."""
+    """The method of a camera that can switch the LED it looks at."""
 
     def light(self, on: bool) -> None:
         """Switch the light; the next picture shows it so."""
@@ -192,7 +192,7 @@ class Switches(Protocol):
 
 @dataclass(frozen=True)
 class DriverKind:
-    """What talks to robots, to cameras, or to both.
+    """A kind of driver of robots, of cameras, or of both.
 
     Attributes:
         open_robot: Opens a robot; None if it is for cameras only.

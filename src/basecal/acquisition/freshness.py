@@ -27,7 +27,7 @@ class Stale(Exception):
 
 
 def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given:
-    """What `read_newer` gives, once it gives something.
+    """The first result of `read_newer` that is not None.
 
     Raises:
         Stale: if it gives nothing for so long [s].

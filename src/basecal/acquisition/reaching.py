@@ -1,4 +1,4 @@
-"""What drivers reach outside of a cell's folder, stated before any of them is opened.
+"""Places that drivers reach outside of a cell's folder, stated before any of them is opened.
 
 A driver states it by `reaches(place)`; one without that function is stated with all its options.
 """
@@ -16,7 +16,7 @@ SECRET = r"^BASECAL_[A-Z0-9_]+$"
 
 
 def reachable_places(openers: Iterable[tuple[DriverKind, Place]]) -> list[str]:
-    """What drivers reach outside of the cell's folder, a line each.
+    """Places that drivers reach outside of the cell's folder, a line each.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -37,6 +37,6 @@ def _all_options(place: Place) -> str:
 
 
 def external_path(folder: Path, path: Path, noun: str) -> str:
-    """What a driver reaches by a path: nothing if it stays inside a folder, also by its links."""
+    """The place that a driver reaches by a path; None if it stays inside a folder, also by its links."""
     is_inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
     return "" if is_inside else f"the {noun} {path}"

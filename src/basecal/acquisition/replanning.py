@@ -34,7 +34,7 @@ _NEAR_M, _NEAR_RAD = 0.03, 0.05  # of one that could not be: what hides a target
 
 @dataclass(frozen=True, eq=False)
 class Replanner:
-    """What is needed, and what there is to choose from.
+    """The requested accuracy, and the offers to choose from.
 
     Attributes:
         cell: The cell.
@@ -51,7 +51,7 @@ class Replanner:
     offered: Mapping[View, Sequence[Sample]]
 
     def plan(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Plan:
-        """What is still to be taken, in order; nothing if a calibration of what was taken meets the tolerance.
+        """The samples still to be taken, in order; none if a calibration of those taken meets the tolerance.
 
         Args:
             samples: What was, with what was seen.
@@ -87,7 +87,7 @@ def replanner(
     plan_samples: Sequence[Sample] = (),
     seed: int = 0,
 ) -> Replanner:
-    """What plans anew, with candidates near where the robots are and were.
+    """A replanner with candidates near where the robots are and were.
 
     Args:
         cell: The cell.
@@ -141,7 +141,7 @@ def stations_for_task(
 
 
 def _with_home(home: Sample, samples: Sequence[Sample]) -> Recording:
-    """What was taken, after where the robots were to begin with."""
+    """The recorded samples, after the robots' initial pose."""
     number = max((sample.sample for sample in samples), default=-1) + 1
     return Recording((replace(home, sample=number), *samples))
 
@@ -159,7 +159,7 @@ def _task_settings(points_m: Array) -> Settings:
 
 
 def _current_calibration(cell: Cell, samples: Sequence[Sample], task: Settings) -> Calibration | None:
-    """What the samples say of transforms, noise and the error at the task; None while they leave any direction open."""
+    """Transforms, noise and the error at the task by the samples; None while they leave any direction open."""
     if sum(bool(sample.observations) for sample in samples) < _FEWEST_SOLVED:
         return None
     recording = Recording(tuple(samples))

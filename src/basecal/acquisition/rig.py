@@ -106,7 +106,7 @@ def movers(rig: Rig) -> dict[str, Moves]:
 
 
 def goal_checks(robots: Mapping[str, object]) -> dict[str, Callable[[RobotState], str]]:
-    """What asks each robot's controller why it would not go somewhere; one that cannot be asked never refuses."""
+    """Checks of a goal by each robot's controller; one that cannot be asked never refuses."""
     return {
         name: robot.goal_refusal if isinstance(robot, ChecksGoals) else lambda state: ""
         for name, robot in robots.items()

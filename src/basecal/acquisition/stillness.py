@@ -36,7 +36,7 @@ Report = Callable[[str], None]
 
 
 class Unfit(Exception):
-    """What is before the camera cannot be used as it is; the text is reported to the person."""
+    """The camera's view is not usable; the text is reported to the person."""
 
 
 class Moving(Unfit):

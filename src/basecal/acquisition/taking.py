@@ -57,7 +57,7 @@ class CaptureSettings:
 
 @dataclass(frozen=True, eq=False)
 class Taker:
-    """What takes samples of a cell.
+    """The taker of a cell's samples.
 
     Attributes:
         rig: The robots and cameras.
@@ -155,7 +155,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
 
 @dataclass(frozen=True, eq=False)
 class _Shot:
-    """What one camera gave: the picture, and the one without the light where that can be switched."""
+    """The pictures of one camera: one with the LED on, and one with it off if it can be switched."""
 
     stamp_s: float
     grey: Grey

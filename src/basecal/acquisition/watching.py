@@ -1,4 +1,4 @@
-"""What people are shown of a capture while it goes on, whatever shows it to them."""
+"""The state of a capture for people who watch it, on any surface."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Snapshot:
 
     @property
     def advice(self) -> str:
-        """What to do to see more; empty if there is nothing to say."""
+        """Advice to cover more; empty if there is none."""
         return "" if self.step is None else self.step.coverage.advice(self.step.taken)
 
 

@@ -1,4 +1,4 @@
-"""What came out: transforms with covariance, how well they fit, and what was found."""
+"""The answer: transforms with covariance, the quality of the fit, and findings."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Finding:
 
     @property
     def message(self) -> str:
-        """What, why and what to do, joined."""
+        """The text of what, why and do, joined."""
         return " ".join(part for part in (self.what, self.why, *self.do) if part)
 
 
@@ -110,7 +110,7 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Outlier:
-    """What was seen and not used, since it contradicts the rest.
+    """An observation that was excluded, since it contradicts the rest.
 
     Attributes:
         sample: Number of the sample.
@@ -168,7 +168,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """What is added to the stamps of a device to make them the reference's, and its sigma [s]; 0 if it is fixed."""
+    """The offset from a device's stamps to the reference's, and its sigma [s]; 0 if it is fixed."""
 
     offset_s: float
     sigma_s: float
@@ -184,7 +184,7 @@ class LineTime:
 
 @dataclass(frozen=True, eq=False)
 class HeldGauge:
-    """What parameters of a robot that a gauge holds at zero leave uncertain in transforms.
+    """Uncertainty of transforms by parameters of a robot that a gauge holds at zero.
 
     Attributes:
         robot: Its name.
@@ -264,12 +264,12 @@ class Calibration:
     scene: Fingerprint | None = None
 
     def known_transforms(self, cell: Cell) -> dict[str, SE3]:
-        """What is known of the transforms of the cell that was calibrated, by name: fixed there, or found here."""
+        """The known transforms of the calibrated cell, by name: fixed there, or found here."""
         fixed = {name: u.mean for name, u in cell.transforms.items() if u.status == "fixed" and u.mean is not None}
         return fixed | {name: estimate.mean for name, estimate in self.transforms.items()}
 
     def parameters_of_robot(self, robot: str) -> dict[str, RobotParameters]:
-        """What was found of a robot's own kinematics, by kind."""
+        """Estimates of a robot's own kinematics, by kind."""
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 
     def gauge_covariances(self, name: str) -> dict[str, Array]:
@@ -312,7 +312,7 @@ class Calibration:
         return f"<{self.verdict} calibration: {told or 'no transform'}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """The table that a notebook shows."""
         return str(METHODS["html_summary"](self))
 
     if not TYPE_CHECKING:

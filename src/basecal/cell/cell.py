@@ -1,4 +1,4 @@
-"""What exists: robots, cameras and targets, and what is known of the transforms between them."""
+"""The cell: robots, cameras and targets, and prior knowledge of the transforms between them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Clock:
-    """What is known of a device's clock.
+    """Prior knowledge of a device's clock.
 
     Attributes:
         status: `fixed` (exactly `offset_s`), `prior` (`offset_s` with `sigma_s`) or `free` (`offset_s` is a guess).
@@ -60,7 +60,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class RollingShutter:
-    """What is known of the time from a row of a camera's pictures to the next.
+    """Prior knowledge of the time from a row of a camera's pictures to the next.
 
     Attributes:
         status: `fixed` (exactly `line_time_s`), `prior` (`line_time_s` with `sigma_s`) or `free` (a guess).
@@ -123,7 +123,7 @@ class Robot:
 
 @dataclass(frozen=True, eq=False)
 class Intrinsics:
-    """What is known of a lens.
+    """Prior knowledge of a lens.
 
     Attributes:
         status: `fixed`, `prior` or `free`.

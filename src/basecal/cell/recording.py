@@ -1,4 +1,4 @@
-"""What was seen: robots' poses and cameras' observations, an instant at a time."""
+"""The recording: robots' poses and cameras' observations, an instant at a time."""
 
 from __future__ import annotations
 
@@ -91,12 +91,12 @@ class TouchObservation:
 
     @property
     def camera(self) -> str:
-        """What sees: the tip or the part."""
+        """The tip or the part, which takes the place of a camera."""
         return self.tip
 
     @property
     def target(self) -> str:
-        """What it sees, at its own origin."""
+        """The touched target, at its own origin."""
         return self.mark
 
 

@@ -1,4 +1,4 @@
-"""What is printed of a target: flat sheets with black shapes and markers, in metres."""
+"""Printed sheets of a target: flat, with black shapes and markers, in metres."""
 
 from __future__ import annotations
 

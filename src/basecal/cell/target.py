@@ -1,4 +1,4 @@
-"""What a camera looks at: named points of a rigid body, and how they are printed and seen."""
+"""The target of a camera: named points of a rigid body, and how they are printed and seen."""
 
 from __future__ import annotations
 

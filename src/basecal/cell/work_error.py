@@ -32,7 +32,7 @@ _BETTER_VERDICT = as_written(
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """What one source adds to the error at the task.
+    """The part of one source in the error at the task.
 
     Attributes:
         source: In words, with the name of what it is of.

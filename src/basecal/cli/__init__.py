@@ -138,7 +138,7 @@ def _own_process() -> None:
 
 
 def _bug(error: Exception) -> str:
-    """What is said of an error that is none of ours: where its traceback was written."""
+    """Message of an error that is none of ours, with the file of its traceback."""
     import tempfile
     import traceback
 

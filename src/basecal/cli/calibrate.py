@@ -123,7 +123,7 @@ def _say_all(result: CalibratedFolder, cell: Cell, folder: Path, verbose: bool, 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedFolder:
-    """What `calibrate_folder` made: the calibration, and the folder of its run."""
+    """Result of `calibrate_folder`: the calibration, and the folder of its run."""
 
     calibration: Calibration
     run: Path

@@ -205,7 +205,7 @@ def _planners(
     samples: int | None,
     seed: int,
 ) -> tuple[Replanner | None, ShiftsForTask | None]:
-    """What plans for a task: samples anew after each, or stations of shifts once."""
+    """Planners for a task: samples anew after each, or stations of shifts once."""
     replanner = Replanner(rig, sketch, cell, task, plan, samples, seed) if task and pattern != _SHIFTS else None
     return replanner, ShiftsForTask(task, samples) if task and replanner is None else None
 
@@ -271,7 +271,7 @@ def _refuse_unused_options(
 
 
 def captured_steps(folder: Path, pattern: str, samples: int, speed_deg_s: float) -> Iterator[Step]:
-    """What becomes of each sample of a pattern, while a cell is captured."""
+    """Results of each sample of a pattern, while a cell is captured."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.rig import open_rig
     from basecal.planning.plan_check import SpeedLimits
@@ -291,7 +291,7 @@ def _take_samples(
     view: CaptureView,
     stops: bool = False,
 ) -> list[Step]:
-    """What becomes of each sample of a plan, or of so many that a person leads the arms to; called when it is done."""
+    """Results of each sample of a plan, or of those that a person leads the arms to; called when it is done."""
     from basecal.acquisition.capture import capture as captured
     from basecal.acquisition.capture import capture_led
 
@@ -315,7 +315,7 @@ def _store_plan(folder: Path, sketch: Sketch, plan: Sequence[Sample], is_new: bo
 def _taker(
     rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, view: CaptureView | None, waits_for_check: bool = False
 ) -> Taker:
-    """What takes samples; without a view nothing is reported."""
+    """A taker of samples; without a view nothing is reported."""
     from basecal.acquisition.taking import CaptureSettings, Taker
 
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)

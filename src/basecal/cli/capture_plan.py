@@ -34,7 +34,7 @@ def capture_plan(
     shifts: ShiftsForTask | None = None,
     is_continued: bool = True,
 ) -> tuple[Sequence[Sample], bool]:
-    """What is still to be taken of a plan that was cut off, or a new plan, and whether it is new."""
+    """The rest of an interrupted plan, or a new plan, and whether it is new."""
     from basecal.acquisition.capture import remaining_samples
     from basecal.cell.files import read_plan
     from basecal.errors import nearest

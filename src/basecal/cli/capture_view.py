@@ -1,4 +1,4 @@
-"""What a capture shows while it goes on: lines, or a view where somebody watches a terminal; a page if requested."""
+"""Views of a running capture: lines, or a view if somebody watches a terminal; a page if requested."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class CaptureView:
 
 @contextmanager
 def capture_view(rig: Rig, cell: Cell, web: bool, port: int, quiet: bool) -> Iterator[CaptureView]:
-    """What shows a capture while this lasts.
+    """A context that shows a capture.
 
     Args:
         rig: The robots and cameras; where one of them asks on the terminal, that is left to it.

@@ -1,4 +1,4 @@
-"""What a command is about to connect to: said, and asked once for each cell and place."""
+"""Connections that a command is about to make: stated, and asked once for each cell and place."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Connecting:
-    """What a cell may reach outside its folder.
+    """Places that a cell may reach outside its folder.
 
     Attributes:
         yes: Connect to what the cell names without a question.

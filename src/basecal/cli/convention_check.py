@@ -1,4 +1,4 @@
-"""What an import reports of conventions at its end, if the cell is complete."""
+"""Report of conventions at the end of an import, if the cell is complete."""
 
 from __future__ import annotations
 

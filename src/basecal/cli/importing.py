@@ -128,7 +128,7 @@ def finish_import(folder: Path, imports: Imported, replace: bool = False, sessio
 
 
 def _written_files(folder: Path, import_result: Brought) -> str:
-    """What was written, in words."""
+    """Description of the written files."""
     if import_result.pairing is None:
         return f"wrote {folder / 'cell.yaml'}"
     count = len(import_result.recording.samples)

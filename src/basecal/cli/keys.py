@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def pressed_keys() -> Iterator[Callable[[], str]]:
-    """What gives the key that was pressed since it was last asked; always empty if no person is at a terminal."""
+    """A reader of the key that was pressed since the last call; always empty if no person is at a terminal."""
     stream = sys.stdin
     if stream is None or not stream.isatty() or sys.platform == "win32":
         yield lambda: ""

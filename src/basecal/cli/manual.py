@@ -31,7 +31,7 @@ def manual() -> str:
 
 
 def _help_text(words: Sequence[str]) -> str:
-    """What `--help` prints, each paragraph and each option on a line."""
+    """The text of `--help`, each paragraph and each option on a line."""
     from rich.console import Console
 
     from basecal.cli import build_app

@@ -1,4 +1,4 @@
-"""What is still missing before a cell can be calibrated, as the command that brings it in."""
+"""The command that brings in the next missing part of a cell, before it can be calibrated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def next_command(cell: Cell, calibration: Calibration, folder: Path) -> str:
-    """What to type after a calibration of a cell's folder."""
+    """The command to type after a calibration of a cell's folder."""
     from basecal.exchange.exporters.controllers import controller_kind
     from basecal.reporting.statement.verdict import verdict_word
 

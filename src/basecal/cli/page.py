@@ -102,7 +102,7 @@ def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
 
 
 def _outlook(cell: Cell, recording: Recording, calibration: Calibration) -> Sequence[tuple[int, float]]:
-    """What more samples would bring at the task; nothing if none is named, or none can be planned."""
+    """The expected gain of more samples at the task; None if no task is named, or none can be planned."""
     from basecal.accuracy.task.task import task_places
     from basecal.errors import BasecalError
     from basecal.planning.plan import outlook

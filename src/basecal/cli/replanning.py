@@ -27,7 +27,7 @@ class Task(NamedTuple):
 def requested_task(
     point: Point | None, box: Box | None, tolerance: str | None, may_be_open: bool = False
 ) -> Task | None:
-    """What was requested; None if nothing of it was.
+    """The requested task; None if nothing was requested.
 
     Args:
         point: Where the work is done.
@@ -46,7 +46,7 @@ def requested_task(
 
 
 def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
-    """What was recorded of a cell already, with what was seen."""
+    """The recorded samples of a cell, with their observations."""
     from basecal.cli.detection import detected_recording
 
     has_journal = (folder / "recording" / "samples.jsonl").exists()
@@ -54,7 +54,7 @@ def taken_so_far(folder: Path, cell: Cell) -> Sequence[Sample]:
 
 
 class Replanner:
-    """What is still to be taken, planned anew after each sample."""
+    """The samples still to be taken, planned anew after each sample."""
 
     def __init__(
         self, rig: Rig, sketch: Sketch, folder: Path, task: Task, plan: Path | None, max_count: int | None, seed: int
@@ -85,7 +85,7 @@ class Replanner:
         return self(self._taken, self._given_up)
 
     def __call__(self, samples: Sequence[Sample], bad: Sequence[Sample]) -> Sequence[Sample]:
-        """What is still to be taken, no more than is left of the most."""
+        """The samples still to be taken, no more than the limit leaves."""
         self._latest = self._replanner.plan(samples, bad)
         self._left = max(self._most - (len(samples) - self._preceding_records), 0)
         self.samples = self._latest.samples[: self._left]
@@ -116,7 +116,7 @@ class Replanner:
         }
 
     def words(self) -> str:
-        """What has become of the tolerance."""
+        """State of the tolerance, in words."""
         asked = f"{1e3 * self._tolerance_m:.3g} mm at the task"
         if self.is_reached:
             return f"{asked} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"

@@ -1,4 +1,4 @@
-"""What a command shows: text that cannot steer a terminal, one JSON object for programs, progress for people."""
+"""Output of a command: text that cannot steer a terminal, one JSON object for programs, progress for people."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ _SOONEST_S = 1.0  # before it, and less than it, nothing is said of the time
 
 
 class TimeLeft:
-    """What is done now and for how long still, as a line to show.
+    """The current stage and the time left, as a line to show.
 
     Attributes:
         message: What all of it is called.

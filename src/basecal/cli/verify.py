@@ -91,7 +91,7 @@ def _next_command(place: str, has_moved: bool | None) -> str:
 
 
 def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
-    """What is new, its targets found where it has pictures."""
+    """The new samples, with targets found if they have pictures."""
     from basecal.cell.files import read_samples
 
     is_cell = samples.is_dir()
@@ -106,7 +106,7 @@ def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
 
 
 def _verify(folder: Path, cell: Cell, run: Path, new: Recording) -> Verification:
-    """What new samples say of a run, appended to the cell's verifications."""
+    """Verification of a run by new samples, appended to the cell's verifications."""
     from datetime import UTC, datetime
 
     from basecal.accuracy.drift.history import record_verification

@@ -1,1 +1,1 @@
-"""What may differ from what is stated: a file and a registry line for each effect, see `effect`."""
+"""Deviations from what is stated: a file and a registry line for each effect, see `effect`."""

@@ -42,7 +42,7 @@ _SIMULATED_NM = 50.0  # a shoulder of an arm of a metre carries about that
 
 
 class Stated(Parameters):
-    """What is known of the compliances: the sigma of each [rad/Nm], and where down is in the robot's base."""
+    """Prior knowledge of the compliances: the sigma of each [rad/Nm], and the direction of gravity in the base."""
 
     sigma_rad_per_nm: Sigma | None = None
     down: Vector | None = None

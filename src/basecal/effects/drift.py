@@ -28,7 +28,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def words(effect: FoundEffect) -> Words:
-    """What drifts, and by how much."""
+    """Words of the drifting frame, and its rate."""
     way = format_tangent(effect.size, effect.covariance)
     what = f"{effect.about} drifts{way} from the first sample to the last."
     do = "Let robots and camera warm up.", "Look for a mount that creeps.", AGAIN

@@ -26,7 +26,7 @@ def words(effect: FoundEffect) -> Words:
 
 
 def disagreement(name: str, size: Array, covariance: Array) -> tuple[str, tuple[str, ...]]:
-    """What a fixed transform is off by, and what to do.
+    """Words of the error of a fixed transform, and the remedy.
 
     Args:
         name: Of the transform.

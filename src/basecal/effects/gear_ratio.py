@@ -33,7 +33,7 @@ _PERCENT = 1e-2
 
 
 class Stated(Parameters):
-    """What is known of the ratios: the sigma of each, as a share."""
+    """Prior knowledge of the ratios: the sigma of each, as a share."""
 
     sigma: Sigma | None = None
 

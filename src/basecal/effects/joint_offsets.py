@@ -46,7 +46,7 @@ _KEYS = (
 
 
 class Stated(Parameters):
-    """What is known of the offsets: the sigma of each [rad]."""
+    """Prior knowledge of the offsets: the sigma of each [rad]."""
 
     sigma_rad: Sigma | None = None
 

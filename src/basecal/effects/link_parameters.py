@@ -26,7 +26,7 @@ _TURN_PER_METRE = 1.0  # [rad/m] of a simulated link
 
 
 class Stated(Parameters):
-    """What is known of the links: the sigmas of each turn [rad] and shift [m]."""
+    """Prior knowledge of the links: the sigmas of each rotation [rad] and translation [m]."""
 
     sigma_rad: Sigma | None = None
     sigma_m: Sigma | None = None

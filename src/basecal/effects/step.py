@@ -48,7 +48,7 @@ def _splits(views: Views, name: str) -> IntArray:
 
 
 def words(effect: FoundEffect) -> Words:
-    """What moved, by how much and when."""
+    """Words of the moved frame, its shift and its time."""
     what = f"{effect.about} moved{format_tangent(effect.size, effect.covariance)} at about sample {effect.since}."
     do = "Check what was bumped, bent, loosened or exchanged there.", "Calibrate the parts of the recording separately."
     return Words("base-moved", what, do)

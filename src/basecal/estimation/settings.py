@@ -1,4 +1,4 @@
-"""What is asked of the solver."""
+"""Settings of the solver."""
 
 from __future__ import annotations
 

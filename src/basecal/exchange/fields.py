@@ -46,7 +46,7 @@ class Field:
     loc: Loc = ()
 
     def error(self, message: str) -> DatasetError:
-        """What is wrong here, to be raised."""
+        """The error at this place, to be raised."""
         return DatasetError(self.path, message, line_number(self.loc, self.lines), field_name(self.loc) or None)
 
     def first(self, *names: str) -> Field | None:

@@ -36,7 +36,7 @@ _STATE = "observation.state"
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """What was recorded of one episode.
+    """The recorded data of one episode.
 
     Attributes:
         names: Of the motors.

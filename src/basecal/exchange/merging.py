@@ -37,7 +37,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """What came of it.
+    """Result of a merge.
 
     Attributes:
         cell: Of all parts.
@@ -127,7 +127,7 @@ def _joined_text(parts: Sequence[Part]) -> str:
 
 
 def _entries(part: Part, first: Part) -> dict[tuple[str, str], tuple[Path, Any]]:
-    """What a cell says of each thing by section and name, and of its noise; a base that is free is none.
+    """Statements of a cell about each thing by section and name, and about its noise; a free base is none.
 
     Guesses are no statements.
 

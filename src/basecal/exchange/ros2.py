@@ -12,7 +12,7 @@ _FLAGS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 def publisher_arguments(parent_from_child: SE3, frame_id: str, child_frame_id: str) -> list[str]:
-    """What tf2_ros's `static_transform_publisher` is given to publish a transform.
+    """Arguments of tf2_ros's `static_transform_publisher` for a transform.
 
     Args:
         parent_from_child: The transform.

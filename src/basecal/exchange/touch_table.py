@@ -1,4 +1,4 @@
-"""What a table says was touched, and by whom; and rows that make samples of their own."""
+"""Tables of touches: what was touched by which tip; and rows that make samples of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `cell.yaml` may say of any kind of parameters of a robot."""
+"""Fields of `cell.yaml` for parameters of a robot of any kind."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.fields.values import Entry, Status
 
 
 class Parameters(Entry):
-    """What is known beforehand of parameters of a robot, whose prior is about zero; a kind of them adds its sigmas."""
+    """Prior knowledge of parameters of a robot, with a prior about zero; a kind of them adds its sigmas."""
 
     status: Status = "fixed"
 

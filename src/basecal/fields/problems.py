@@ -19,7 +19,7 @@ _HUGE_BITS = 64  # of a whole number that is not written out
 
 
 class Problem(NamedTuple):
-    """What is wrong at a place of a file; `loc` are the keys and indices that lead there."""
+    """A problem at a place of a file; `loc` are the keys and indices that lead there."""
 
     loc: Loc
     message: str

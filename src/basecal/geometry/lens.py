@@ -1,4 +1,4 @@
-"""What every lens model does: the map between points and their image on the plane at unit distance."""
+"""The interface of lens models: the map between points and their image on the plane at unit distance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What gravity does to the joints of an arm. Source: docs/mathematics.md (9.2)."""
+"""Deflection of an arm's joints by gravity. Source: docs/mathematics.md (9.2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hangs on the joints of an arm."""
+"""Masses that hang on the joints of an arm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.geometry import Array, read_only
 
 @dataclass(frozen=True, eq=False)
 class Masses:
-    """What hangs rigidly on each joint of a chain, n of them; the last has what the flange carries too.
+    """Masses that hang rigidly on each joint of a chain, n of them; the last has what the flange carries too.
 
     Attributes:
         kg: (n,).

@@ -146,7 +146,7 @@ def _gravity_direction(model: Any, base: str) -> Array:
 
 
 def _masses(model: Any, carriers: dict[int, tuple[int, SE3]], count: int, gravity: Array) -> Masses | None:
-    """What hangs on each joint, other joints at rest; None if a body that an arm carries has no mass written."""
+    """Masses on each joint, other joints at rest; None if a body that an arm carries has no mass written."""
     kg, moments, of_body = np.zeros(count), np.zeros((count, 3)), dict(carriers)
     for body in range(1, model.nbody):
         if body not in of_body:

@@ -133,7 +133,7 @@ class _Flight(Generic[S, L]):
 
 @dataclass(eq=False)
 class _Ends(Generic[S, L]):
-    """What has ended so far, in the order in which it did: a builder, no noun."""
+    """The results of ended descents, in the order in which they ended: a builder, no noun."""
 
     row: list[IntArray] = field(default_factory=list)
     state: list[S] = field(default_factory=list)
@@ -243,7 +243,7 @@ def _is_gauss_newton(flight: _Flight[S, L], stop: Stop) -> BoolArray:
 
 
 def _scale(flight: _Flight[S, L]) -> Array:
-    """What the data's sigmas squared are multiplied by, by the residuals, (b,)."""
+    """Factors of the data's squared sigmas, by the residuals, (b,)."""
     return np.where(np.isfinite(flight.cost), flight.cost / flight.dof, 1.0)
 
 
@@ -307,7 +307,7 @@ def _is_near(flight: _Flight[S, L], expected_decrease: Array) -> BoolArray:
 
 
 def _bend(flight: _Flight[S, L], linearisation: L, step: Array, is_near: BoolArray) -> Array | None:
-    """What the residuals add to the hessian, by what a step shows where it was taken and `is_near` an optimum."""
+    """Second-order curvature of the residuals, by a step from where it was taken; `is_near` an optimum."""
     if isinstance(linearisation.hessian, SparseHessian):
         return None
     assert flight.bend is not None

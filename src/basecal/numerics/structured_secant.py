@@ -1,4 +1,4 @@
-"""What residuals bend: the part of a cost's curvature that J'J leaves out, as steps show it.
+"""Second-order curvature of residuals: the part of the cost's curvature that J'J omits, estimated from steps.
 
 Where residuals are large and the model is curved, steps of Gauss-Newton overshoot or fall short by the same share
 each time. The change of the gradient over a step gives this share; a symmetric matrix of rank one then fixes that

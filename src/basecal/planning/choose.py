@@ -36,7 +36,7 @@ def greedy(roots: Array, covariance: Array, weight: Array) -> Iterator[tuple[int
 
 
 def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) -> tuple[list[int], Array]:
-    """What is chosen after each was given up for the best of all that are not, and the covariance then.
+    """The choice after each sample was exchanged for the best of all others, and its covariance.
 
     Args:
         roots: (n, p, q).

@@ -1,4 +1,4 @@
-"""What a pattern is: its module in this folder ends in a `PATTERN` of this class."""
+"""The class of a pattern: its module in this folder ends in a `PATTERN` of this class."""
 
 from __future__ import annotations
 

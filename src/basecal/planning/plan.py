@@ -44,7 +44,7 @@ Offer = tuple[Sketch, Sequence[Sample]]
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What to record.
+    """The samples to record.
 
     Attributes:
         samples: Where the robots shall be, in an order that makes their way short; touches say of what.
@@ -212,7 +212,7 @@ def least_variance_m2(
 def outlook(
     cell: Cell, recording: Recording, calibration: Calibration, points_m: Array
 ) -> tuple[tuple[int, float], ...]:
-    """What planned samples beside those recorded bring: how many, and the error that 95 of 100 stay below then [m].
+    """Gain of planned samples beside those recorded: their number, and the error that 95 of 100 stay below then [m].
 
     Args:
         cell: The cell.

@@ -65,7 +65,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class PlanCheck:
-    """What is known of a plan: every way, and every reason not to go."""
+    """The check of a plan: every path, and every reason not to go."""
 
     ways: tuple[Way, ...]
     refusals: tuple[Refusal, ...]

@@ -1,4 +1,4 @@
-"""What samples would say of a cell before they are taken: the views predicted, with the noise that is known."""
+"""Predicted information of samples before they are taken, with the noise that is known."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Prospects:
         return np.stack([spectrum(each, VIEW_ROUNDING).root for each in told])
 
     def solution(self, choice: Sequence[int]) -> Solution:
-        """What the recorded samples and the chosen candidates would be solved to."""
+        """Predicted solution of the recorded samples and the chosen candidates."""
         numbers = [*self.recorded, *(self.samples[k].sample for k in choice)]
         problem = _select_samples(self.problem, numbers)
         seen = analyse_observability(problem, self.state, linearise(problem, self.state).hessian, 1.0)
@@ -84,7 +84,7 @@ def prospects(
     calibration: Calibration | None,
     views: Sequence[tuple[Sketch, Sequence[Sample]]],
 ) -> Prospects:
-    """What candidates would add to a recording.
+    """Information that candidates would add to a recording.
 
     Args:
         cell: The cell.
@@ -130,7 +130,7 @@ def _select_samples(problem: Problem, numbers: Sequence[int]) -> Problem:
 
 
 def _predict_observation(sketch: Sketch, sample: Sample) -> Observation:
-    """What the camera would see: all points of the target, or its pose where it has no lens; or what a tip touches."""
+    """Predicted observation of a camera or tip: all points of the target, or its pose without a lens; or a touch."""
     camera, target = sketch.view
     if sketch.camera.touches:
         return TouchObservation(camera, target)

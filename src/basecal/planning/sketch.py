@@ -90,7 +90,7 @@ class Sketch:
         return mount if on == WORLD else self.world_from_base(on) @ self.base_from_flange(on, states[on]) @ mount
 
     def camera_from_target(self, sample: Sample) -> SE3:
-        """What the camera would see."""
+        """Predicted pose of the target in the camera."""
         camera, target = self.view
         return self.body_pose(camera, sample.robots).inverse() @ self.body_pose(target, sample.robots)
 

@@ -1,4 +1,4 @@
-"""What a verification and a comparison say, in words and as JSON."""
+"""Text and JSON of a verification and a comparison."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ Rows = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Overview:
-    """What stands first on the page.
+    """The first part of the page.
 
     Attributes:
         answer: What came out: a name and a few words each.

@@ -135,13 +135,13 @@ def page(
 
 
 def _verification_lines(verifications: Sequence[PastVerification]) -> dict[str, Any]:
-    """What verifications have found."""
+    """Lines of verifications."""
     lines = history_text(verifications, drifts(verifications)).splitlines()
     return {"history": history_figure(verifications), "drift": lines[-_MOST_VERIFICATIONS:]}
 
 
 def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, Any]:
-    """What came out, for the template."""
+    """The answer, for the template."""
     pasted = pasteable(calibration, cell, run)
     asked = [name for name in cell.requested_transforms if name in calibration.transforms]
     others = [name for name in calibration.transforms if name not in asked]

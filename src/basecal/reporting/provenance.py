@@ -1,4 +1,4 @@
-"""What an answer was made from, with what and how."""
+"""Provenance of an answer: data, program and settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found of the robots' own kinematics, in plain text."""
+"""Estimates of the robots' own kinematics, in plain text."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def lens_parameters(camera: Camera, covariance: Array) -> list[LensParameter]:
 
 
 def clock_sentences(calibration: Calibration) -> Iterator[str]:
-    """What is to be added to the stamps of devices, a line each."""
+    """Offsets to add to the stamps of devices, a line each."""
     for name, clock in calibration.clocks.items():
         sigma = f", sigma {1e3 * clock.sigma_s:.3f} ms" if clock.sigma_s else ""
         yield f"clock of {name}: {1e3 * clock.offset_s:+.3f} ms to be added to its stamps{sigma}"
@@ -183,7 +183,7 @@ def rival_lines(validation: Validation) -> Iterator[str]:
 
 
 def outlier_sentences(calibration: Calibration) -> Iterator[str]:
-    """What was left out, a line each."""
+    """Excluded items, a line each."""
     for outlier in calibration.outliers or ():
         part = f"points {', '.join(map(str, outlier.ids[:_SHOWN_IDS]))}" if outlier.ids else "the whole view"
         more = ", ..." if len(outlier.ids) > _SHOWN_IDS else ""

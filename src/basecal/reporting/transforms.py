@@ -98,7 +98,7 @@ def _row(row: TransformRow, is_fixed: bool) -> Row:
 
 
 def _copies(name: str, cell: Cell, calibration: Calibration, clipboard: Pasted) -> Iterator[ToCopy]:
-    """What other programs take of a transform: of the same the other way round, too, where it is pasted."""
+    """Notations of a transform that other programs read, and of its inverse where that is pasted."""
     estimate = calibration[name]
     parent, _, child = name.partition("_from_")
     covariance = ",\n ".join(json.dumps([float(f"{value:.6g}") for value in row]) for row in estimate.covariance)

@@ -1,4 +1,4 @@
-"""What the cameras report of a motion, with noise."""
+"""Observations of the cameras in a motion, with noise."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _points(
 
 
 def observe(motion: Motion, scene: Scene, scenario: Scenario, rng: Generator) -> list[tuple[Observation, ...]]:
-    """What is seen in each sample of a motion."""
+    """Observations in each sample of a motion."""
     by_view: list[list[Observation]] = []
     for view in scene.layout.groups[motion.group]:
         if scenario.target == "pose":

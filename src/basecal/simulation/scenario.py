@@ -1,4 +1,4 @@
-"""What to simulate, and what comes out."""
+"""Scenarios to simulate, and the simulated cells."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Scene:
         return self.bases[carrier] @ base_from_flange[carrier] @ self.mounts[name]
 
     def camera_from_target(self, view: View, base_from_flange: dict[str, SE3]) -> SE3:
-        """What a camera sees, (...), while the robots are at `base_from_flange`, (...)."""
+        """Pose of the target in a camera, (...), while the robots are at `base_from_flange`, (...)."""
         camera, target = view
         seen = self.body_pose(camera, base_from_flange).inverse() @ self.body_pose(target, base_from_flange)
         return seen

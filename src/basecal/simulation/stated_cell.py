@@ -1,4 +1,4 @@
-"""What a simulated cell states: statuses, and priors drawn about the truth."""
+"""Statements of a simulated cell: statuses, and priors drawn about the truth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from basecal.simulation.scene import Scene
 
 
 def _unknown(status: Status, truth: SE3, sigma: tuple[float, float], rng: Generator, point: bool = False) -> Unknown:
-    """What is known of a transform; the truth is `mean @ SE3.exp(xi)` with xi of `sigma`.
+    """The stated transform; the truth is `mean @ SE3.exp(xi)` with xi of `sigma`.
 
     The mount of a mere point has no rotation, in its prior as in truth.
     """

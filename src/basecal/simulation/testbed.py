@@ -47,7 +47,7 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedCell:
     joints = {robot: np.concatenate([motion.joints[robot] for motion in motions]) for robot in motions[0].joints}
 
     def states(motion: Motion, k: int) -> dict[str, RobotState]:
-        """What is recorded of the robots in a sample."""
+        """The recorded states of the robots in a sample."""
         robots = scene.layout.robots if scene.layout.records_all else tuple(motion.recorded)
         return {r: RobotState(joints_rad=joints[r][k]) if r in joints else RobotState(poses[r][k]) for r in robots}
 

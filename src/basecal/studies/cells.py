@@ -34,7 +34,7 @@ Settings = Mapping[str, Any]
 
 
 def statuses(settings: Settings) -> dict[str, str]:
-    """What the cells of these settings state of each transform, by name."""
+    """Status of each transform in the cells of these settings, by name."""
     if settings["layout"] in OF_SHIFTS:
         fixed = dict.fromkeys(("eye_flange_from_camera", "hand_flange_from_light"), "fixed")
         return {"eye_base_from_hand_base": "free", **fixed}

@@ -22,7 +22,7 @@ from basecal.studies.study import Chunk, Piece, Study
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """What came of trials, (n,) each; NaN if there is no answer, or no covariance.
+    """Results of trials, (n,) each; NaN if there is no answer, or no covariance.
 
     Attributes:
         point: Which point of the study.
@@ -64,7 +64,7 @@ class ChunkResult:
 
 
 def work_chunk(study: Study, chunk: Chunk) -> ChunkResult:
-    """What comes of a chunk, whoever works on it, whenever."""
+    """Result of a chunk, the same for any worker at any time."""
     parts, reasons, cells = [], dict[str, None](), dict[int, DrawnCell]()
     for piece in chunk.pieces:
         begin = time.perf_counter()
@@ -121,7 +121,7 @@ def chunk_path(folder: Path, chunk: Chunk) -> Path:
 
 
 def pack_result(study: Study, result: ChunkResult) -> bytes:
-    """What a chunk's file holds."""
+    """Content of a chunk's file."""
     stream = io.BytesIO()
     about = json.dumps({"study": study.identity, "reasons": result.reasons})
     columns = vars(result.trials) | {"solved": result.trials.solved.astype(np.uint8)}
@@ -139,7 +139,7 @@ def keep_chunk(folder: Path, chunk: Chunk, content: bytes) -> None:
 
 
 def read_chunk(folder: Path, study: Study, chunk: Chunk) -> ChunkResult | None:
-    """What a chunk's file keeps; None if there is none, or it is damaged or of another study."""
+    """Content of a chunk's file; None if there is none, or it is damaged or of another study."""
     try:
         _, arrays = read_arrays(str(chunk_path(folder, chunk)))
         about = json.loads(arrays.pop("about").astype(np.uint8).tobytes())

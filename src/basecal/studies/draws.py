@@ -43,12 +43,12 @@ class Draws:
         return self.made.truth[self.transform]
 
     def measurement(self, group: int = 0) -> PixelMeasurement:
-        """What the views of a group saw, in all trials."""
+        """The measurement of a group's views, in all trials."""
         return group_pixels(self.problem.groups[group])
 
 
 def group_pixels(group: ViewGroup) -> PixelMeasurement:
-    """What a group saw, which in a study is pixels."""
+    """The measurement of a group, which in a study is of pixels."""
     if not isinstance(group.measurement, PixelMeasurement):
         raise InputError(f"{group.camera} sees {group.target} not as pixels")
     return group.measurement
@@ -135,7 +135,7 @@ def _redrawn(
 
 
 def _exact_pixels(simulation: SimulatedCell, group: ViewGroup, errors: Mapping[str, SE3], settings: Settings) -> Array:
-    """What the camera sees without noise, (n, p, 2), or (count, n, p, 2) where the robots have errors [px]."""
+    """Pixels of the camera without noise, (n, p, 2), or (count, n, p, 2) if the robots have errors [px]."""
     world_from_camera, world_from_target = (_place_flange(simulation, end, errors) for end in group.ends)
     camera_from_target = world_from_camera.inverse() @ world_from_target
     true_points = settings["board_scale"] * group_pixels(group).points_in_target

@@ -60,7 +60,7 @@ def _claim(study: Study, folder: Path) -> None:
 
 
 def run_chunk(text: str, index: int) -> bytes:
-    """What comes of a chunk of the study that a text describes, as its file keeps it."""
+    """Result of a chunk of the study that a text describes, as its file keeps it."""
     study = _study(text)
     return pack_result(study, work_chunk(study, study.chunks[index]))
 

@@ -59,7 +59,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Chunk:
-    """What one process does at a time, and one file keeps.
+    """The unit of work of one process, kept in one file.
 
     Attributes:
         index: Which of the study's chunks.
@@ -79,7 +79,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Study:
-    """What is varied, what is held, and how often it is tried.
+    """The varied and the fixed settings of a study, and its number of trials.
 
     Attributes:
         title: Its name.

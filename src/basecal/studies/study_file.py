@@ -50,7 +50,7 @@ _Board = Annotated[AnyTargetEntry, BeforeValidator(_without_carrier)]
 
 
 class SettingsEntry(Entry):
-    """What is simulated and how it is solved; each field may be an axis."""
+    """Settings of simulation and solver; each field may be an axis."""
 
     solver: _Solver = "maximum_likelihood"
     own_starts: bool = False
@@ -198,7 +198,7 @@ def _unfit_boards(study: Study) -> list[Problem]:
 
 
 def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
-    """What does not go together at some point of the study, each once, at the field to change."""
+    """Settings that contradict one another at some point of the study, each once, at the field to change."""
     found: dict[str, Loc] = {}
     for point in study.points:
         for name, said in unfit(point, study.transform):
@@ -208,7 +208,7 @@ def _unfit(study: Study, data: dict[str, Any]) -> list[tuple[Loc, str]]:
 
 
 def unfit(point: Point, transform: str | None) -> list[tuple[str, str]]:
-    """What does not go together at a point: the name of the field to change (none for `transform`), and words."""
+    """Settings that contradict one another at a point: the field to change (none for `transform`), and words."""
     s, found = point.settings, []
     if refusal := SOLVERS[s["solver"]].unfit(s):
         found.append(("solver", refusal))

@@ -1,4 +1,4 @@
-"""What a study says of each point, as the plain data of `summary.json`."""
+"""Summary of a study at each point, as the plain data of `summary.json`."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _ROWS = 100_000  # held at a time: some tens of megabytes
 
 
 def results(study: Study, folder: Path) -> Iterator[tuple[Chunk, ChunkResult]]:
-    """What came of each chunk, in the study's order.
+    """Results of each chunk, in the study's order.
 
     Raises:
         InputError: if one is missing.

@@ -31,7 +31,7 @@ def key(target: Target, size_px: tuple[int, int] | None, image: bytes, backgroun
 
 
 def read(folder: Path, name: str) -> tuple[Detection | None] | None:
-    """What was detected, in a tuple since that may be nothing; None if it is not known."""
+    """The stored detection, in a tuple since that may be nothing; None if it is not known."""
     try:
         data = json.loads(read_bounded(own_file(folder, str(_FOLDER / f"{name}.json")), _LARGEST_BYTES))
         if data["pixels"] is None:

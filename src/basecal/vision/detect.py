@@ -94,14 +94,14 @@ class _Look:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What an image of a sample shows."""
+    """Content of an image of a sample."""
 
     searched: Searched
     found: tuple[Observation, ...] = ()
 
 
 def _camera(look: _Look, sample: Sample, camera: str) -> _View | None:
-    """What one image of a sample shows; None if there is nothing to look for."""
+    """Content of one image of a sample; None if there is nothing to look for."""
     known = {each.target for each in sample.observations if each.camera == camera}
     open_targets = {name: target for name, target in look.targets.items() if name not in known}
     # Without a lens, pixels say nothing.

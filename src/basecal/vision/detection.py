@@ -1,4 +1,4 @@
-"""What a detector gives, and the images it takes."""
+"""The result of a detector, and the images it takes."""
 
 from __future__ import annotations
 

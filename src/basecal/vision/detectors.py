@@ -61,7 +61,7 @@ def find(image: Image, target: Target, background: Image | None = None) -> Detec
 
 
 def describe_other_targets(images: Iterable[Image], target: Target) -> str | None:
-    """What is in the images instead of a target, as the end of a sentence; None if nothing is known.
+    """Content of the images instead of a target, as the end of a sentence; None if nothing is known.
 
     Args:
         images: A few in which the target is not found, (h, w) each.

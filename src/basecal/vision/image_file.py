@@ -28,7 +28,7 @@ _TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of pictures that are s
 
 
 def read_bytes(path: Path) -> bytes | str:
-    """What a file holds, or why it cannot be read: pipes and devices are not, nor files that have no end."""
+    """Content of a file, or why it cannot be read: pipes and devices are not, nor files that have no end."""
     try:
         descriptor = os.open(path, os.O_RDONLY | _OPEN_FLAGS)
     except FileNotFoundError:
@@ -119,7 +119,7 @@ def _refusal_reason(data: bytes, size_px: tuple[int, int] | None) -> str | None:
 
 
 def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:
-    """What seems to be wrong with a size that differs."""
+    """Likely cause of a size that differs."""
     if size == (size_px[1], size_px[0]):
         return ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"
     if size[0] * size_px[1] == size[1] * size_px[0]:

@@ -1,4 +1,4 @@
-"""What the first bytes of an image file say: its format, size and how it is meant to be turned, before any pixel."""
+"""Headers of image files: format, size and orientation, before any pixel is decoded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NETPBM = re.compile(rb"P[2356]\s(?:\s*#[^\n]*\n)*\s*(\d{1,9})\s(?:\s*#[^\n]*\n)
 
 
 class Header(NamedTuple):
-    """What is said before the pixels.
+    """The header of an image file.
 
     Attributes:
         size_px: Width and height.

@@ -132,7 +132,7 @@ def _sample_phrase(selection: Sequence[Searched], images: Sequence[Searched]) ->
 
 
 def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Path) -> list[str]:
-    """What is in some of the images in which a target is not found, of each target for which that can be determined."""
+    """Content of images in which a target is not found, of each target for which that can be determined."""
     hints = []
     for name, target in targets.items():
         missed = [image for image in empty if name in image.missed]

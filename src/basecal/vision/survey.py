@@ -1,4 +1,4 @@
-"""What is in images in which a target is not found: other tags, other dictionaries, boards of another size."""
+"""Content of images in which a target is not found: other tags, other dictionaries, boards of another size."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class Alias:
 
 @dataclass(frozen=True, eq=False)
 class ArrayCalibration:
-    """What came out of arrays.
+    """The answer to a calibration of arrays.
 
     `found["cam2gripper"]` is a transform with its covariance (6, 6) [m, rad]; `found.R_cam2gripper` (3, 3) and
     `found.t_cam2gripper` (3, 1) [m] are its mean as OpenCV has it. `a2b` is `b_from_a`.
@@ -45,7 +45,7 @@ class ArrayCalibration:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What the user should know."""
+        """Findings, the most severe first."""
         return self.calibration.findings
 
     def __getitem__(self, name: str) -> PoseEstimate:
@@ -81,7 +81,7 @@ class ArrayCalibration:
         return f"<{self.verdict}: {told or 'no transform'}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """The table that a notebook shows."""
         return self.calibration._repr_html_()
 
 

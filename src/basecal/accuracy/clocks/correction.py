@@ -59,7 +59,7 @@ def _estimated_offsets(search: Clocked, step: ClockStep) -> dict[str, tuple[floa
 
 
 def clock_findings(search: Clocked, step: ClockStep) -> list[Finding]:
-    """What is to be said of the clocks and line times that were estimated."""
+    """Findings about the estimated clocks and line times."""
     findings = []
     cameras = {line_time_name(camera): camera for camera in search.streams.cell.cameras}
     for k, name in enumerate(step.clocks):

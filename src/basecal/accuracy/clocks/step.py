@@ -1,4 +1,4 @@
-"""What a solution says of clocks: the step of their offsets, its covariance, and how the answer goes with them.
+"""The step of clock offsets in a solution, its covariance, and the derivative of the answer to it.
 
 A camera whose stamps lag sees the flanges where they were a moment later: its views move with all flanges' velocities.
 The line time of a rolling shutter moves each pixel by so many times as much as its row says. All that the other

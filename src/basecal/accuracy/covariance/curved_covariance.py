@@ -1,4 +1,4 @@
-"""What the curvature of a cell's equations adds to the covariance of its transforms.
+"""The covariance that the curvature of a cell's equations adds to its transforms.
 
 A first joint that is known to degrees moves a base along an arc, which leaves its tangent by more than the sigmas
 across it. At z_i sigmas along the least known directions the best state is off their tangents by the sum of

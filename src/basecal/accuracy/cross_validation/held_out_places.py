@@ -1,4 +1,4 @@
-"""What remains at places of touches that were held out: how far the answer of the other places is off there."""
+"""Errors at held-out places of touches, predicted from the other places."""
 
 from __future__ import annotations
 

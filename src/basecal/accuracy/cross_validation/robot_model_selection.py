@@ -145,7 +145,7 @@ def _candidate_models(problem: Problem, chains: Mapping[str, SerialChain], candi
 
 @dataclass(frozen=True, eq=False)
 class _Trials:
-    """What every model is tried on: the problem without models, its chains, its optimum, and the folds."""
+    """The common data of all trials: the problem without models, its chains, its optimum, and the folds."""
 
     problem: Problem
     chains: Mapping[str, SerialChain]

@@ -197,7 +197,7 @@ def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, 
 
 
 def _expected_cost(fold: _Fold, factor: float) -> float:
-    """What held-out views are expected to cost by what the fold leaves uncertain; 0 where unknowns are many."""
+    """Expected cost of held-out views by the uncertainty that the fold leaves; 0 if unknowns are many."""
     views, known = fold.fit.views, fold.fit.known
     if fold.fit.sparse is not None:
         return 0.0

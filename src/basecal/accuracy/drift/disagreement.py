@@ -70,7 +70,7 @@ def _total(innovations: Innovations) -> float:
 
 
 def _cost(shift: Shift, chi_square: float) -> float:
-    """What a cause leaves, and the mean of what its freedoms take away by chance."""
+    """The remaining cost under a cause, and the mean cost that its freedoms remove by chance."""
     return chi_square + shift.freedoms
 
 

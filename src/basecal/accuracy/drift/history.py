@@ -46,7 +46,7 @@ class Drift:
 
 
 def record_verification(verification: Verification, time: datetime, run_name: str) -> PastVerification:
-    """What is kept of a verification of a run."""
+    """Record a verification of a run."""
     shifts = {
         each.transform: MeasuredShift(each.size[:3], np.sqrt(np.maximum(np.diag(each.covariance)[:3], 0.0)))
         for each in verification.asked

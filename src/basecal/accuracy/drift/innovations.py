@@ -64,7 +64,7 @@ class Innovations:
         return np.asarray(np.linalg.inv(np.eye(len(self.off)) + self.predicted), dtype=np.float64)
 
     def whiten(self, tangents: Array) -> Array:
-        """What tangents of the views, (n, 6, k), do to `off`, (6 n, k)."""
+        """Whiten tangents of the views, (n, 6, k), as `off`, (6 n, k)."""
         return np.asarray((self.root.mT @ tangents).reshape(len(self.off), tangents.shape[-1]))
 
     @property
@@ -178,7 +178,7 @@ def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Si
 
 
 def _robot_covariance(innovations: Innovations, calibration: Calibration) -> Array:
-    """What the errors of the robots' poses leave open."""
+    """Covariance of the views by the errors of the robots' poses."""
     out = np.zeros(innovations.predicted.shape)
     for robot in innovations.robots:
         known = calibration.noise.get("robots", {}).get(robot, {})

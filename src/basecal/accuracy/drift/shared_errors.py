@@ -53,7 +53,7 @@ def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
 
 
 def _camera_covariance(innovations: Innovations, place_jacobian: Array, residual: Array) -> Array:
-    """What a camera's views get wrong together, as a covariance of all views, (6 n, 6 n).
+    """Covariance of all views of a camera by their shared errors, (6 n, 6 n).
 
     Args:
         innovations: The views.

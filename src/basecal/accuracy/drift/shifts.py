@@ -32,7 +32,7 @@ _LARGEST_M = 10.0  # a shift that no cell has [m]: what is not seen then is not 
 
 @dataclass(frozen=True, eq=False)
 class Shift:
-    """What new views say of one thing that may have moved.
+    """The shift of one frame, estimated from new views.
 
     Attributes:
         frame: What moved: a base, a camera, a target, or the flange of a robot whose joint's zero did.

@@ -26,7 +26,7 @@ _UNCHANGED_CHANCE = 0.05  # chance of the others, above which they are as calibr
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """What new samples say of a calibration.
+    """The result of new samples against a calibration.
 
     Attributes:
         moved: Whether something did; None if undecided, as the samples or the calibration have too little information.

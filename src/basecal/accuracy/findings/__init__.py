@@ -1,1 +1,1 @@
-"""What a user should know of an answer: one file for each kind, registered in `registry`."""
+"""Findings about an answer: one file for each kind, registered in `registry`."""

@@ -1,4 +1,4 @@
-"""What findings are made of: the input as it was read, and the answer with all that was computed about it."""
+"""The evidence of findings: the input as it was read, and the answer with all that was computed about it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from basecal.estimation.solve import Solution
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """What was read, before anything is solved.
+    """The input as it was read, before anything is solved.
 
     Attributes:
         problem: Of cell and recording.

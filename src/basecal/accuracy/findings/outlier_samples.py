@@ -44,7 +44,7 @@ def outlier_samples(evidence: Evidence) -> list[Finding]:
 
 
 def _moved_sentence(outliers: Sequence[LeftOut], inliers: Problem) -> str:
-    """What it means that the views of one thing from one sample on, or up to one, are outliers; else nothing."""
+    """Likely cause of outliers that are all views of one thing from one sample on, or up to one; else nothing."""
     views = {(o.camera, o.target) for o in outliers}
     groups = [group for group in inliers.groups if (group.camera, group.target) in views]
     frames = [name for name in dict.fromkeys(name for g in groups for name in g.frames) if _is_of_all(name, groups)]

@@ -34,7 +34,7 @@ def _is_other_effect(effect: FoundEffect | None, candidate: Candidate) -> bool:
 
 
 def robot_model_findings(choice: RobotModelChoice) -> list[Finding]:
-    """What to free, by how much it helps, and what to write; nothing if the robots are as stated."""
+    """Findings that name parameters to free, their gain, and the line to write; none if the robots are as stated."""
     none, chosen = choice.candidates[0], choice.chosen
     if chosen.kind == "none" and choice.better is None:
         return []

@@ -26,7 +26,7 @@ _NOISE_RANGE = (0.5, 2.0)
 
 @dataclass(frozen=True)
 class _Rounding:
-    """What is rounded, to what step [m or rad] and in words, and the noise in use of the same kind, 1 sigma."""
+    """A rounded quantity: its step [m or rad] and words, and the noise in use of the same kind, 1 sigma."""
 
     what: str
     step: float

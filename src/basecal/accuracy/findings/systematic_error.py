@@ -14,7 +14,7 @@ _CHANCE_SENTENCE = "It is perhaps chance; the covariance covers it."
 
 
 def systematic_error(evidence: Evidence) -> list[Finding]:
-    """What explains the residuals far better than noise, a warning; an info if chance may do that, too.
+    """A warning of an error that explains the residuals far better than noise; an info if chance may do so, too.
 
     Joints that are off are left to `robot_model` if that finds its robots off, too: it reports all joints.
     """

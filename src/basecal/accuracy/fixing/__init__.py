@@ -1,1 +1,1 @@
-"""What a diagnosis named, applied to the files of a cell."""
+"""Fixes that a diagnosis named, applied to the files of a cell."""

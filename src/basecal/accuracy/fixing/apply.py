@@ -50,7 +50,7 @@ def apply_cure(folder: Path, cell: Cell, cure: Cure) -> Path:
 
 
 def describe_change(recording: Recording, change: Change) -> Iterator[str]:
-    """What becomes of the files, a line each.
+    """Description of the changed files, a line each.
 
     Args:
         recording: As it is written.

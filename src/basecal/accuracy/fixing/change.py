@@ -1,4 +1,4 @@
-"""What a fix makes of a cell and its recording: other samples, and other lines of `cell.yaml`."""
+"""Changes that a fix makes to a cell and its recording: other samples, and other lines of `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from basecal.geometry import SE3
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What becomes of the files.
+    """The changed files.
 
     Attributes:
         samples: All of the recording; None if it stays.
@@ -34,7 +34,7 @@ class Change:
 
 
 def change_of_hypothesis(recording: Recording, reading: Reading, hypothesis: ConventionHypothesis) -> Change | None:
-    """What the files hold under a hypothesis; None if they cannot hold it.
+    """The changed files under a hypothesis; None if files cannot hold it.
 
     Args:
         recording: As it is written, without detections.
@@ -169,7 +169,7 @@ def _unknown_value(unknown: Unknown) -> dict[str, Any]:
 
 
 def free_lens(cell: Cell, camera: str) -> dict[Loc, Any]:
-    """What `cell.yaml` says of a camera whose lens is a guess."""
+    """The entry of `cell.yaml` for a camera whose lens is a guess."""
     lens = cell.cameras[camera].intrinsics
     exact = {"exact": False} if lens is not None and lens.exact else {}
     return {("cameras", camera, "intrinsics", key): value for key, value in {"status": "free", **exact}.items()}

@@ -27,7 +27,7 @@ _FITTED = 40  # samples: more than the 16 of `benchmarks.slips`, which holds the
 
 @dataclass(frozen=True, eq=False)
 class Cure:
-    """What fixes a finding.
+    """The fix of a finding.
 
     Attributes:
         finding: What was wrong.
@@ -87,7 +87,7 @@ def _misfit(baseline: Reading, hypothesis: ConventionHypothesis) -> float:
 
 
 def _claim(hypothesis: ConventionHypothesis) -> str:
-    """What a finding about a hypothesis begins with."""
+    """The first words of a finding about a hypothesis."""
     return sentence(hypothesis.words, hypothesis.about).removesuffix(".")
 
 
@@ -113,7 +113,7 @@ def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, f
 
 
 def _offered_line(finding: Finding) -> dict[str, Any]:
-    """What a finding says to write, by field; nothing if it offers no line."""
+    """The line that a finding offers, by field; empty if it offers none."""
     for text in (*finding.do, finding.why, finding.what):
         if (found := _OFFERED.search(text)) is not None:
             try:

@@ -248,7 +248,7 @@ def _try(
 
 
 def _reread(hypothesis: ConventionHypothesis, baseline: Reading) -> Reading:
-    """What a hypothesis makes of as many samples as determine it."""
+    """The samples under a hypothesis, as many as determine it."""
     return hypothesis.reread(baseline if hypothesis.by_order else baseline.thin(_REWRITTEN))
 
 

@@ -249,7 +249,7 @@ def _joint_count(cell: Cell, robot: str) -> int:
 
 
 def streams(robots: list[str]) -> list[str | None]:
-    """What may be paired wrongly against the rest: what was seen, and each robot where there are several."""
+    """Streams that may be paired wrongly with the rest: observations, and each robot if there are several."""
     return [None, *(robots if len(robots) > 1 else [])]
 
 

@@ -21,7 +21,7 @@ from basecal.numerics.spectral import spectrum
 
 
 def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | None:
-    """What the data say for a hypothesis that has the declared one as a special case.
+    """The evidence of the data for a hypothesis that has the declared one as a special case.
 
     For a size two likelihoods are compared: of the views' poses, and of how points in space scatter about these. Points
     in space have a size of their own, while pixels of a target of any size scatter equally. The search for the

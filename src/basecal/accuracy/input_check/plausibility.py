@@ -1,4 +1,4 @@
-"""What cannot be: hard facts about arms, cameras and targets, wide enough for any that people calibrate."""
+"""Limits of plausible arms, cameras and targets, wide enough for any that people calibrate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _MOST_BEHIND = 0.8  # share of the views behind the camera: a few may be outlier
 
 
 def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
-    """What cannot be in what was given: how far flanges are, joints, sizes and places of targets."""
+    """Implausible input: distances of flanges, joints, sizes and places of targets."""
     seen = [o for sample in recording.samples for o in sample.observations]
     as_points = {o.target for o in seen if isinstance(o, PixelObservation | PointObservation)}
     return (*_robot_faults(cell, recording), *_size_faults(cell, as_points), *_view_faults(recording))
@@ -137,7 +137,7 @@ def _limit_faults(quantity: str, value: float, limits: tuple[float, float]) -> l
 
 
 def impossible_answer(cell: Cell, fit: HypothesisFit) -> tuple[str, ...]:
-    """What cannot be in what came out: bases, mounts, and how far targets are from cameras."""
+    """Implausible answers: bases, mounts, and distances of targets from cameras."""
     transforms, found = fit.solution.state.transforms, []
     bases = {cell.base_name(robot): robot for robot in cell.robots if cell.base_name(robot) in transforms}
     for name, robot in bases.items():

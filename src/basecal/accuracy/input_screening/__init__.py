@@ -1,1 +1,1 @@
-"""What is reported a recording before anything is solved."""
+"""Checks of a recording before anything is solved."""

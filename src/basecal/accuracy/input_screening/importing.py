@@ -1,4 +1,4 @@
-"""What an importer read is brought into a cell, unless it is implausible."""
+"""Import of an importer's rows into a cell, unless they are implausible."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def import_into(cell: str | Path, imports: Imported, *, replace: bool = False, s
         raise InputError(f"{imports.source} was only listed: read it without list=True to import it")
 
     def implausible(cell: Cell, recording: Recording) -> tuple[str, ...]:
-        """What of the input is implausible, in a line; none if all is plausible."""
+        """The implausible input, in a line; None if all is plausible."""
         found = impossible_input(cell, recording)
         told = f"{imports.source}: {'; '.join(found)}: that cannot be"
         if found and imports.is_strict:

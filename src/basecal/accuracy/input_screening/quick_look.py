@@ -29,7 +29,7 @@ _FEWEST_SAMPLES = 5  # samples, below which conventions are not tested
 
 @dataclass(frozen=True, eq=False)
 class QuickLook:
-    """What a part of a recording says of how it was read.
+    """The quick check of one reading of a part of a recording.
 
     Attributes:
         views: How many samples with a view were looked at.
@@ -87,7 +87,7 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
 
 
 def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
-    """What samples by one clock say.
+    """The quick check of samples by one clock.
 
     Raises:
         BasecalError: if nothing can be solved.

@@ -1,4 +1,4 @@
-"""What changed between two parts of a recording that each close the loop alone: a tool frame, a base frame."""
+"""The frame that changed between two parts of a recording that each close the loop alone."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ _PITCH_M = 0.02  # [m/rad] of a screw motion, below which it reads as a plain ro
 
 
 def describe_null_space(direction: NullDirection) -> str:
-    """What is unobservable, such as "any translation of hand_base, coupled with hand_flange_from_board"."""
+    """Description of the null space, such as "any translation of hand_base, coupled with hand_flange_from_board"."""
     coupled = f", coupled with {' and '.join(direction.names[1:])}" if direction.names[1:] else ""
     return describe_direction(direction) + coupled
 
@@ -30,7 +30,7 @@ def _join_names(names: Sequence[str]) -> str:
 
 
 def describe_direction(direction: NullDirection) -> str:
-    """What of the unknown that moves most, such as "any translation of hand_base"."""
+    """Description of the unknown that moves most, such as "any translation of hand_base"."""
     main, twists = direction.names[0], direction.twists_in_parent
     match direction.kind:
         case "lens":

@@ -11,7 +11,7 @@ _LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more
 
 
 def described_outlier(outlier: LeftOut) -> Outlier:
-    """What a calibration says of something that was left out."""
+    """The entry of a calibration for an excluded item."""
     return Outlier(outlier.sample, outlier.camera, outlier.target, outlier.ids, outlier_reason(outlier))
 
 

@@ -1,4 +1,4 @@
-"""What would make outliers fit: rows of a robot that are exchanged, or in another unit."""
+"""Hypotheses under which outliers would fit: exchanged rows of a robot, or another unit."""
 
 from __future__ import annotations
 

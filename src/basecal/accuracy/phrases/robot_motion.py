@@ -21,7 +21,7 @@ _SHOWN_DEG = 0.005  # [deg] which two decimals would round to nothing
 def describe_cause(
     cell: Cell, problem: Problem, motions: Mapping[str, Motion], names: Sequence[str]
 ) -> tuple[tuple[str, ...], str]:
-    """What to record that unknowns become observable, and why they are not, by the motion of their robots.
+    """The samples that make unknowns observable, and why they are not, by the motion of their robots.
 
     Args:
         cell: What exists.
@@ -79,7 +79,7 @@ def describe_motion(motion: Motion) -> str:
 
 
 def advise_motion(cell: Cell, problem: Problem, motion: Motion) -> str:
-    """What to record with a robot, or to state of what it carries, that more becomes observable."""
+    """The samples of a robot, or a statement about its payload, that make more observable."""
     robot = motion.robot
     unknown = [n for n in mount_names(problem, robot) if problem.unknowns[n].status != "fixed"]
     known = _stated_alternative(unknown)

@@ -6,7 +6,7 @@ from basecal.cell import Cell
 
 
 def as_written(cell: Cell, name: str, factor: float) -> str:
-    """What the first length among a target's fields would be; nothing where it has none, such as points."""
+    """A clause with the first length among a target's fields times a factor; empty without one, such as points."""
     shape = cell.targets[name].target
     for field, value in ({} if shape is None else shape.options).items():
         if field.endswith("_m") and isinstance(value, float):

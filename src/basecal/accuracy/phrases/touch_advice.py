@@ -19,7 +19,7 @@ _OFF_M = 0.3  # [m] of the next mark from the axis: as far as marks that hold a 
 def touch_advice(
     cell: Cell, problem: Problem, state: State, direction: NullDirection
 ) -> tuple[tuple[str, ...], str] | None:
-    """What to touch next, and why; None if touches are not what leaves the direction open.
+    """The next place to touch, and why; None if touches do not leave the direction open.
 
     Args:
         cell: What exists.

@@ -29,7 +29,7 @@ M = TypeVar("M", bound=Measurement)
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What was recorded of one robot, sample by sample in the order of time.
+    """The recorded track of one robot, sample by sample in the order of time.
 
     Attributes:
         seen: (m,) whether a sample has a state of it.

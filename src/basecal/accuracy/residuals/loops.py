@@ -106,7 +106,7 @@ def _close_loop(steps: Sequence[_Relation]) -> Loop:
 
 
 def _relations(solution: Solution) -> list[_Relation]:
-    """What each pair between two different bases says of them by its own views, where it says all of it."""
+    """The relation of each pair between two different bases, if its own views determine it."""
     relations = []
     for group in solution.problem.groups:
         start, end = _bases(solution.problem, group)

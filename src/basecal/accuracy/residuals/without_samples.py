@@ -22,7 +22,7 @@ from basecal.geometry import PoseEstimate
 
 @dataclass(frozen=True, eq=False)
 class WithoutSamples:
-    """What comes out without some samples.
+    """The answer without some samples.
 
     Attributes:
         transforms: Those that are requested and seen in every direction, by name.

@@ -50,7 +50,7 @@ _AIM = "Take pictures that do not all aim at one spot: move the arm along the vi
 
 
 def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
-    """What a camera's own pictures lack."""
+    """Findings about deficits of one camera's pictures."""
     about = (name,)
     if len(one.views) < FEWEST_VIEWS:
         what = f"{len(one.views)} pictures of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
@@ -84,7 +84,7 @@ def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
 def join_findings(
     names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int], common: float
 ) -> Iterator[Finding]:
-    """What two cameras' pictures lack of a common scene.
+    """Findings about the overlap of two cameras' pictures.
 
     Args:
         names: Of the cameras.
@@ -175,7 +175,7 @@ def count_points(fit: SceneFit) -> Finding:
 
 
 def aim_covariance(fit: SceneFit, camera: int) -> Array:
-    """What an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
+    """Covariance that an arm's own error adds to a mount whose views all aim at one point, (6, 6) [m, rad].
 
     The point c that stays still before the camera is found by least squares. Scale is known from the rms of the
     baselines that are left.

@@ -72,7 +72,7 @@ def _free_name(cell: Cell) -> str:
 def _observe_scene(
     pictures: Pictures, row: int, lens: Camera, looks: Descriptors, target: CellTarget
 ) -> PixelObservation | None:
-    """What a picture shows of the scene; None if that is too little."""
+    """The observation of the scene in a picture; None if it shows too little."""
     assert target.target is not None
     features, points = pictures.features[row], target.target.points
     found = locate_camera(features, looks, points, lens)

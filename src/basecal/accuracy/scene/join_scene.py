@@ -122,7 +122,7 @@ def _place_in_world(fit: SceneFit, world_from_first: SE3 | None) -> SceneFit:
 
 
 def _base_findings(cell: Cell, solution: Solution, fit: SceneFit) -> Iterator[Finding]:
-    """What else says of each base that the scene has."""
+    """Findings of other evidence about each base that the scene has."""
     columns, covariance = scene_columns(fit.views, fit.state.lenses), scene_covariance(fit)
     for k, where in enumerate(columns.bases):
         if where is None:

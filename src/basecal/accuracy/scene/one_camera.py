@@ -30,7 +30,7 @@ _FOCAL_SCALES = (0.65, 1.0, 1.5)  # of a guessed lens, that are tried
 
 @dataclass(frozen=True, eq=False)
 class OneCamera:
-    """What the pictures of one camera say.
+    """The answer of one camera's pictures.
 
     Attributes:
         camera: Its index.

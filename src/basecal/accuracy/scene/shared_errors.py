@@ -20,7 +20,7 @@ _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviat
 
 
 class Response(NamedTuple):
-    """What pixels say of k errors that stops share.
+    """The response of pixels to k errors that stops share.
 
     Attributes:
         gradient: (k,).
@@ -56,7 +56,7 @@ def respond(fit: SceneFit, by_stop: Array) -> Response:
 
 
 def smooth_covariance(fit: SceneFit, robot: int) -> Array:
-    """What errors of a robot that are smooth by place leave uncertain, and move, of all columns but stops' errors.
+    """Covariance of all columns but stops' errors by a robot's errors that are smooth by place, and their shift.
 
     Their sigma is one of five, as likely as the data have it.
     """

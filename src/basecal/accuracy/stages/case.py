@@ -20,7 +20,7 @@ from basecal.estimation.solve import Solution
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What is known of a calibration so far; a stage uses what those before it have found.
+    """The knowledge of a calibration so far; a stage uses the results of those before it.
 
     Attributes:
         cell: What exists and what is known.

@@ -68,7 +68,7 @@ def _calibration(case: Case) -> Calibration:
 
 
 def _estimates(case: Case) -> dict[str, Any]:
-    """What was asked, as far as it is observable: transforms, lenses, parameters of robots."""
+    """The requested estimates, as far as they are observable: transforms, lenses, parameters of robots."""
     solution = case.answers[-1]
     found = solution.transforms if solution.converged else {}
     estimates = {n: e for n, e in found.items() if n not in solution.observability.unobservable}

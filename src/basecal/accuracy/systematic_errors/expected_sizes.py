@@ -41,7 +41,7 @@ class Expected(NamedTuple):
 
 
 class Gaussian(NamedTuple):
-    """What is known of some numbers: twice the log of the evidence for it, mean, (q,), and covariance, (q, q)."""
+    """A normal distribution: twice its log evidence, mean, (q,), and covariance, (q, q)."""
 
     evidence: float
     mean: Array
@@ -49,7 +49,7 @@ class Gaussian(NamedTuple):
 
 
 class SizePosterior(NamedTuple):
-    """What is known of fields of errors and of sizes of effects, given the data.
+    """The posterior of fields of errors and of sizes of effects.
 
     Attributes:
         mean: (q,) as the answer contains them, those of fields first.
@@ -86,7 +86,7 @@ def with_expected_sizes(cell: Cell, solution: Solution, error: FoundEffect | Non
 def known_sizes(
     cell: Cell, situation: Situation, error: FoundEffect | None
 ) -> list[tuple[Sequence[PoseField], SizePosterior]]:
-    """What is known of all fields and sizes of a cell, by parts that are independent, each with its fields."""
+    """The posteriors of all fields and sizes of a cell, by independent parts, each with its fields."""
     parts = _split_effects(stated_fields(cell, situation), list(_cell_effects(cell, situation, error)))
     return [(fields, size_posterior(situation, fields, effects)) for fields, effects in parts]
 
@@ -94,7 +94,7 @@ def known_sizes(
 def size_posterior(
     situation: Situation, fields: Sequence[PoseField], effects: Sequence[Expected] = ()
 ) -> SizePosterior:
-    """What is known of fields of errors and of sizes of effects, one sigma for all of one kind."""
+    """The posterior of fields of errors and of sizes of effects, one sigma for all of one kind."""
     candidates = [field.candidate(situation) for field in fields] + [each.candidate for each in effects]
     known = sums(situation.null, combine_candidates(candidates, situation))
     scores = score_from_sums(situation.null, known)

@@ -59,7 +59,7 @@ def place_scatter(situation: Situation, null: Linearised, change: Candidates) ->
 
 
 def _whitening_root(information: Array, count: int) -> Array:
-    """What turns the gradients of so many splits, (q,), into independent ones of unit variance within each, (q, q)."""
+    """The root that makes gradients of splits, (q,), independent and of unit variance within each, (q, q)."""
     width = len(information) // count
     own = [information[k : k + width, k : k + width] for k in range(0, len(information), width)]
     return np.asarray(block_diag(*spectrum(np.array(own), HIDDEN).inverse_root))

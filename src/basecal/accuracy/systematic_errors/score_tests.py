@@ -39,7 +39,7 @@ _LEAST_CHANCE = 1e-300  # a chance that is no number any more
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """What b errors of one kind, each of q sizes, would find.
+    """The score tests of b errors of one kind, each of q sizes.
 
     Attributes:
         gradient: (b, q), the unknowns projected out.

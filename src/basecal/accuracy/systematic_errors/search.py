@@ -51,7 +51,7 @@ def systematic_error(
     settings: Settings,
     as_stated: Solution | None = None,
 ) -> FoundEffect | None:
-    """What explains the residuals far better than noise does, and predicts held-out blocks better.
+    """The error that explains the residuals far better than noise, and predicts held-out blocks better.
 
     One at a time: where one is large, what is left of it when it is taken out would pass for others.
 
@@ -284,7 +284,7 @@ def _candidates(situation: Situation) -> Iterator[tuple[str, Candidates]]:
 
 
 def _gain(situation: Situation, suspect: Suspect, solution: Solution) -> float:
-    """What the error gains of minus twice the log likelihood, the noise estimated anew; 0 of noise that is stated.
+    """The decrease of minus twice the log likelihood by the error, noise estimated anew; 0 of stated noise.
 
     Noise that is estimated with the error in it is larger than without, so that the score falls short of the gain. All
     else is to second order about the solution.

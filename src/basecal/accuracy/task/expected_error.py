@@ -29,7 +29,7 @@ _LEAST_SHARE = 1e-8  # of the largest variance: what is less is no length
 
 @dataclass(frozen=True, eq=False)
 class ExpectedError:
-    """What the covariance of a transform `a_from_b` means at a point.
+    """The expected error of a transform `a_from_b` at a point, by its covariance.
 
     Attributes:
         transform: Its name.

@@ -1,4 +1,4 @@
-"""What fields of errors of arms that record poses alone add where flanges meet.
+"""Errors where flanges meet, by fields of errors of arms that record poses alone.
 
 Within the recorded poses they are known as far as the data show, with what the answer takes up of them; beyond, an arm
 is off by what arms are that are not calibrated. Source: docs/mathematics.md (14.3).
@@ -20,7 +20,7 @@ from basecal.geometry import SE3, Array
 
 
 def field_covariance(meeting: Meeting, solution: Solution) -> Array:
-    """What fields add to the covariance of place and turn where flanges meet, (n, 6, 6).
+    """Covariance of place and rotation where flanges meet, by fields, (n, 6, 6).
 
     Args:
         meeting: Who meets, and where.
@@ -49,7 +49,7 @@ def field_covariance(meeting: Meeting, solution: Solution) -> Array:
 
 
 def _open_fields(situation: Situation, points_m: Mapping[str, Array]) -> Array | float:
-    """What robots whose noise is estimated are off by beyond their recorded poses: within these it contains it."""
+    """Errors of robots with estimated noise beyond their recorded poses: within these the noise contains them."""
     total: Array | float = 0.0
     for robot, points in points_m.items():
         field = pose_field(situation, robot)

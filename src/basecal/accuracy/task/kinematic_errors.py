@@ -33,7 +33,7 @@ MODELS = (*((name,) for name in _MAPPED_EFFECTS), _MAPPED_EFFECTS)
 def kinematic_errors(
     problem: Problem, state: State, robot: str, kinds: Sequence[str] = MODELS[-1]
 ) -> SharedErrors | None:
-    """What the stops of a robot share by its joints and links; None if it has none that are open.
+    """Errors of a robot's joints and links that its stops share; None if none are open.
 
     Args:
         problem: What was recorded.

@@ -29,7 +29,7 @@ _LEAST_SHARE = 1e-3  # of a model by its evidence: a less likely one changes no 
 def meeting_errors(
     meeting: Meeting, solution: Solution, noise: Mapping[str, Any], widening: Array | None = None
 ) -> tuple[Array, Array]:
-    """What place and turn are off by where robots meet: its mean, (n, 6), and covariance, (n, 6, 6) [m, rad].
+    """Mean, (n, 6), and covariance, (n, 6, 6), of the error of place and rotation where robots meet [m, rad].
 
     In the axes of the base. The mean is what a model of the arms' errors finds that the answer leaves in them.
 
@@ -67,7 +67,7 @@ class _Model:
 
 
 def _models_by_joints(meeting: Meeting, solution: Solution) -> list[_Model]:
-    """What may be wrong with the joints and links of arms that meet; none where no such arm's noise is estimated.
+    """Models of errors of joints and links of arms that meet; none if no such arm's noise is estimated.
 
     Where one kind has a prior, two of `MODELS` are the same errors, and count once.
     """
@@ -114,7 +114,7 @@ class _Expected(NamedTuple):
 
 
 def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, widening: Array | None) -> _Expected:
-    """What is off by a model of the arms' errors, its sigmas integrated."""
+    """The error under a model of the arms' errors, its sigmas integrated."""
     known, layout, places = meeting.moves, model.sigmas.model.layout, model.sigmas.model.sigmas
     columns = [known.columns, *(layout.common[robot][0] + np.arange(of.shape[-1]) for robot, of in model.moved.items())]
     mean, products, squares = moments(model.sigmas, np.concatenate(columns))

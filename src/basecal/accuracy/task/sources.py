@@ -1,4 +1,4 @@
-"""What makes a problem's answer uncertain: each source of noise or of knowledge beforehand, by name."""
+"""Sources of uncertainty of a problem's answer: noise and prior knowledge, by name."""
 
 from __future__ import annotations
 

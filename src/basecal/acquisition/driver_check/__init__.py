@@ -1,1 +1,1 @@
-"""What a driver promises, measured."""
+"""Measurements of a driver's promises."""

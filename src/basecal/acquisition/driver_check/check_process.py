@@ -30,7 +30,7 @@ _STOP_S = 1.0  # that an arm has to be stopped if a person interrupts
 
 @dataclass(frozen=True)
 class DriverCheck:
-    """What is measured: a robot or camera of a cell, or a driver by its name and options.
+    """The checked driver: a robot or camera of a cell, or a driver by its name and options.
 
     Attributes:
         device: Folder of a cell, or the name of a driver.

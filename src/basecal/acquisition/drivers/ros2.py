@@ -31,7 +31,7 @@ Name = Annotated[str, Field(min_length=1)]
 
 
 class Ros2Options(Entry):
-    """What stands beside `kind: ros2`.
+    """Options beside `kind: ros2`.
 
     Attributes:
         topic: Of a robot's joint states or poses, or of a camera's pictures.

@@ -39,7 +39,7 @@ class TypedRobot:
         self._place, self._notation, self._source = place, notation, source
 
     def state(self) -> Reading:
-        """What was typed; what cannot be read is requested again, with the reason.
+        """The typed state; an unreadable line is requested again, with the reason.
 
         Raises:
             DriverError: if the input has ended.

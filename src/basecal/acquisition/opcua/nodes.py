@@ -65,7 +65,7 @@ def axes_of_devices(client: Any, name: str, device: str | None) -> list[Any]:
 
 
 def _children(node: Any) -> dict[str, Any]:
-    """What a node holds by browse names; nothing if there is no node."""
+    """Children of a node by browse names; empty if there is no node."""
     return {} if node is None else {each.read_browse_name().Name: each for each in node.get_children()}
 
 

@@ -1,4 +1,4 @@
-"""What a cell says of a robot that answers OPC UA."""
+"""Options in `cell.yaml` of a robot that answers OPC UA."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Path = Annotated[str, Field(min_length=1)]
 
 
 class OpcuaOptions(Entry):
-    """What stands beside `kind: opcua`; without nodes the axes of the Robotics companion specification are taken.
+    """Options beside `kind: opcua`; without nodes the axes of the Robotics companion specification are taken.
 
     Attributes:
         url: Of the server, as `opc.tcp://192.168.0.20:4840`.

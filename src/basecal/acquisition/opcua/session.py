@@ -30,7 +30,7 @@ Given = TypeVar("Given")
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """What was read at once: `numbers` (k,), and the time at which the latest of them was taken [s]."""
+    """Values that were read at once: `numbers` (k,), and the time at which the latest of them was taken [s]."""
 
     stamp_s: float
     numbers: Array
@@ -110,7 +110,7 @@ def _forbid_plaintext(name: str, client: Any) -> None:
 
 
 def _answer(name: str, ask: Callable[[], Given]) -> Given:
-    """What the server answers.
+    """The server's answer.
 
     Raises:
         LostLink: if the connection or the session is gone.

@@ -47,7 +47,7 @@ class Offer:
 
 @cache
 def participant(domain: int) -> Any:
-    """What this process is in a domain.
+    """The participant of this process in a domain.
 
     Raises:
         MissingExtra: if cyclonedds is not installed.
@@ -80,7 +80,7 @@ def choose_domain(domain: int | None) -> int:
 
 
 def domain_words(domain: int) -> str:
-    """What is reached by a domain, in words."""
+    """Description of the computers that a domain reaches."""
     return f"ROS 2 in domain {domain}, by DDS on all networks of this computer"
 
 
@@ -88,7 +88,7 @@ _LAST_DOMAIN = 232  # beyond which ports of DDS would be beyond 65535
 
 
 class Discovery:
-    """What is sent in a domain."""
+    """The topics that are sent in a domain."""
 
     def __init__(self, domain: int) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -140,7 +140,7 @@ def _offer(endpoint: Any) -> Offer | None:
 
 
 class Listener:
-    """What comes on a topic: whole messages, the newest last."""
+    """The messages on a topic, whole, the newest last."""
 
     def __init__(self, domain: int, offer: Offer, depth: int) -> None:
         from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsParticipant
@@ -197,7 +197,7 @@ def _publisher_process(participants: Any, endpoint: Any) -> str:
 
 
 class Speaker:
-    """What this process sends on a topic."""
+    """A writer of messages of this process on a topic."""
 
     def __init__(self, domain: int, name: str, kind: str, *, is_latched: bool, depth: int = 1) -> None:
         from cyclonedds.core import Policy, Qos
@@ -250,7 +250,7 @@ def _bytes_type(kind: str) -> Any:
     made = _struct(kind, {})
 
     def wrap(data: bytes) -> Any:
-        """What cyclonedds sends as these bytes."""
+        """A value that cyclonedds sends as these bytes."""
         sample = made.__new__(made)
         sample.serialize = lambda **_: data
         return sample

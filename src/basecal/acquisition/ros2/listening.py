@@ -1,4 +1,4 @@
-"""What is sent in a domain of ROS 2, listened to for a while and kept as a bag is: so a cell is made of it likewise."""
+"""Messages of a ROS 2 domain, recorded for a while as a bag is: a cell is made of them likewise."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _POLL_S = 0.02
 
 
 def listen_to_topics(domain: int, listen_s: float) -> Bag:
-    """What came on all topics of a domain that say something of robots and cameras, one picture of each.
+    """Messages on all topics of a domain that concern robots and cameras, one picture of each.
 
     Raises:
         DriverError: if nobody sends any.
@@ -54,7 +54,7 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
     topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}
 
     def read(names: Iterable[str]) -> Iterator[Message]:
-        """What was heard of some topics, one topic after another."""
+        """Recorded messages of some topics, one topic after another."""
         for name in names:
             yield from (Message(topics[name], 0.0, data) for data in messages.get(name, []))
 
@@ -62,7 +62,7 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
 
 
 def survey_of_what_runs(bag: Bag) -> Survey:
-    """What was heard; every frame that /tf has moves, though the arms may have stood still meanwhile."""
+    """Survey of the recorded messages; every frame of /tf counts as moving, though the arms may have stood still."""
     survey = survey_bag(bag)
     hangs = {name: hang._replace(is_fixed=not hang.is_timed) for name, hang in survey.tree.hangs.items()}
     return replace(survey, tree=Tree(hangs))

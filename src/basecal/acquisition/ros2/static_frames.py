@@ -1,4 +1,4 @@
-"""What a calibration found, sent on `/tf_static` as ROS 2's own publisher of static transforms does."""
+"""Transforms of a calibration on `/tf_static`, sent as ROS 2's own publisher of static transforms does."""
 
 from __future__ import annotations
 

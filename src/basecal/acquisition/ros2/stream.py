@@ -49,11 +49,11 @@ class Stream:
         self._publishers: set[int] = set()
 
     def messages(self, wait_s: float = 0.0) -> list[Any]:
-        """What came since the last time, the oldest first; waits for so long [s] where nothing did."""
+        """Messages since the last call, the oldest first; waits for so long [s] if there are none."""
         return self._listener.messages(wait_s)
 
     def newest(self, read: Callable[[Any], Given | None], is_mine: Callable[[Any], bool] | None = None) -> Given:
-        """What `read` makes of the newest message of which it makes anything, once there is one; it is given them all.
+        """Result of `read` for the newest message for which it has one, once there is one; it is given them all.
 
         Args:
             read: What makes something of a message.

@@ -69,5 +69,5 @@ def kind_of_dds(name: str) -> str | None:
 
 @cache
 def type_hash(kind: str) -> str:
-    """What distinguishes a type in ROS 2: `RIHS01_` and a SHA-256 of its definition."""
+    """The identifier of a type in ROS 2: `RIHS01_` and a SHA-256 of its definition."""
     return str(typestore().hash_rihs01(kind))

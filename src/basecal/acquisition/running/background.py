@@ -18,7 +18,7 @@ _PATIENCE_S = 0.3  # a check usually takes 0.2 s: waiting for it lets a sample b
 
 @dataclass(frozen=True)
 class Checked:
-    """What the check found since it was last asked.
+    """Results of the check since the last query.
 
     Attributes:
         sigma: Of the requested transform, 3-D norms [m] and [rad]; None while a direction is open.
@@ -56,7 +56,7 @@ class BackgroundCheck:
         self._waiting.put((sample, future))
 
     def collect(self, waits: bool = False) -> Checked:
-        """What is known by now; of all samples where it `waits`."""
+        """The results so far; of all samples if it `waits`."""
         doubts: list[Doubt] = []
         until = monotonic() + _PATIENCE_S
         while self._running:

@@ -16,7 +16,7 @@ _MOST_CAUSES = 3  # causes that are named where several explain the samples equa
 
 
 def cause_of_shifts(causes: Sequence[Shift], sample: int) -> str:
-    """What happened at a sample, and what to do.
+    """The event at a sample, and the remedy.
 
     Args:
         causes: What explains the samples, the likeliest first.
@@ -40,6 +40,6 @@ def _describe_shift(cause: Shift, sample: int) -> str:
 
 
 def cause_of_error(error: FoundEffect) -> str | None:
-    """What the samples share that noise does not explain, and what to do; None of what the report judges."""
+    """The shared error of samples that noise does not explain, and the remedy; None if the report judges it."""
     words = describe_effect(replace(error, about=error.about.rpartition("_from_")[2]))
     return f"{words.what} {words.do[0]}" if words.code in _REPORTED else None

@@ -77,7 +77,7 @@ class RunningCheck:
         return self._judge_pending(alone)
 
     def _judge_pending(self, disagreement: Disagreement) -> tuple[Doubt, ...]:
-        """What several disagreeing samples in a row share."""
+        """The shared cause of several disagreeing samples in a row."""
         held, self._pending = self._pending, []
         both = self._test(self.estimate, held)
         if both is None or both.chance_left < _EXPLAINED:

@@ -242,7 +242,7 @@ def _open_robot(place: Place) -> Robot:
 
 
 def _address_space_bytes() -> int:
-    """What this process has mapped; nothing if the system does not report."""
+    """Mapped address space of this process [bytes]; None if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[0]) * resource.getpagesize()

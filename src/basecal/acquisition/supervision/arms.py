@@ -72,7 +72,7 @@ class Arms:
 
     @property
     def interruption(self) -> str:
-        """What to interrupt the main thread with: why all arms were stopped; empty if it knows, or they were not."""
+        """The reason to interrupt the main thread: why all arms were stopped; empty if it knows, or they were not."""
         return "" if self._is_ending else self._reason
 
     def stop_interrupting(self) -> None:
@@ -107,7 +107,7 @@ class Arms:
                 self._changed.wait(_POLL_S)
 
     def ask(self, arm: int, method: str, *arguments: Any, most_s: float = _ANSWER_TIMEOUT_S) -> Any:
-        """What a method of an arm's driver returns; it may take so long [s].
+        """Result of a method of an arm's driver, which may take so long [s].
 
         Raises:
             DriverError: if all arms were stopped, or it does not answer.

@@ -15,7 +15,7 @@ _FULL_BUFFER_BYTES = 2**22  # of frames that the other side does not read: it ha
 
 
 class Kind(IntEnum):
-    """What a frame holds."""
+    """The kind of a frame."""
 
     ALIVE = 0  # the sender runs; from an arm: one byte, whether it moves
     OPEN = 1  # to an arm: what it is, pickled

@@ -1,4 +1,4 @@
-"""What a cell says of a UR controller."""
+"""Options in `cell.yaml` of a UR controller."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from basecal.fields.values import Entry
 
 
 class UrOptions(Entry):
-    """What stands beside `kind: ur`.
+    """Options beside `kind: ur`.
 
     Attributes:
         host: Name or number of the controller in the network.
@@ -28,5 +28,5 @@ class UrOptions(Entry):
 
 
 def join_lines(error: Exception) -> str:
-    """What ur-rtde says, without its line breaks."""
+    """A message of ur-rtde without its line breaks."""
     return " ".join(str(error).split()) or type(error).__name__

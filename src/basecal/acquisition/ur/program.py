@@ -36,7 +36,7 @@ class Program:
         return self._line is not None
 
     def ask(self, question: Callable[[Any], Given]) -> Given:
-        """What it answers.
+        """The controller's answer.
 
         Args:
             question: A question to ur-rtde's `RTDEControlInterface`.

@@ -43,7 +43,7 @@ _SAFEGUARD_BITS = (4, 10)  # bits of a safeguard stop, as of an enabling device 
 
 
 class Receiver:
-    """What a controller sends."""
+    """The packets of a controller."""
 
     def __init__(self, name: str, options: UrOptions, gives_joints: bool) -> None:
         self._name, self._options, self._gives_joints = name, options, gives_joints

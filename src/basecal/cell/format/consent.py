@@ -1,4 +1,4 @@
-"""What the drivers of a cell may reach outside its folder, as the user of this computer allowed it."""
+"""Consent of this computer's user to the places that drivers of a cell reach outside its folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a text that is no YAML, in words for who wrote it by hand."""
+"""Errors of a text that is no YAML, in words for its author."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NO_SPACE = re.compile(r"^\s*[A-Za-z_]\w*:[^\s:]")
 
 
 class Fault(NamedTuple):
-    """What is wrong, and on which line, from 1."""
+    """An error, and its line, from 1."""
 
     reason: str
     line: int | None

@@ -29,7 +29,7 @@ _CONVERTED = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "
 
 @dataclass(frozen=True)
 class Document:
-    """What a YAML file says: mappings with text keys, lists and scalars; `lines` by place, from 1."""
+    """Content of a YAML file: mappings with text keys, lists and scalars; `lines` by place, from 1."""
 
     data: Any
     lines: Mapping[Loc, int]
@@ -60,7 +60,7 @@ def read_text(path: Path, missing: str, largest: int = LARGEST_BYTES) -> str:
 
 
 class _NotPlain(Exception):
-    """What no plain document holds.
+    """A node that no plain document holds.
 
     Attributes:
         reason: What it is and what to do.

@@ -76,7 +76,7 @@ def _join_data(data: dict[str, Any], addition: dict[str, Any], place: Where | No
 
 
 def _view(observation: dict[str, Any]) -> tuple[str, ...]:
-    """What sees what in the data of an observation."""
+    """The camera or tip and the target of an observation's data."""
     keys = ("camera", "target", "tip", "touch", "tip2", "clamp")
     return tuple(str(observation[key]) for key in keys if key in observation)
 

@@ -35,7 +35,7 @@ _ANY = tuple(dict.fromkeys(field for fields in _FIELDS.values() for field in fie
 
 
 def track_observation(data: dict[str, Any], field: str, place: Where, cell: Cell) -> TrackObservation:
-    """What a camera saw of the static scene.
+    """A camera's observation of the static scene.
 
     Raises:
         DatasetError: if it cannot be read as written.
@@ -140,7 +140,7 @@ def _sigma(data: dict[str, Any], field: str, place: Where, key: str) -> float | 
 def _points(
     kind: str, data: dict[str, Any], field: str, place: Where, context: frozenset[int]
 ) -> PixelObservation | CandidateObservation | PointObservation | None:
-    """What was seen of points, in pixels or in the camera's frame; None if that is nothing."""
+    """Observed points, in pixels or in the camera's frame; None if there are none."""
     in_space = kind == "points_in_camera_m"
     points = numbers(place, f"{field}.{kind}", data[kind], 3 if in_space else 2)
     ids = None if kind == "candidates" else _ids(data, field, place, context, points)

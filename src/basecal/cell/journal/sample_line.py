@@ -22,7 +22,7 @@ _LARGEST_STAMP = 1e12  # [s] either way: a double then still tells a tenth of a 
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What a line is checked against.
+    """The context in which a line is checked.
 
     Attributes:
         cell: The cell.

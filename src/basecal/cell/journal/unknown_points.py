@@ -9,7 +9,7 @@ from basecal.cell.journal.sample_line import Dropped
 
 
 def unknown_points(drops: Sequence[Dropped], path: str) -> list[Finding]:
-    """What is said of samples that were dropped for the ids of their points, in the order of the file.
+    """Findings about samples that were dropped for the ids of their points, in the order of the file.
 
     Args:
         drops: The samples.

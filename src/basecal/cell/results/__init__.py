@@ -1,1 +1,1 @@
-"""What came out and what is so: `calibration.json` and `truth.yaml`."""
+"""Files of the answer and of the truth: `calibration.json` and `truth.yaml`."""

@@ -62,7 +62,7 @@ def read_calibration(path: str | Path) -> Calibration:
 
 
 def read_calibration_data(path: str | Path) -> Any:
-    """What stands in a `calibration.json`, given likewise, as plain data that no one has looked at.
+    """Content of a `calibration.json`, given likewise, as plain data that is not validated.
 
     Raises:
         DatasetError: if it is not JSON.

@@ -1,4 +1,4 @@
-"""What `calibration.json` holds, as a model: nouns in the form and the units of files."""
+"""The model of `calibration.json`: nouns in the form and the units of files."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class _Observability:
 
 
 class _WrittenSettings(BaseModel):
-    """What was asked, as it is; only what is calculated with is looked at."""
+    """The settings in use; only those that calculations use are validated."""
 
     model_config = ConfigDict(extra="allow")
     tolerance_m: Annotated[Length, Field(gt=0)] | None = None
@@ -138,7 +138,7 @@ _TimeSigma = Annotated[Seconds, Field(ge=0)]
 
 @dataclass(frozen=True, eq=False)
 class CalibrationFile:
-    """What `calibration.json` holds beside its schema, the program's version and parameters of robots."""
+    """Content of `calibration.json` beside its schema, the program's version and parameters of robots."""
 
     __pydantic_config__: ClassVar = ConfigDict(allow_inf_nan=False)
     verdict: Verdict
@@ -189,7 +189,7 @@ class CalibrationFile:
 
     @classmethod
     def from_calibration(cls, calibration: Calibration) -> Self:
-        """What the file of a calibration holds."""
+        """The file of a calibration."""
         joint = calibration.joint_covariance
         clocks, lines = calibration.clocks, calibration.line_times
         return cls(

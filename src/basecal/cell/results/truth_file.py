@@ -54,7 +54,7 @@ def read_truth(folder: str | Path) -> dict[str, SE3]:
 
 
 def read_truth_extra(folder: str | Path) -> dict[str, Any]:
-    """What else `truth.yaml` says, beside the transforms, as plain data.
+    """Other content of `truth.yaml`, beside the transforms, as plain data.
 
     Raises:
         DatasetError: if there is no `truth.yaml`, or it cannot be read as written.

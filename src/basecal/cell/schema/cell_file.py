@@ -37,7 +37,7 @@ def read_cell(folder: str | Path) -> Cell:
 
 
 def _missing_cell_advice(folder: Path) -> str:
-    """What to do where a folder has no cell."""
+    """Advice for a folder without a cell."""
     other = next((name for name in _OTHER_NAMES if (folder / name).is_file()), None)
     if other is not None:
         return f"there is {other}: rename it {FILE}"

@@ -70,7 +70,7 @@ class FramesEntry(Entry):
 
 
 class ControllerEntry(Entry):
-    """What wrote a robot's poses: how, and in which of its base and tool frames; those of the robot if not stated."""
+    """Source of a robot's poses: notation, base and tool frames; those of the robot if not stated."""
 
     format: FrameName
     base: FrameName | None = None
@@ -92,7 +92,7 @@ class RobotEntry(Entry):
 
     @property
     def parameters(self) -> dict[str, Parameters]:
-        """What is known of its parameters, by kind; of those that are not as they are by default."""
+        """Prior knowledge of its parameters, by kind, except for kinds at their default."""
         stated = {kind: getattr(self, kind) for kind in ROBOT_PARAMETERS}
         return {kind: known for kind, known in stated.items() if known != type(known)()}
 
@@ -154,7 +154,7 @@ class CameraEntry(Entry):
 
 
 class NoiseEntry(Entry):
-    """What is known of the cameras' noise."""
+    """Prior knowledge of the cameras' noise."""
 
     pixel_px: Sigma | None = None
     correlated_px: Sigma | None = None

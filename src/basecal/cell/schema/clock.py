@@ -1,4 +1,4 @@
-"""What `cell.yaml` says of the clock of a robot or a camera."""
+"""Entry of `cell.yaml` for the clock of a robot or a camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pydantic found wrong, in words for who wrote the file."""
+"""Errors of pydantic, in words for the author of the file."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _SECTIONS = ("robots", "cameras", "targets", "tips", "marks")
 
 
 def name_problems(data: dict[str, Any]) -> list[Problem]:
-    """What is wrong with the names in the data of a cell, whatever else may be wrong with it."""
+    """Problems of the names in the data of a cell, independent of its other problems."""
     return [*_unfit_names(data), *_unknown_robots(data)]
 
 

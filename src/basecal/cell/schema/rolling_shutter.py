@@ -1,4 +1,4 @@
-"""What `cell.yaml` says of cameras whose rows are seen one after another."""
+"""Entry of `cell.yaml` for cameras whose rows are exposed one after another."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class MarkEntry(Entry):
         return isinstance(self.points_m, dict) or (self.points_m is not None and len(self.points_m) > 1)
 
     def positions(self, name: str) -> dict[str, Unknown]:
-        """What is known of the place of each mark, in the plate or in the world, by the name of the mark."""
+        """Prior knowledge of the place of each mark, in the plate or in the world, by the name of the mark."""
         if self.points_m is None:
             return {name: Unknown()}
         named = self.points_m
@@ -140,7 +140,7 @@ def touching_dict(cell: Cell, unknown: Any) -> dict[str, Any]:
 
 
 def _mark(marks: Mapping[str, Any], name: str, target: CellTarget) -> dict[str, Any]:
-    """What a mark adds to its entry."""
+    """Fields that a mark adds to its entry."""
     known = target.mount
     if known.mean is None:
         return {}

@@ -36,7 +36,7 @@ def cell_count(name: str) -> int:
 
 
 def begins_as(name: str) -> str:
-    """What dictionaries of which one is the beginning of the other share."""
+    """Markers that two dictionaries share, one of which is the beginning of the other."""
     numbered = re.match(r"(DICT_\d+X\d+)_\d+$", name)
     return numbered[1] if numbered else name
 

@@ -38,7 +38,7 @@ class TargetEntry(Entry):
 
 @dataclass(frozen=True)
 class PrintSizes:
-    """What to print, as requested of `basecal target`; lengths in metres."""
+    """Sizes to print, as requested of `basecal target`; lengths in metres."""
 
     columns: int
     rows: int

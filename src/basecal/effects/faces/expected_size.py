@@ -12,7 +12,7 @@ _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviat
 
 
 class ExpectedSize(NamedTuple):
-    """What is expected of the sizes of a candidate.
+    """The expected sizes of a candidate.
 
     Attributes:
         sigma: The middle of what their sigma may be, in the unit of the candidate.
@@ -29,5 +29,5 @@ class ExpectedSize(NamedTuple):
 
     @property
     def sigmas(self) -> Array:
-        """What their sigma may be, equally likely, (5,)."""
+        """Nodes of their sigma, equally likely, (5,)."""
         return np.asarray(self.sigma * self.factor**_NODES)

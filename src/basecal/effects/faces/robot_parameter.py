@@ -15,7 +15,7 @@ from basecal.kinematics import ChainPosture, SerialChain
 
 @dataclass(frozen=True, eq=False)
 class RobotParameters:
-    """What was found of the parameters of one kind of one robot.
+    """Estimates of the parameters of one kind of one robot.
 
     Attributes:
         joints: Names of its joints, from base to flange, n of them; none if the values are not joint by joint.
@@ -33,7 +33,7 @@ class RobotParameters:
 
 
 class Columns(NamedTuple):
-    """What of a kind is estimated: values by column, (size, k), and the prior's sigmas, (k,); None if free."""
+    """Estimated columns of a kind: values by column, (size, k), and the prior's sigmas, (k,); None if free."""
 
     basis: Array
     sigma: Array | None

@@ -16,7 +16,7 @@ TIE = 1.05
 
 
 class SharedPrior(NamedTuple):
-    """What is expected of the two sigmas of errors that a robot's stops share.
+    """The expected two sigmas of errors that a robot's stops share.
 
     Attributes:
         turn: Mean of that of turns, and the factor of a standard deviation.
@@ -51,7 +51,7 @@ of a calibrated arm, of a tenth, and the 7 mrad of hobbyists' arms are within on
 
 @dataclass(frozen=True, eq=False)
 class SharedErrors:
-    """What a robot's stops share.
+    """Errors that a robot's stops share.
 
     Attributes:
         by_stop: (stops, 6, k) how the flange at each stop moves with each error, right tangents.
@@ -62,12 +62,12 @@ class SharedErrors:
     is_turn: BoolArray
 
     def flange_sigmas(self, sigmas: Array) -> Array:
-        """What sigmas of a shift and of a turn, (2,), come to at the flange, (6,): the root mean square over stops."""
+        """Sigmas at the flange, (6,), by those of a shift and of a turn, (2,): the root mean square over stops."""
         scaled = self.by_stop * sigmas[self.is_turn.astype(np.int64)]
         return np.asarray(np.sqrt(np.mean(np.sum(scaled**2, axis=-1), axis=0)))
 
     def remove_frames(self, poses: SE3) -> SharedErrors:
-        """What of them no base and no mount takes up that is free.
+        """The part of the errors that no free base and no free mount absorbs.
 
         Args:
             poses: Of the flange at each stop, (stops,).

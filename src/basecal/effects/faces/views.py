@@ -15,7 +15,7 @@ Moves = tuple[Array | None, ...]
 
 
 class End(Protocol):
-    """What a robot carries in n views: their camera or their target."""
+    """One end of n views: the camera or the target that a robot carries."""
 
     @property
     def mount(self) -> str:

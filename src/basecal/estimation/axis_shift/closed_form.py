@@ -28,7 +28,7 @@ _NEWTON_SETTLED = 1e-14  # rounding of a rotation
 
 @dataclass(frozen=True, eq=False)
 class ShiftEstimate:
-    """What one station says.
+    """The answer of one station.
 
     Attributes:
         raw_rotation: (..., 3, 3) `camera_from_light` of eq. (8): rows k1, k2 and k3 = k1 x k2, not yet orthonormal.

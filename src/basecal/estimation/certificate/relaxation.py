@@ -87,7 +87,7 @@ def _unfold_factor(form: Array, factor: int, count: int) -> Array:
 
 
 def lower_bound(form: Array, factors: Factors) -> Bound:
-    """What can be proven of the value at `factors`, a minimum by `local_minimum`.
+    """Proven lower bound of the value at `factors`, a minimum by `local_minimum`.
 
     Args:
         form: (4^k, 4^k) symmetric, of order one.
@@ -113,7 +113,7 @@ def _with_first(unit: Array) -> Array:
 
 
 def _exchange_mean(matrix: Array, count: int) -> Array:
-    """What products can see of a matrix: its mean over all exchanges of a factor's indices between row and column."""
+    """The part of a matrix that products see: its mean over all exchanges of a factor's indices."""
     of = matrix.reshape((4,) * (2 * count))
     for j in range(count):
         of = (of + np.swapaxes(of, j, count + j)) / 2

@@ -1,4 +1,4 @@
-"""What the rotations of a loop cost at least, as a form on products of unit quaternions.
+"""A lower bound of the cost of a loop's rotations, as a form on products of unit quaternions.
 
 In A X B = Y C Z the quaternion of Z' C' Y' A X B is linear in those of X, Y' and Z'. sin^2(angle / 2) of a loop is
 therefore a form on their product, for any signs of the quaternions. w_i sin^2(angle_i / 2) is below the cost of each
@@ -152,7 +152,7 @@ def _rows(loop: Loop, views: slice) -> Array:
 
 
 def _columns(rotation: SE3 | None, inverse: bool) -> Array:
-    """What a factor is made of: itself, (4, 4), or its known value, (4, 1)."""
+    """Columns of a factor: itself, (4, 4), or its known value, (4, 1)."""
     if rotation is None:
         return np.eye(4)
     return (_inverse(rotation.rotation) if inverse else quaternion_from_rotation(rotation.rotation))[:, None]

@@ -111,7 +111,7 @@ def bundle_adjust(
     end, cost = take(optima.state, 0), float(optima.cost[0])
 
     def dense_equations() -> NormalEquations:
-        """What few ask for, and takes long."""
+        """Dense normal equations, computed on request, since they take long."""
         return replace(linearise(problem, end, weights), cost=np.array(cost))
 
     return Optimum(

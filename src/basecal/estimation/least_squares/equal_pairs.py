@@ -97,7 +97,7 @@ def _parts(problem: Problem, numbers: Sequence[int]) -> Iterator[tuple[int, ...]
 
 
 def _structure(problem: Problem, group: ViewGroup) -> Hashable:
-    """What the pairs of one batch share."""
+    """The structure that the pairs of one batch share."""
     points = getattr(group.measurement, "points_in_target", np.zeros((0, 3)))
     lens = problem.lenses.get(group.camera)
     widths = tuple((of, _width(problem, name)) for of, name in _frames(group).items())

@@ -135,7 +135,7 @@ def linearise(problem: Problem, state: State, weights: Sequence[Array] | None = 
 
 
 def prior_information(problem: Problem, state: State) -> Array:
-    """What of the hessian the priors make, (..., p, p)."""
+    """The priors' part of the Hessian, (..., p, p)."""
     return _priors(problem, state)[0]
 
 
@@ -172,7 +172,7 @@ def retract_lens(camera: Camera, step: Array) -> Camera:
 
 
 def _private_cost(views: LinearisedViews, state: State, weight: Array) -> Array:
-    """What weights (..., n) change of the cost of the private stops' errors, (...)."""
+    """The change of the cost of private stops' errors by weights (..., n), (...)."""
     total = np.zeros(state.batch)
     for of in views.private:
         squares = np.sum(state.stop_errors[..., of.stop, :] ** 2, axis=-1)
@@ -291,7 +291,7 @@ def _stop_errors(problem: Problem, state: State, normal: NormalEquations, step: 
 
 
 def _priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
-    """What is known beforehand: Hessian, gradient and cost of the priors."""
+    """Hessian, gradient and cost of the priors."""
     width = problem.width
     hessian, gradient = np.zeros((*state.batch, width, width)), np.zeros((*state.batch, width))
     cost = np.zeros(state.batch)
@@ -328,7 +328,7 @@ def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, 
 
 
 def _lens_priors(camera: Camera, rows: slice) -> list[tuple[Array, Array, slice]]:
-    """What real lenses have of the terms of one of which nothing is stated, as priors of these terms."""
+    """Priors of the terms of a lens of which nothing is stated, as real lenses have them."""
     sigmas = camera.term_sigmas
     held = np.flatnonzero(np.isfinite(sigmas))
     if not len(held):

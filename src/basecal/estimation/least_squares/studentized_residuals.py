@@ -56,7 +56,7 @@ class LeaveOneOut:
 
 
 def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> LeaveOneOut:
-    """What is known about a state by the views whose weight is 1."""
+    """The posterior of a state by the views whose weight is 1."""
     normal = linearise(problem, state, weights)
     covariance = spectrum(normal.hessian).inverse
     spread = tuple(_unknown_spread(normal, covariance, k) for k in range(len(problem.groups)))
@@ -221,7 +221,7 @@ def _unknown_spread(normal: NormalEquations, covariance: Array, k: int) -> Array
 
 
 def _stop_spread(normal: NormalEquations, k: int) -> Array:
-    """What the shared stops' errors add, the unknowns known, (n, q, q)."""
+    """Covariance that the shared stops' errors add, the unknowns known, (n, q, q)."""
     of, system = normal.views[k], normal.system
     assert system is not None
     n, q = of.gradient.shape

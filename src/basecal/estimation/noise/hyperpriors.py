@@ -1,4 +1,4 @@
-"""What is known beforehand of sigmas: log-normal, about what devices of their kind have, and wide.
+"""Priors of sigmas: log-normal, about those of devices of their kind, and wide.
 
 Points in images: detectors find corners to 0.02 to 0.3 px (Geiger et al. 2012, Duda & Frese 2018); the error that all
 points of a view of a board share is 1.1 to 5 times their scatter, on recordings of six real rigs.
@@ -60,7 +60,7 @@ class LogNormals:
 
 
 def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedPrior | None = None) -> LogNormals:
-    """What is known beforehand of a model's sigmas.
+    """Priors of a model's sigmas.
 
     Args:
         model: The model.

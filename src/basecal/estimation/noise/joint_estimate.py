@@ -294,7 +294,7 @@ def _unit_problem(problem: Problem, state: State, robots: Sequence[str]) -> tupl
 
 
 def _units(problem: Problem, robots: Sequence[str]) -> Array:
-    """What turns errors of stops into metres and radians where the robot's sigma is open, (k, 6); 1 elsewhere."""
+    """Factors from errors of stops to metres and radians if the robot's sigma is open, (k, 6); 1 elsewhere."""
     mine = np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
     return np.where(mine[:, None], problem.stops.sigma, 1.0)
 

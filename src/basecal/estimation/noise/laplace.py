@@ -68,7 +68,7 @@ class SigmaPosterior:
 
     @cached_property
     def columns(self) -> Columns:
-        """What is known of the columns there, which is used repeatedly."""
+        """Posterior of the columns at these sigmas, kept since it is used repeatedly."""
         return solve_columns(self.model, self.logs[None], np.arange(len(self.model.prior))).take(0)
 
 
@@ -159,7 +159,7 @@ def integrated_covariance(models: Sequence[SigmaPosterior], model: Array, is_qui
 
 
 def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array, Array]:
-    """What is known of columns and sigmas over all that the sigmas may be, given the data.
+    """Posterior mean and covariance of columns, over the posterior of the sigmas.
 
     Args:
         posterior: The sigmas of a model.

@@ -33,7 +33,7 @@ _AT_ONCE = 131_072  # numbers of an array over blocks: a megabyte stays near the
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """What goes by one sigma, summed over views, at unit sigmas.
+    """Sums over views of the terms of one sigma, at unit sigmas.
 
     Attributes:
         count: How many freedoms.
@@ -134,7 +134,7 @@ EstimatesOf = Sequence[Mapping[str, ViewEstimates]]
 
 
 def make_estimates(problem: Problem, state: State) -> EstimatesOf:
-    """What views say of a state, for all models of that state, whatever errors stops share in them."""
+    """Estimates of a state's views, for all models of that state, whatever errors stops share in them."""
     shaped = shaped_targets(problem)
     return [
         view_estimates(

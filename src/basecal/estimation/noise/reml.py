@@ -137,7 +137,7 @@ class Posterior:
         return alone + np.tensordot(sums[:k], self.spread, 2), left * np.exp(2 * self.logs[: len(keys)])
 
     def _expected_by_blocks(self, keys: Sequence[tuple[str, str]]) -> tuple[Array, Array]:
-        """What is expected of the squares of errors by their sigma, (k,), and of each part's by what errors spread."""
+        """Expected squares of errors by their sigma, (k,), and of each part by the spread of the errors."""
         squares, of_errors = np.zeros(len(keys)), self.mean_errors**2
         x = scales(self.logs, self.model.of_columns)
         for here in chunks(len(of_errors), of_errors.shape[1], len(self.spread)):
@@ -333,7 +333,7 @@ def _weigh(model: MixedModel, weights: dict[tuple[str, str], Array], fields: tup
 
 
 def _squares_of_spread(part: Moments, posterior: Posterior, here: slice, spread: Array, covariance: Array) -> float:
-    """What is expected to come to that by the errors of some blocks, given all data."""
+    """Expected contribution of the errors of some blocks, given all data."""
     x, u = scales(posterior.logs, posterior.model.of_columns), scales(posterior.logs, posterior.model.of_errors[here])
     by_x = (spread.reshape(-1, len(x)) * x).reshape(spread.shape)
     both = np.vdot(u, np.vecdot(part.errors_fixed[here], by_x))

@@ -1,4 +1,4 @@
-"""What each view says alone, by the sigma that it goes with, and how many freedoms that is.
+"""Estimates of each view alone, by the sigma that it scales with, and their degrees of freedom.
 
 A view of many points holds its own estimate of its pose and, where that is free, of the lens. Only this counts: what
 is left of the points about it is noise of single points, of which hundreds say nothing about what they share
@@ -22,7 +22,7 @@ _INFINITE_NOISE = Noise(*(float("inf"),) * len(Noise._fields))
 
 @dataclass(frozen=True, eq=False)
 class ViewEstimates:
-    """What n views say at unit sigma.
+    """Estimates of n views at unit sigma.
 
     Attributes:
         cost: (n,) above that of their own estimates.
@@ -44,7 +44,7 @@ class ViewEstimates:
 def view_estimates(
     problem: Problem, group: ViewGroup, state: State, by_shape: Array | None = None
 ) -> dict[str, ViewEstimates]:
-    """What a group's views say about a state, by field of `Noise` at unit sigma, and what goes by stated sigmas.
+    """Estimates of a group's views at a state, by field of `Noise` at unit sigma, and those by stated sigmas.
 
     Args:
         problem: The problem.
@@ -66,7 +66,7 @@ def _parts(
     measurement: Measurement, camera_from_target: SE3, camera: Camera | None, lens: bool, by_shape: Array | None
 ) -> dict[str, ViewInformation]:
     def information(noise: Noise) -> ViewInformation:
-        """What the views say with such noise."""
+        """The information of the views with such noise."""
         noisy = measurement.with_noise(noise)
         if by_shape is None or not isinstance(noisy, PixelMeasurement):
             return noisy.linearise(camera_from_target, camera, lens)

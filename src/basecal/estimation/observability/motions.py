@@ -1,4 +1,4 @@
-"""What motions a recording holds, and what they cannot show whatever was seen: known before anything is solved.
+"""Motions of a recording, and the directions that they cannot show: known before anything is solved.
 
 Consider a twist of a robot's base. If every recorded pose of the flange maps it to the same twist there, it cannot be
 distinguished from a change of the flange's mount. A robot that stands still has all six such twists, and one that only
@@ -160,7 +160,7 @@ def base_names(problem: Problem, robot: str) -> list[str]:
 
 
 def gauge_partners(problem: Problem, motion: Motion) -> tuple[str, ...]:
-    """What moves along with a robot's base unnoticed, by its poses alone: none if something of it is known."""
+    """Unknowns that move along with a robot's base unnoticed, by its poses alone; none if it has a prior."""
     names = list(dict.fromkeys([*base_names(problem, motion.robot), *mount_names(problem, motion.robot)]))
     free = all(problem.unknowns[name].status == "free" for name in names)
     return tuple(names) if free and len(motion.twists_in_base) else ()

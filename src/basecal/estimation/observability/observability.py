@@ -52,7 +52,7 @@ class Observability:
 
 
 def analyse_observability(problem: Problem, state: State, hessian: Array, factor: float) -> Observability:
-    """What an information matrix (p, p), whose inverse times `factor` is the covariance, says of the unknowns."""
+    """Observability of the unknowns by an information matrix (p, p), whose inverse times `factor` is the covariance."""
     if not len(hessian):
         return Observability(np.zeros((0, 0)), 1.0, (), frozenset(), np.zeros((0, 0)))
     length = _length(problem, state)
@@ -137,7 +137,7 @@ def _required_columns(problem: Problem, name: str) -> int:
 
 
 def _scales(problem: Problem, state: State, length: float) -> Array:
-    """What one scaled unit of each column is: a length of the scene [m], 1 rad, an image width [px]."""
+    """The scale of each column: a length of the scene [m], 1 rad, an image width [px]."""
     scale = np.ones(problem.width)
     for name, where in problem.columns.items():
         if name in problem.unknowns:

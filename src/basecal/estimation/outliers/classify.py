@@ -1,4 +1,4 @@
-"""What of a problem is used at a state: each view, shared stop and point against what all else predicts."""
+"""Inliers of a problem at a state: each view, shared stop and point against the prediction of all others."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _EXACT = 1e-14  # variance of a pose's rounding [m^2, rad^2]
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """What is used, and why the rest is not.
+    """The inliers, and why the rest are none.
 
     Attributes:
         kept: What is used.
@@ -67,7 +67,7 @@ def view_scale(problem: Problem, squares: Sequence[MahalanobisSquared], chance: 
 
 
 def classify_inliers(problem: Problem, state: State, inliers: InlierMask) -> Classification:
-    """What of a problem is used at a state that what was `inliers` so far led to.
+    """Inliers of a problem at a state that earlier `inliers` led to.
 
     Args:
         problem: All that was seen.

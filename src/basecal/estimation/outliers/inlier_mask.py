@@ -18,7 +18,7 @@ from basecal.geometry import Array, BoolArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class InlierMask:
-    """What is used of a problem.
+    """The inliers of a problem.
 
     Attributes:
         views: By group, (n,): whether the view is used.
@@ -34,7 +34,7 @@ class InlierMask:
         return all(np.array_equal(a, b) for a, b in pairs)
 
     def intersection(self, mask: InlierMask) -> InlierMask:
-        """What both use."""
+        """The inliers of both."""
         return InlierMask(
             tuple(a & b for a, b in zip(self.views, mask.views, strict=True)),
             tuple(a & b for a, b in zip(self.points, mask.points, strict=True)),

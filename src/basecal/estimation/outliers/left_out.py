@@ -1,4 +1,4 @@
-"""What was left out of a solution, and how far it is from where the rest predicts it."""
+"""Items excluded from a solution, and their distance from the prediction of the rest."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def measure_left_out_items(
     inliers: InlierMask,
     judgement: Classification,
 ) -> tuple[LeftOut, ...]:
-    """What is not kept, by sample.
+    """The excluded items, by sample.
 
     Args:
         cell: What exists.
@@ -135,7 +135,7 @@ def _with_lost_points(group: ViewGroup, views: BoolArray, points: BoolArray) -> 
 def _left_out_points(
     points: _LostPoints, group: ViewGroup, ids: IntArray, distances: Array, sigma: float
 ) -> list[LeftOut]:
-    """What is said of lost points, by ids (n, p) and distances (n, p), in sigmas by which these scatter."""
+    """Descriptions of lost points, by ids (n, p) and distances (n, p), in sigmas of their scatter."""
     found = []
     for v, row in enumerate(points.rows):
         off = distances[v][points.lost[v]]

@@ -78,7 +78,7 @@ def solve_with_noise(
 def _judge(
     cell: Cell, settings: Settings, plain: Solution, solution: Solution, previous: RobustSolution | None
 ) -> RobustSolution:
-    """What agrees by the sigmas of `solution`, looked for from where it was found before."""
+    """Items that agree by the sigmas of `solution`, searched from those found before."""
     again = None if previous is None else judge_again(previous, solution, plain.problem, cell, settings)
     if again is not None:
         return again

@@ -41,7 +41,7 @@ class Scale:
     chance: float
 
     def limit(self, freedoms: IntArray) -> Array:
-        """What a clean squared deviation of so many freedoms exceeds by the chance only."""
+        """The squared deviation of so many freedoms that a clean one exceeds by this chance."""
         table: Array = self._limits(np.arange(int(freedoms.max(initial=0)) + 1))
         return table[freedoms]
 

@@ -104,7 +104,7 @@ class _Subset:
 
 
 def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]) -> list[State]:
-    """What becomes of all items at once; if the solve fails for some of them, of each of the others."""
+    """Process items as one batch; if the solve fails for some of them, each of the others alone."""
     if not items:
         return []
     try:

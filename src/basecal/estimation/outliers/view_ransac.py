@@ -54,7 +54,7 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class RansacViews:
-    """What points of views agree on.
+    """The consensus of points of views.
 
     Attributes:
         camera_from_target: (n,) the pose that explains most of each view.
@@ -95,7 +95,7 @@ class _WithPrior:
     prior: Prior
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """What each view says, its prior included; see `Measurement`."""
+        """The linearised views, with their priors; see `Measurement`."""
         view = self.measurement.linearise(camera_from_target, camera, lens)
         tension, force = self.prior.tension(camera_from_target)
         return ViewInformation(view.cost + tension, view.gradient + force, view.information + self.prior.information)
@@ -126,7 +126,7 @@ class _Views:
         ).camera_from_target
 
     def agreement(self, pose: SE3, limit: float) -> RansacViews:
-        """What points agree with poses, (n,)."""
+        """The agreement of points with poses, (n,)."""
         # Squared residuals over sigma, (n, p); infinite where a point cannot be seen, 0 where it was not.
         of = self.measurement
         off = of.residuals(pose, self.camera)
@@ -156,7 +156,7 @@ def view_ransac(
 def explain_views(
     measurement: SeenPoints, pose: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
-    """What views' points agree on at given poses, (n,); the arguments are those of `view_ransac`."""
+    """The consensus of views' points at given poses, (n,); the arguments are those of `view_ransac`."""
     return _Views(measurement, camera, prior).agreement(pose, limit)
 
 

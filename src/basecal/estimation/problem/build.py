@@ -262,7 +262,7 @@ def _views(
 
 
 def _kinds(observation: Observation) -> tuple[str, ...]:
-    """What is solved together: pixels, candidates among them; poses; 3-D points; places and directions of parts."""
+    """Kinds that are solved together: pixels, with candidates; poses; 3-D points; places and directions of parts."""
     if isinstance(observation, PixelObservation | CandidateObservation):
         return ("PixelObservation",)
     kind = type(observation).__name__
@@ -291,7 +291,7 @@ def _group(
 
 
 def _end(cell: Cell, poses: Mapping[str, _Poses], body: str, carrier: str, index: list[int]) -> End:
-    """What is recorded in these samples of the robot that carries a camera or target; nothing moves on `world`."""
+    """The recorded states, in these samples, of the robot that carries a camera or target; `world` does not move."""
     mount = cell.mount_name(body)
     if carrier == WORLD:
         nowhere = np.full(len(index), -1, dtype=np.int64)

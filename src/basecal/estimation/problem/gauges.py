@@ -35,7 +35,7 @@ def end_moves(base_from_flange: SE3, free_ends: tuple[bool, bool]) -> Array:
 
 
 def independent_moves(moves: Array, other_moves: Array) -> Spectrum:
-    """What of some moves of a flange others cannot take up: mean squares along directions of the moves [rad^2].
+    """Mean squares of a flange's moves that others cannot absorb, along directions of the moves [rad^2].
 
     Args:
         moves: (m, 6, k) right tangents by one unit of each [m, rad].

@@ -30,7 +30,7 @@ GRIP = "grip"
 
 
 def make_measurement(cell: Cell, camera: str, target: str, kind: str, observations: list[Observation]) -> Measurement:
-    """What one camera's observations of one target say, all of one `kind`: a name of an observation's type, or `GRIP`.
+    """The measurement of one camera's observations of one target, all of one `kind`: an observation's type, or `GRIP`.
 
     Raises:
         InputError: if points are seen of a target without any, a camera with pixels has no lens, or `correlated_px`

@@ -32,7 +32,7 @@ def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
 
 
 def _tips(groups: Sequence[ViewGroup]) -> set[str]:
-    """What sees points at its own origin only, as a tip does that touches them: no rotation of it matters."""
+    """Tips that see points at their own origin only: no rotation of such a mount matters."""
     return {g.camera for g in groups} - {
         g.camera for g in groups if not is_touch(g.measurement) or isinstance(g.measurement, tuple(GRIPS.values()))
     }

@@ -115,7 +115,7 @@ class Problem:
         return np.where(several, np.cumsum(several) - 1, -1)
 
     def shake(self, group: ViewGroup) -> Array | None:
-        """What one sigma of their stamps' jitter moves views by, (n, 6) [m, rad]; None where there is none."""
+        """Motion of views by one sigma of their stamps' jitter, (n, 6) [m, rad]; None if there is none."""
         jitter_s = self.jitter_s.get(group.camera, 0.0)
         return group.motion * jitter_s if jitter_s and group.motion is not None else None
 
@@ -213,7 +213,7 @@ class State:
 
 
 class Link(NamedTuple):
-    """What moves views at one end of their loop, seen from the target, (..., n) each.
+    """The unknowns that move views at one end of their loop, seen from the target, (..., n) each.
 
     Attributes:
         sign: Of the views' motion: -1 at the camera's end.
@@ -307,7 +307,7 @@ def stop_tangents(group: ViewGroup, state: State, stops: Stops) -> Array:
 
 
 def _flange_errors(group: ViewGroup, state: State, stops: Stops) -> tuple[SE3 | None, SE3 | None]:
-    """What eye's and hand's true flanges are off the recorded ones, (..., n) each; None without noise."""
+    """Errors of eye's and hand's recorded flange poses, (..., n) each; None without noise."""
     eye, hand = group.ends
     if not (eye.has_noise or hand.has_noise):
         return None, None

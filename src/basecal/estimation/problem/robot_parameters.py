@@ -1,4 +1,4 @@
-"""What is estimated of a robot's own kinematics, of whatever kinds of parameters.
+"""Estimated parameters of a robot's own kinematics, of any kind.
 
 A robot given by joints stands where its chain, moved by its parameters, stands at the recorded joints, shifted by them.
 Ends of an arm cannot be distinguished from what they hang on; where both sides of such a pair are free, the arm's side
@@ -96,7 +96,7 @@ class Kinematics:
         return self.values[kind] if kind in self.values else ROBOT_PARAMETERS[kind].zero(self.chain.n)
 
     def stated_parameters(self, kind: str) -> Parameters:
-        """What is known of a kind."""
+        """Stated knowledge of a kind."""
         return self.stated[kind] if kind in self.stated else ROBOT_PARAMETERS[kind].stated()
 
     def forward(self, joints: Array) -> SE3:
@@ -185,7 +185,7 @@ def apply_step(model: RobotModel, kinematics: Kinematics, step: Mapping[str, Arr
 
 
 def column_values(model: RobotModel, kinematics: Kinematics) -> dict[str, Array]:
-    """What the columns with a prior are at, (..., k), by name; each is of one value."""
+    """Values of the columns with a prior, (..., k), by name; each is of one value."""
     found = {}
     for name, kind in model.names.items():
         basis, sigma = model.columns[kind]

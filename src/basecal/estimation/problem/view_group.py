@@ -148,7 +148,7 @@ class ViewGroup:
         return take(self, views)
 
     def take_batch(self, rows: Rows) -> ViewGroup:
-        """What these rows of a batch saw."""
+        """The views of these rows of a batch."""
         if self.sample.ndim == 1:
             return replace(self, measurement=self.measurement.take_batch(rows))
         return self.take(rows)

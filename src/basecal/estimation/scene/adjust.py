@@ -50,7 +50,7 @@ class SceneFit:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a descent is given: views, image points, sigmas, and the guesses of free lenses.
+    """The task of a descent: views, image points, sigmas, and the guesses of free lenses.
 
     Attributes:
         views: The views.
@@ -121,7 +121,7 @@ class _System:
 
 
 def _reduce_equations(task: Task, state: SceneState, equations: PixelEquations, columns: Columns) -> Quadratic:
-    """What image points say of all columns; a point behind its camera costs as much as one at ten tails."""
+    """Normal equations of image points in all columns; a point behind its camera costs as much as one at ten tails."""
     reduced = reduced_equations(task.views.camera, task.tracks, equations, columns.lens_widths)
     moves = column_jacobian(task.views, state, columns, sum(columns.lens_widths))
     squares = np.sum(equations.residual**2, 1)

@@ -1,4 +1,4 @@
-"""What is known beforehand of the unknowns of a scene: stated transforms and lenses, and errors of stops."""
+"""Priors of the unknowns of a scene: stated transforms and lenses, and errors of stops."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Prior:
 def prior_information(
     views: SceneViews, state: SceneState, columns: Columns, sigmas: Array, guesses: tuple[Camera, ...]
 ) -> Prior:
-    """What is known of all unknowns.
+    """Prior information of all unknowns.
 
     Args:
         views: The views, with what is known of mounts, bases and lenses.

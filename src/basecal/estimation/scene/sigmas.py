@@ -82,7 +82,7 @@ class _Likelihood:
         return float(of_noise + self.squares / sigmas.sigma_px**2 - gain @ gain + self._prior_cost(logs))
 
     def _prior_cost(self, logs: Array) -> float:
-        """What is expected of the logarithms of robots' sigmas."""
+        """Prior cost of the logarithms of robots' sigmas."""
         mean, factor = np.log(ROBOT_RAD)
         total = 0.0
         for at, k in enumerate(self.open_robots):

@@ -19,7 +19,7 @@ _DAMPING = np.array([1e-9])  # as the first of a descent
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """What a pair says of two bases: `eye_base_from_hand_base`, by their names, None of the reference."""
+    """Relation of two bases by a pair: `eye_base_from_hand_base`, by their names, None of the reference."""
 
     eye_base: str | None
     hand_base: str | None

@@ -164,7 +164,7 @@ def solve_translations(loop: Loop, rotations: Rotations) -> tuple[SE3, SE3, SE3]
     at = {name: solution[3 * i : 3 * i + 3] for i, name in enumerate(free)}
 
     def complete_pose(name: str, rotation: Array) -> SE3:
-        """What was known, or the rotation with its translation."""
+        """The known pose, or the rotation with its translation."""
         value = known[name]
         return SE3.adopt(rotation.copy(), at[name].copy()) if value is None else value
 

@@ -86,7 +86,7 @@ def place_by_points(problem: Problem, groups: Sequence[ViewGroup], transforms: M
 
 
 def _meetings(problem: Problem, group: ViewGroup, transforms: Mapping[str, SE3]) -> Iterable[_Meeting]:
-    """What the views of each point say."""
+    """The rays of each point's views."""
     measurement = group.measurement
     assert isinstance(measurement, PointMeasurement)
     for row, point in enumerate(measurement.points_in_target):

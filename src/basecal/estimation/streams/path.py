@@ -37,7 +37,7 @@ class PathPoints:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """What was recorded of a robot.
+    """The recorded path of a robot.
 
     Attributes:
         times: (n,) [s], rising.

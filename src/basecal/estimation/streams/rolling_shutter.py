@@ -20,7 +20,7 @@ _NO_VELOCITY = np.zeros(6)
 
 
 def line_time_name(camera: str) -> str:
-    """What the line time of a camera is called among the offsets of clocks: no device has such a name."""
+    """Name of a camera's line time among the offsets of clocks: no device has such a name."""
     return f"{camera} line"
 
 
@@ -41,7 +41,7 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What pixels are corrected by.
+    """Known states by which pixels are corrected.
 
     Attributes:
         cell: What exists.

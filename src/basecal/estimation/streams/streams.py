@@ -21,7 +21,7 @@ _STREAM_SHARE = 0.5  # of the views, beyond which a recording without robots bes
 
 @dataclass(frozen=True, eq=False)
 class Streams:
-    """What each device recorded by its own clock.
+    """Records of each device by its own clock.
 
     Attributes:
         cell: What exists.
@@ -209,7 +209,7 @@ def _instants(samples: Sequence[Sample]) -> Iterator[Sample]:
 
 
 def _path(cell: Cell, robot: str, samples: Sequence[Sample]) -> Path:
-    """What was recorded of a robot; of two records at one stamp the first."""
+    """The recorded path of a robot; of two records at one stamp the first."""
     stamped = sorted((s.stamp_s, s.sample) for s in samples if robot in s.robots and s.stamp_s is not None)
     states = {s.sample: s.robots[robot] for s in samples if robot in s.robots}
     times, first = np.unique(np.array([stamp for stamp, _ in stamped]), return_index=True)

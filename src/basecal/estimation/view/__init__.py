@@ -1,1 +1,1 @@
-"""What one view says of `camera_from_target`."""
+"""Measurements of `camera_from_target` by one view."""

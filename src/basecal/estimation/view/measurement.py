@@ -1,4 +1,4 @@
-"""What one view says of `camera_from_target`: cost, gradient and information.
+"""The measurement of `camera_from_target` by one view: cost, gradient and information.
 
 With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view says
 `cost = r'r`, `gradient = J'r` and `information = J'J`; a few columns more stand for the lens where it is free.
@@ -51,11 +51,11 @@ class Measurement(Protocol):
     """
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
-        """What each view says at `camera_from_target`, (..., n); with the lens's columns where `lens`."""
+        """The linearised views at `camera_from_target`, (..., n); with the lens's columns if `lens`."""
         ...
 
     def take_batch(self, rows: Rows) -> Measurement:
-        """What these rows of a batch saw; the same where all rows saw the same."""
+        """The views of these rows of a batch; shared if all rows saw the same."""
         ...
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:

@@ -220,7 +220,7 @@ def _planes(derivative: Array) -> Array:
 
 
 def _information_of_rows(rows: Array, rotation: Array) -> ViewInformation:
-    """What views say whose residuals, and their derivatives in the camera's axes, are rows (1 + k, 2, ..., n, p)."""
+    """Information of views whose residuals, and derivatives in the camera's axes, are rows (1 + k, 2, ..., n, p)."""
     u, v = (to_back(rows[:, i]) for i in range(2))  # (..., n, p, 1 + k)
     # Of a product of something with itself BLAS makes half, which takes longer where it is as small as this.
     product = u[..., 1:].mT @ u

@@ -1,4 +1,4 @@
-"""What all measurements of a target's points share: their model in the camera, and sums over them."""
+"""Common parts of measurements of a target's points: their model in the camera, and sums over them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class TargetPoints:
     def information(
         self, cost: Array, forces: Iterable[Array], squares: Iterable[Array], rotation: Array
     ) -> ViewInformation:
-        """What views say whose cost is known, by the sums of `gradient_and_information` over their points."""
+        """Information of views of known cost, by the sums of `gradient_and_information` over their points."""
         return ViewInformation(cost, *gradient_and_information(forces, squares, rotation, self._monomials))
 
     @cached_property

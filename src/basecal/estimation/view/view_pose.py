@@ -148,7 +148,7 @@ class _Refined:
 
 
 class Views(Protocol):
-    """What says how views fit at poses; see `Measurement`."""
+    """The fit of views at poses; see `Measurement`."""
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""

@@ -93,7 +93,7 @@ def _is_first(path: Path) -> bool:
 
 
 def _decoder(is_first: bool) -> Callable[[bytes, str], Any]:
-    """What makes a message of bytes and the name of its type.
+    """A decoder of messages from bytes and the name of their type.
 
     Raises:
         MissingExtra: if the library of bags is not installed.
@@ -145,7 +145,7 @@ def _messages(bag: Bag, path: Path, decode: Callable[[bytes, str], Any], names: 
 
 
 def _frames(bag: Bag, path: Path, names: Collection[str]) -> Iterator[Frame]:
-    """What the process that reads a bag gives; where it is damaged is noted."""
+    """Frames of the process that reads a bag; damage is noted."""
     size = sum(each.stat().st_size for each in _files(path))
     with _name_errors(path):
         for data, content in frames("basecal.exchange.bags.reader_process", [os.path.abspath(path), *names], size):
@@ -157,7 +157,7 @@ def _frames(bag: Bag, path: Path, names: Collection[str]) -> Iterator[Frame]:
 
 @contextmanager
 def _name_errors(path: Path) -> Iterator[None]:
-    """What a damaged bag makes the library raise, of a dozen kinds down to sizes beyond any memory, names the bag."""
+    """A context that names the bag in errors that its damage makes the library raise, of a dozen kinds."""
     try:
         yield
     except LibraryError as error:

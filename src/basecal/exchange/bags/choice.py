@@ -1,4 +1,4 @@
-"""What of a bag is taken: as it was requested, as the cell says, or as frames and topics are usually called."""
+"""The choice of a bag's frames and topics: as requested, as the cell says, or as they are usually called."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _DEPTH_WORD = "depth"
 
 
 def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) -> Taken:
-    """What is taken.
+    """The chosen sources.
 
     Raises:
         FrameNotFound: if a topic or frame that is requested is not there.
@@ -105,7 +105,7 @@ def _joint_topic(survey: Survey, chain: SerialChain) -> str | None:
 
 
 def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
-    """What `PARENT,CHILD` or a topic says."""
+    """The choice that `PARENT,CHILD` or a topic states."""
     parent, comma, child = words.partition(",")
     if comma:
         source = ByFrames(plain(parent.strip()), plain(child.strip()))

@@ -1,4 +1,4 @@
-"""What `cell.yaml` must have for what is taken of a bag."""
+"""Entries that `cell.yaml` must have for the chosen parts of a bag."""
 
 from __future__ import annotations
 
@@ -70,5 +70,5 @@ def _frames(names: Mapping[str, str]) -> dict[str, dict[str, str]]:
 
 
 def urdf_name(robot: str) -> str:
-    """What the URDF of a robot is called in a cell."""
+    """Name of a robot's URDF in a cell."""
     return f"{robot}.urdf"

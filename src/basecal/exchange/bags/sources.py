@@ -94,7 +94,7 @@ class CameraSource:
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """What is taken of a bag: robots and cameras by name, views of targets by the names of camera and target."""
+    """The chosen parts of a bag: robots and cameras by name, views of targets by camera and target."""
 
     robots: Mapping[str, ByFrames | ByPoses | ByJoints] = field(default_factory=dict)
     cameras: Mapping[str, CameraSource] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class Taken:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a person wants of a bag; what is left empty is found.
+    """The parts of a bag that a person requests; those left empty are found.
 
     Attributes:
         robots: `BASE,FLANGE` of tf, or a topic of poses, by name.

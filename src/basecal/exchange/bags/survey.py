@@ -1,4 +1,4 @@
-"""What a bag holds before anything of it is taken: frames, first pictures, lenses, URDFs, names of joints."""
+"""Survey of a bag before it is read whole: frames, first pictures, lenses, URDFs, names of joints."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DESCRIPTION = "robot_description"
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What a bag holds.
+    """Content of a bag.
 
     Attributes:
         tree: Frames of tf.
@@ -38,7 +38,7 @@ class Survey:
 
 
 def survey_bag(bag: Bag) -> Survey:
-    """What a bag holds; pictures are looked at once for each topic."""
+    """Content of a bag; one picture of each topic is looked at."""
     images = tuple(bag.topics_of_type(IMAGE, COMPRESSED))
     texts = [topic for topic in bag.topics_of_type(TEXT) if topic.name.endswith(_DESCRIPTION)]
     joints: dict[str, frozenset[str]] = {}

@@ -113,7 +113,7 @@ def _listening(
     source: _Source,
     listeners: dict[str, list[Callable[[Message], None]]],
 ) -> _Gathered:
-    """What will be gathered of a source, when its listeners hear its messages."""
+    """The collector of a source's messages."""
     if isinstance(source, ByFrames):
         moving = _moving(tree, source)
         found = _Gathered(7 * len(moving))

@@ -14,7 +14,7 @@ from basecal.exchange.exports.wanted import NamedTransform, Wanted
 
 
 def controllers_text(calibration: Calibration, cell: Cell, transform: str | None = None, run: str | None = None) -> str:
-    """What is calibrated as each robot's own controller writes it.
+    """The calibrated frames as each robot's own controller writes them.
 
     Args:
         calibration: What came out.

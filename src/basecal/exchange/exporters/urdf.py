@@ -64,7 +64,7 @@ def corrected_text(cell: Cell, folder: Path, calibration: Calibration, name: str
 
 
 def applied_kinds(calibration: Calibration, robot: str) -> str:
-    """What a corrected URDF of a robot contains, in words; empty if nothing was found."""
+    """Corrections in a URDF of a robot, in words; empty if there are none."""
     found = calibration.parameters_of_robot(robot)
     return " and ".join(kind.replace("_", " ") for kind in ("joint_offsets", "link_parameters") if kind in found)
 

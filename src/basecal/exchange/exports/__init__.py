@@ -1,1 +1,1 @@
-"""What every exporter needs: which transforms, with how many digits, and what they were made from."""
+"""Common parts of exporters: the chosen transforms, their digits, and their source."""

@@ -49,7 +49,7 @@ def both_directions(calibration: Calibration, cell: Cell | None = None) -> tuple
 
 
 def frame_names(cell: Cell, name: str) -> tuple[str, str]:
-    """What parent and child of a transform are called in other programs.
+    """Names of a transform's parent and child in other programs.
 
     The cell's `frames` of each robot and `frame` of each camera, unless both are called the same; else our own names.
     """

@@ -1,4 +1,4 @@
-"""What an exporter is: its module in `exporters` ends in an `EXPORTER` of this class."""
+"""The class of an exporter: its module in `exporters` ends in an `EXPORTER` of this class."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What comments of an export say: from which run and data it is, and whether that is doubtful."""
+"""Comments of an export: its run and data, and whether it is doubtful."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HASH = 12  # digits of a hash: enough to tell any two recordings apart
 
 
 def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, ...]:
-    """What a calibration was made from, a line each, then what makes it doubtful where it is.
+    """Source of a calibration, a line each, then the doubts about it if there are any.
 
     Args:
         calibration: What came out.

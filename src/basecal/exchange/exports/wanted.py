@@ -1,4 +1,4 @@
-"""What an exporter is asked to write."""
+"""The request that an exporter answers."""
 
 from __future__ import annotations
 

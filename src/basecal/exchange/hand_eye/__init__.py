@@ -1,1 +1,1 @@
-"""What hand-eye programs recorded, each as it means its poses."""
+"""Recordings of hand-eye programs, each by its own convention of poses."""

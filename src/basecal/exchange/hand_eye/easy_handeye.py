@@ -1,4 +1,4 @@
-"""What easy_handeye (ROS 1) and easy_handeye2 (ROS 2) write: `.samples`, and calibrations (`.yaml`, `.calib`).
+"""Files of easy_handeye (ROS 1) and easy_handeye2 (ROS 2): `.samples`, and calibrations (`.yaml`, `.calib`).
 
 Metres and quaternions x, y, z, w, as ROS has them. `tracking` is camera_from_target in both arrangements. `robot` is
 base_from_flange with the eye in hand, but its inverse with the eye on the base: the program so solves both by one
@@ -105,7 +105,7 @@ def _stated_arrangement(root: Field) -> _Arrangement | None:
 
 
 def _sibling_arrangement(path: Path) -> _Arrangement | None:
-    """What the calibration of the same name says."""
+    """The arrangement by the calibration of the same name."""
     for ending in (".calib", ".yaml", ".yml"):
         other = path.with_suffix(ending)
         if other != path and other.is_file():

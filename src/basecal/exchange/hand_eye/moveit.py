@@ -1,4 +1,4 @@
-"""What MoveIt Calibration's "Save samples" and "Save joint states" write, and the JSON of its solver's tests.
+"""Files of MoveIt Calibration: "Save samples", "Save joint states", and the JSON of its solver's tests.
 
 A list of pairs of 4x4 matrices, row by row, in metres. `effector_wrt_world` is base_from_flange in both arrangements
 (the solver itself inverts it for a camera beside the robot), `object_wrt_sensor` camera_from_target. No file says which

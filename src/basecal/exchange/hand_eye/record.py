@@ -1,4 +1,4 @@
-"""What a hand-eye program recorded with one robot and one camera, or with a second robot that carries the target."""
+"""The record of a hand-eye program: one robot and one camera, or a second robot that carries the target."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What other programs' files say, read for a cell: a file and a line for each kind."""
+"""Importers of other programs' files: a file and a line for each kind."""

@@ -110,7 +110,7 @@ def read_bag(
 
 
 def _preview(bag: Bag, sources: Taken) -> Imported:
-    """What is in a bag, and what would be taken of it."""
+    """Content of a bag, and the parts that would be imported."""
     topics = (f"  {each.messages:>8}  {each.name}  {each.kind}" for each in sorted(bag.topics.values()))
     would = (f"would take {line}" for line in sources.words)
     return Imported(bag.path, "what is in it", notes=(*topics, *would), warnings=_damage(bag), is_preview=True)
@@ -135,7 +135,7 @@ def _damage(bag: Bag) -> tuple[str, ...]:
 def _import_bag(
     bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: Cell | None, folder: Path, streams: bool
 ) -> Imported:
-    """What is brought into the cell, pictures and URDFs being in a folder."""
+    """Rows and entries for the cell, pictures and URDFs being in a folder."""
     tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
     write_pictures(bag, selection, instants, folder)

@@ -101,7 +101,7 @@ def _row(camera: str, path: Path, is_timed: bool) -> Row:
 def _describe(
     count: int, camera: str, size_px: tuple[int, int], carrier: str | None, targets: dict[str, dict[str, Any]]
 ) -> str:
-    """What was read, in words; `carrier` is what was assumed to carry a new camera."""
+    """Description of the imported images; `carrier` is the assumed carrier of a new camera."""
     carried = "" if carrier is None else f", on {carrier!r}"
     advice = " (if it is beside the robot, correct `on: world` in cell.yaml)" if carried else ""
     described = [f"; target {name!r}, {each['kind']} on {each['on']!r}" for name, each in targets.items()]
@@ -150,7 +150,7 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
 
 
 def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> tuple[dict[str, Any], frozenset[Loc]]:
-    """What `cell.yaml` must have for the camera but its size, and what it may lose: a size that nothing rests on.
+    """The camera's entry of `cell.yaml` except for its size, and a size to remove on which nothing rests.
 
     Raises:
         InputError: if the camera is new, and nobody says what carries it; or it is carried by something else.
@@ -170,7 +170,7 @@ def _camera_entry(folder: str | Path, name: str, stated_carrier: str | None) -> 
 
 
 def _carrier(folder: str | Path, present_cell: Cell | None, name: str, stated_carrier: str | None) -> str:
-    """What carries a new camera."""
+    """The carrier of a new camera."""
     if present_cell is None and stated_carrier in (None, "world"):
         make = f"import the robots' poses first, or basecal new {quote(str(folder))}"
         if stated_carrier == "world":

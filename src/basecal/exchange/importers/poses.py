@@ -196,6 +196,6 @@ def _target_poses(cell: str | Path, table: PoseTable, sight: Sight, is_inverted:
 
 
 def _describe(count: int, parent: str, child: str, reading: Reading, is_inverted: bool) -> str:
-    """What a table holds, in words."""
+    """Description of a table's content."""
     written = f"{child}_from_{parent}, inverted," if is_inverted else f"{parent}_from_{child}"
     return f"{count} poses {written} as of {reading.name} ({reading.words})"

@@ -126,7 +126,7 @@ def _read_rows(
 
 
 def _robot_entry(context: Cell | None, robot: str, controller: str | None) -> dict[str, Any]:
-    """What is new of a robot: which controller wrote its poses, if that is not known."""
+    """New fields of a robot: the controller that wrote its poses, if that is not known."""
     is_known = context is not None and robot in context.robots and bool(context.robots[robot].controller)
     return {} if controller is None or is_known else {"controller": {"format": controller}}
 

@@ -1,1 +1,1 @@
-"""What every import does: rows that were read are paired with samples, and complete a cell and its recording."""
+"""Common parts of imports: rows are paired with samples, and complete a cell and its recording."""

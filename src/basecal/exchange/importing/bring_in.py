@@ -34,7 +34,7 @@ _LARGEST_NAMES = 2**24  # bytes: 200,000 names
 
 @dataclass(frozen=True, eq=False)
 class Brought:
-    """What an import did.
+    """Result of an import.
 
     Attributes:
         cell: As it is now.
@@ -61,7 +61,7 @@ def add_to_cell(
     check: Callable[[Cell, Recording], tuple[str, ...]],
     replace: bool = False,
 ) -> Brought:
-    """What was read is in the cell, all of it or nothing.
+    """Add imported rows to the cell, all of them or none.
 
     Args:
         folder: The cell, or where one is to be made.
@@ -193,7 +193,7 @@ def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None, samples: Sequ
 def _samples(
     rows: tuple[Row, ...], pairing: Pairing | None, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
-    """What is added to each sample, and the pictures by their path in the cell, which no other sample has."""
+    """Additions to each sample, and new pictures by their path in the cell, which no other sample has."""
     samples, pictures = [], {}
     for row, number in zip(rows, () if pairing is None else pairing.numbers, strict=False):
         if number is None:

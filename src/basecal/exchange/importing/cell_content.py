@@ -1,4 +1,4 @@
-"""What is in a cell's folder already, before something is imported into it."""
+"""Content of a cell's folder before an import."""
 
 from __future__ import annotations
 

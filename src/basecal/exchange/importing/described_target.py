@@ -22,7 +22,7 @@ _MARKER = 0.75  # of the square, as `basecal target` prints
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """What a target looks like.
+    """The shape of a target.
 
     Attributes:
         squares: Columns and rows of a ChArUco board, such as 5x7.
@@ -84,7 +84,7 @@ def target_entry(
     carriers: Mapping[str, str | None],
     camera_on: Mapping[str, str | None],
 ) -> dict[str, Any]:
-    """What `cell.yaml` must have for a target that pictures show; nothing if none is described.
+    """Entry of `cell.yaml` for a target that pictures show; nothing if none is described.
 
     Args:
         folder: The cell, or where one is to be made.

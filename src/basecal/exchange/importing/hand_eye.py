@@ -1,4 +1,4 @@
-"""What a hand-eye program recorded, as what an import brings into a cell."""
+"""Import of a hand-eye program's record into a cell."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CARRIER_WORDS = ("robot", WORLD)
 
 @dataclass(frozen=True)
 class Carriers:
-    """What carries what, if the user says so.
+    """Carriers of camera and target, if the user states them.
 
     Attributes:
         camera_on: What carries the camera: robot (of the file), world, or the name of a robot.
@@ -34,7 +34,7 @@ class Carriers:
 
 @dataclass(frozen=True)
 class Names:
-    """What a cell calls the robot, the camera, the target and a second robot of a hand-eye recording."""
+    """Names in a cell of the robot, the camera, the target and a second robot of a hand-eye recording."""
 
     robot: str
     camera: str
@@ -177,7 +177,7 @@ def imported_hand_eye(
 
 
 def _carriers(cell: Cell | None, record: HandEyeRecord, names: Names, carriers: Carriers) -> tuple[str, str]:
-    """What carries the camera, and what carries the target: the file's robot one, something still the other."""
+    """Carriers of the camera and of the target: the file's robot carries one, something still the other."""
     if record.hand_base_from_flange is not None:
         return names.robot, names.hand
     known = None if cell is None else (cell.cameras if not record.camera_on_robot else cell.targets)

@@ -1,4 +1,4 @@
-"""What an importer read, in this project's terms: rows of a recording, and lines of a `cell.yaml`."""
+"""Imported data in this project's terms: rows of a recording, and lines of a `cell.yaml`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class OneOf:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """What is brought to one sample.
+    """Additions to one sample.
 
     Attributes:
         robots: Where robots were, by name.
@@ -46,7 +46,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """What was read of one source.
+    """Data that was read from one source.
 
     Attributes:
         source: The file or folder, as the user named it.

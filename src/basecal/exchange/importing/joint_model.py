@@ -70,5 +70,5 @@ def joint_model(
 
 
 def _offsets(sigma_deg: float) -> dict[str, Any]:
-    """What `cell.yaml` says of joint offsets that are known to a sigma [deg]."""
+    """Entry of `cell.yaml` for joint offsets that are known to a sigma [deg]."""
     return {"status": "prior", "sigma_rad": round(math.radians(sigma_deg), 5)}

@@ -149,7 +149,7 @@ def _check_times(imports: Imported, samples: Sequence[Sample]) -> None:
 
 
 def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
-    """What lines report, in words."""
+    """Names of the lines' content."""
     found = {f"{_ROBOT} {name!r}" for line in lines for name in line.robots}
     found |= {f"target {o.target!r} seen by {o.camera!r}" for line in lines for o in line.observations}
     pictures = (line.pictures if isinstance(line, Row) else line.images for line in lines)

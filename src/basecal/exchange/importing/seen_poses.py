@@ -35,7 +35,7 @@ def seen_rows(rows: tuple[Row, ...], camera_from_target: SE3, sight: Sight) -> t
 
 
 def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
-    """What `cell.yaml` must have for a camera and a target; what it has already stays.
+    """Entries of `cell.yaml` for a camera and a target; those it has already stay.
 
     A new camera is on the only robot. A new target is on the world, or on the only robot where the camera is not.
 
@@ -63,7 +63,7 @@ def sight_entry(cell: Cell | None, sight: Sight) -> dict[str, Any]:
 def _carrier(
     kind: str, name: str, stated_carrier: str | None, carriers: Mapping[str, str], robots: tuple[str, ...]
 ) -> str:
-    """What carries a camera or target."""
+    """The carrier of a camera or target."""
     if name in carriers:
         if stated_carrier not in (None, carriers[name]):
             raise InputError(f"{kind} {name!r} is on {carriers[name]!r} in cell.yaml, not on {stated_carrier!r}")

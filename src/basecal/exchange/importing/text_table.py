@@ -44,7 +44,7 @@ class TextTable:
     rows: tuple[TextRow, ...]
 
     def cell(self, row: TextRow, column: str) -> str:
-        """What stands in a column of a row.
+        """The text in a column of a row.
 
         Raises:
             DatasetError: if nothing does: the row holds a pose in brackets alone.
@@ -116,7 +116,7 @@ def is_picture(name: str) -> bool:
 
 
 def _brackets(line: str) -> str | None:
-    """What stands in a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
+    """The text of a line from its first bracket on; None if there is none behind a number, as in `x [mm]`."""
     place = min((line.find(c) for c in "[({" if c in line), default=-1)
     return line[place:] if place >= 0 and _NUMBER.search(line[place:]) else None
 

@@ -73,7 +73,7 @@ def is_target(path: str | Path) -> bool:
 
 
 def read_target(path: str | Path) -> dict[str, Any]:
-    """What `cell.yaml` says of the target in a `target.yaml`: its kind and sizes.
+    """Entry of `cell.yaml` for the target in a `target.yaml`: its kind and sizes.
 
     Raises:
         DatasetError: if it is none, or has no equal here.

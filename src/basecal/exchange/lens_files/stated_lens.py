@@ -83,7 +83,7 @@ def matrix_parameters(field: Field, matrix: Sequence[float]) -> list[float]:
 
 
 def camera_entry(camera: Camera, status: str) -> dict[str, Any]:
-    """What `cell.yaml` says of a lens: its model, size and intrinsics."""
+    """Entry of `cell.yaml` for a lens: its model, size and intrinsics."""
     fx, fy, cx, cy, *terms = numbers(camera.parameters)
     size = {} if camera.size_px is None else {"size_px": list(camera.size_px)}
     lens = {"status": status, "fx": fx, "fy": fy, "cx": cx, "cy": cy, "distortion": terms}

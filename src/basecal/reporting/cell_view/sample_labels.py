@@ -1,4 +1,4 @@
-"""What the slider says of each sample, and the sample that fits worst."""
+"""Labels of the slider for each sample, and the sample that fits worst."""
 
 from __future__ import annotations
 

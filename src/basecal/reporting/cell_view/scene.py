@@ -298,7 +298,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
 
 
 def worst_words(errors: ErrorMap) -> str:
-    """What there is to say of the worst place."""
+    """Words of the worst place."""
     return f"worst place: {two_digits(1e3 * float(errors.length_95_m[errors.worst]))} mm"
 
 

@@ -41,7 +41,7 @@ def json_inside_html(data: Mapping[str, Any]) -> Markup:
 
 
 def _legend(scene: Scene) -> list[str]:
-    """What the picture shows and what it cannot, a sentence each."""
+    """Legend of the picture: what it shows and what it cannot, a sentence each."""
     sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample."]
     ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
     if any(each is not None for each in ellipsoids):

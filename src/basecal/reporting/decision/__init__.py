@@ -1,1 +1,1 @@
-"""What the first screen of a page decides by: numbers, charts with the tolerance, and what was checked."""
+"""Content of a page's first screen: numbers, charts with the tolerance, and passed checks."""

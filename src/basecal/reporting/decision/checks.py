@@ -1,4 +1,4 @@
-"""What was checked, in a few words each."""
+"""Names of the passed checks, in a few words each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _WORDS = re.compile(r"((?:`[a-z-]+`(?: and |, )?)+)[^:]*: (.*)")
 
 
 def check_words() -> dict[str, str]:
-    """What each kind of finding is about, by its code: the first line of the module that finds it."""
+    """The subject of each kind of finding, by its code: the first line of the module that finds it."""
     found: dict[str, str] = {}
     for check in (*INPUT_CHECKS, *ANSWER_CHECKS):
         words = _WORDS.match((getattr(getmodule(check), "__doc__", None) or "").partition("\n")[0])

@@ -14,7 +14,7 @@ from basecal.reporting.svg import drawing, element, nice_ceiling
 
 @dataclass(frozen=True)
 class Quantity:
-    """What the bars of views show: the field of `SampleResidual`, its factor to `unit`, and its name."""
+    """A quantity of bars of views: the field of `SampleResidual`, its factor to `unit`, and its name."""
 
     name: str
     field: str

@@ -137,7 +137,7 @@ def _jpeg(path: Path, size_px: tuple[int, int] | None, width: int) -> bytes | No
 
 
 def _views(residuals: Sequence[PointResiduals], images: dict[int, Sample]) -> Iterator[_View]:
-    """What each camera saw in each sample that has its image."""
+    """Observations of each camera in each sample that has its image."""
     for camera in dict.fromkeys(each.camera for each in residuals):
         of_camera = [each for each in residuals if each.camera == camera]
         sample, pixels, off_px, used = (

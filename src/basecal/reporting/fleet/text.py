@@ -34,7 +34,7 @@ def number_text(value: float) -> str:
 
 
 def row_texts(row: Row) -> list[str]:
-    """What a cell's row says under `COLUMN_TITLES`; nothing if it was not computed."""
+    """Texts of a cell's row under `COLUMN_TITLES`; empty if it was not computed."""
     numbers = ["" if row[name] is None else number_text(row[name]) for name in _NUMBER_COLUMNS]
     return [row["cell"], row["verdict"], row["said"], row["findings"], row["transform"] or "", *numbers]
 

@@ -1,4 +1,4 @@
-"""What the local page draws of a capture: coverage, the error over samples, a picture with what is found in it."""
+"""Drawings of the local page of a capture: coverage, the error over samples, a picture with its detections."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def serve_page(watch: Watch, cell: Cell, stop: Callable[[str], None], port: int 
 
 
 class LivePage:
-    """What a browser is given of a capture."""
+    """The local page of a capture."""
 
     def __init__(self, watch: Watch, cell: Cell) -> None:
         self._watch, self._cell = watch, cell
@@ -91,7 +91,7 @@ class LivePage:
         )
 
     def state(self) -> dict[str, Any]:
-        """What changes: a part of the page, the number of each picture, and where arms are and go."""
+        """The changing state: a part of the page, the number of each picture, and where arms are and go."""
         snapshot = self._watch.snapshot
         drawn = self._scene(snapshot)
         return {
@@ -113,7 +113,7 @@ class LivePage:
         return picture_drawing(address, (grey.shape[1], grey.shape[0]), pixels, camera)
 
     def _part_values(self, snapshot: Snapshot) -> dict[str, Any]:
-        """What the parts that change are filled with."""
+        """Values of the parts that change."""
         taken, planned = (0, 0) if snapshot.step is None else (snapshot.step.taken, snapshot.step.planned)
         word = snapshot.end.word if snapshot.end else "CAPTURING"
         return {

@@ -33,7 +33,7 @@ _HEADERS = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What a browser gets, and its media type."""
+    """An answer to a browser, and its media type."""
 
     text: str
     kind: str = "text/html"

@@ -20,7 +20,7 @@ _SEEN_MARK, _OPEN_MARK = "██", "··"
 
 
 def terminal_view(snapshot: Snapshot) -> RenderableType:
-    """What rich prints of a capture."""
+    """A capture as rich prints it."""
     now = Text(snapshot.doing, style="bold")
     said = Text("\n".join(snapshot.said), style="dim")
     if snapshot.step is None:

@@ -29,7 +29,7 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
 
 
 def outcome(plan: Plan) -> str:
-    """What the planned samples lead to."""
+    """Words of the planned samples' outcome."""
     count = len(plan.samples)
     many = f"{count} more samples" if plan.recorded else f"{count} samples"
     return f"Expected error with {many}: {_error_words(plan)} (95 %)."

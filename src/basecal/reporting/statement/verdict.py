@@ -83,7 +83,7 @@ def transform_sentence(name: str, calibration: Calibration) -> str:
 
 
 def gauge_clause(name: str, calibration: Calibration) -> str:
-    """What of the sigma of a transform a gauge makes, and which parameters it holds; empty if there is none."""
+    """The gauge's part of a transform's sigma, and the parameters that it holds; empty if there is none."""
     held = calibration.gauge_covariances(name)
     if not held:
         return ""

@@ -21,7 +21,7 @@ COLUMN_TITLES = (
 
 
 def row_texts(point: Mapping[str, Any]) -> list[str]:
-    """What a point's row says under `COLUMN_TITLES`; nothing if it was not computed."""
+    """Texts of a point's row under `COLUMN_TITLES`; empty if it was not computed."""
     mm, deg, nees, coverage = point["error_mm"], point["error_deg"], point["nees"], point["coverage"]
     return [
         f"{point['solved']}/{point['trials']}",

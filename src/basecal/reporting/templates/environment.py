@@ -59,7 +59,7 @@ def _scene_source() -> str:
 
 @lru_cache
 def _packed_scene() -> str:
-    """What draws a scene, compressed: a quarter of its size, read after the page has been painted."""
+    """Script and data of a scene, compressed: a quarter of the size, read after the page has been painted."""
     return base64.b64encode(gzip.compress(_scene_source().encode(), mtime=0)).decode()
 
 

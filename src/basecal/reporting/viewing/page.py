@@ -63,7 +63,7 @@ def serve_view(view: Viewed, port: int = 0) -> Iterator[str]:
 
 
 class ViewPage:
-    """What a browser is given of a cell's runs; it keeps no visitor's choice."""
+    """The page of a cell's runs; it keeps no visitor's choice."""
 
     def __init__(self, view: Viewed) -> None:
         self._view = view

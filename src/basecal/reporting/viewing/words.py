@@ -1,4 +1,4 @@
-"""What the page of a cell's runs says: a sample, and the answer with and without some samples."""
+"""Words of the page of a cell's runs: a sample, and the answer with and without some samples."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class RunningArm:
         return leg.start + leg.share(now_s) * (leg.goal - leg.start)
 
     def reported_joints(self, now_s: float) -> Array:
-        """What its encoders say, (n,) [rad]; their noise goes by how often they were asked since it set off."""
+        """Encoder readings, (n,) [rad]; their noise depends on the number of queries since the arm set off."""
         self._readings += 1
         noise = self._faults.size("encoder-noise")
         goal = self.commanded_joints(now_s)

@@ -1,4 +1,4 @@
-"""What can be wrong with a running cell, and how it is switched on."""
+"""Faults of a running cell, and how they are switched on."""
 
 from __future__ import annotations
 

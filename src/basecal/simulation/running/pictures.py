@@ -1,4 +1,4 @@
-"""What a camera of a running cell sees: drawn without a GPU, smeared while something moves, with noise.
+"""Pictures of a running cell's camera: drawn without a GPU, blurred while something moves, with noise.
 
 Where MuJoCo draws, arms, table and clutter stand around the target, hide it, and are lit; else it stands alone.
 """
@@ -27,7 +27,7 @@ _DIM_SHARE = 0.08  # of the levels of what stands around, in an exposure short e
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is before a camera at an instant.
+    """The scene before a camera at an instant.
 
     Attributes:
         shape: Of the target.
@@ -109,7 +109,7 @@ class CameraView:
         return behind + light
 
     def _backdrop(self, scene: Seen) -> Array:
-        """What there is without the light."""
+        """The backdrop without the LED."""
         if self._neighbour_records is not None and scene.scene is not None:
             if self._dim is None or self._dim[0] != scene.scene:
                 levels = np.asarray(_DIM_SHARE * self._neighbour_records.backdrop(scene.scene).levels, dtype=np.float64)

@@ -87,7 +87,7 @@ class Plant:
         return max(arm.arrives_s for arm in self._arms.values())
 
     def camera_scene(self, camera: str) -> Seen:
-        """What is before a camera now."""
+        """The scene before a camera now."""
         return self._camera_scene(camera, self._clock.time_s())
 
     def light(self, carrier: bool) -> None:
@@ -126,7 +126,7 @@ class Plant:
         return self._arms[robot]
 
     def _camera_scene(self, camera: str, now_s: float) -> Seen:
-        """What is before a camera."""
+        """The scene before a camera."""
         on, target, shape = self._world.cell.cameras[camera].on, self._target(camera), self._shape(camera)
         world_from_camera = self._pose_in_world(camera, on, now_s)
         world_from_target = self._pose_in_world(target.name, target.on, now_s)
@@ -152,7 +152,7 @@ class Plant:
         return np.asarray(above * [1, 1, -1] + [0, 0, 2 * height])
 
     def _target(self, camera: str) -> CellTarget:
-        """What a camera sees: the first target that does not hang on the same body."""
+        """The target of a camera: the first that does not hang on the same body."""
         cell = self._world.cell
         return next(each for each in cell.targets.values() if each.on != cell.cameras[camera].on)
 

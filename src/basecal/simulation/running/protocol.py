@@ -1,4 +1,4 @@
-"""What is said to a running cell: one JSON object a line, and one for an answer; docs/capture.md describes it."""
+"""The protocol of a running cell: one JSON object a line, and one for an answer; docs/capture.md describes it."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def new_token() -> str:
 
 
 def place_words(address: Address) -> str:
-    """What is reached at an address, in words."""
+    """The place behind an address, in words."""
     return f"a simulated cell at {HOST}:{address.port}"
 
 

@@ -26,7 +26,7 @@ _SILENCE_LIMIT_S = 0.3  # without a request, arms of a cell whose time goes on b
 
 
 class Request(Entry):
-    """What may be asked, with all that any request may say."""
+    """A request, with all its possible fields."""
 
     token: str
     do: str

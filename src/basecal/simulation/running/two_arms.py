@@ -119,6 +119,6 @@ def _joints(chain: SerialChain, base_from_flange: SE3) -> Array:
 
 
 def _stated_unknown(name: str, true: SE3, rng: draw.Generator, is_light: bool) -> Unknown:
-    """What the cell states: a guess; with a light, as the paper has it, mounts as they are."""
+    """Statements of the cell: a guess; with an LED, as the paper has it, mounts as they are."""
     guess = true @ _draw_pose(rng, _GUESS_SIGMA)
     return Unknown("fixed", true) if is_light and "_flange_from_" in name else Unknown("free", guess)

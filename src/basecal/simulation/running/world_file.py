@@ -22,7 +22,7 @@ from basecal.simulation.running.world import World, faulty_world
 
 
 class RunningEntry(Entry):
-    """What `truth.yaml` says of a cell that can run: where its arms begin, and the seed of all noise."""
+    """Entry of `truth.yaml` for a cell that can run: where its arms begin, and the seed of all noise."""
 
     home_joints_rad: dict[str, Annotated[list[Number], Field(min_length=1)]]
     seed: int = 0

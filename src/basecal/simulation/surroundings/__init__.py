@@ -1,1 +1,1 @@
-"""What stands around a target, drawn by MuJoCo: arms, table, clutter, and what they hide."""
+"""Surroundings of a target, drawn by MuJoCo: arms, table, clutter, and what they hide."""

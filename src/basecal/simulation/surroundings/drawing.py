@@ -1,4 +1,4 @@
-"""What a camera sees of arms, table and clutter, and of a target's paper, drawn by MuJoCo through the camera's lens.
+"""Drawing of arms, table, clutter and a target's paper by MuJoCo, through the camera's lens.
 
 MuJoCo puts nothing anywhere alone: it is reported where each piece is. Its pictures are those of a camera without
 distortion, whose pixels are then looked up where the lens has them. A target's print is not in them: MuJoCo's edges are
@@ -50,7 +50,7 @@ class Scene:
 
 
 class Surroundings:
-    """What one camera sees of a stage. All is drawn in one thread, since OpenGL knows no others."""
+    """The drawing of a stage by one camera, all in one thread, since OpenGL knows no others."""
 
     def __init__(self, stage: Stage, lens: Camera) -> None:
         self._flat: Flat = undistorted_camera(lens)

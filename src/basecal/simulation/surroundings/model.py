@@ -36,7 +36,7 @@ _CLUTTER_SIZE_M = (0.03, 0.12)
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What stands in a cell.
+    """The things of a cell.
 
     Attributes:
         chains: By robot.

@@ -1,4 +1,4 @@
-"""What a cell of a fleet gives: a row, and its calibration where there is one."""
+"""The row of a cell of a fleet, and its calibration if there is one."""
 
 from __future__ import annotations
 

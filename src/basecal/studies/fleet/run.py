@@ -48,7 +48,7 @@ class Fleet:
         return self.output / _CELLS / cell / name
 
     def fingerprint(self, cell: str) -> str:
-        """What shows whether a cell, or this program, has changed."""
+        """A hash that shows whether a cell, or this program, has changed."""
         return fingerprint(self.folder / cell, version("basecal"))
 
     def row(self, cell: str, fingerprint: str | None = None) -> Mapping[str, Any] | None:

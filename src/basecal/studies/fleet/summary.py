@@ -1,4 +1,4 @@
-"""What a fleet's rows say together, and their table."""
+"""Summary of a fleet's rows, and their table."""
 
 from __future__ import annotations
 

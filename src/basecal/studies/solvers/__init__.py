@@ -1,1 +1,1 @@
-"""What a study may solve with, a file for each."""
+"""Solvers of a study, a file for each."""

@@ -62,7 +62,7 @@ def _placeholder(draws: Draws) -> _Together:
 
 
 def _complete_answers(draws: Draws, solution: _Together, again: BoolArray) -> Answers:
-    """What was found, those of `again` solved alone."""
+    """The answers found, those of `again` solved alone."""
     rotation, translation = solution.transform.rotation.copy(), solution.transform.translation.copy()
     covariance, solved = solution.covariance.copy(), solution.converged.copy()
     where = draws.problem.columns[draws.transform]

@@ -1,4 +1,4 @@
-"""What a solver is: its module in this folder ends in a `SOLVER` of this class."""
+"""The class of a solver: its module in this folder ends in a `SOLVER` of this class."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from basecal.studies.draws import Draws
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """What a solver says of each trial.
+    """The answer of a solver to each trial.
 
     Attributes:
         transform: (b,) the transform that is judged.
@@ -31,7 +31,7 @@ class Answers:
 
 @dataclass(frozen=True)
 class Solver:
-    """What a study may solve with.
+    """A solver of a study.
 
     Attributes:
         words: What it is, for help.

@@ -55,7 +55,7 @@ class Flat:
     v: Levels
 
     def backdrop(self, colours: NDArray[np.uint8]) -> Backdrop:
-        """What the lens sees, of a picture (h, w, 3) that is grey but for paper, which has no blue."""
+        """The picture (h, w, 3) as the lens images it, grey but for paper, which has no blue."""
         red, blue = (np.asarray(colours[..., channel], dtype=np.float32) for channel in (0, 2))
         paper = 1 - blue / np.maximum(red, 1)
         levels, share = (cv2.remap(each, self.u, self.v, cv2.INTER_LINEAR) for each in (red, paper * (red > 0)))
@@ -90,7 +90,7 @@ def _plane(lens: Camera, pixels: Array) -> tuple[Array, bool]:
 
 
 def print_targets(camera: Camera, views: Sequence[View], backdrop: Backdrop, settings: RenderSettings) -> Array:
-    """What falls on the sensor before noise and rounding, (h, w): the backdrop, its paper printed with targets.
+    """Radiance on the sensor before noise and rounding, (h, w): the backdrop, its paper printed with targets.
 
     Raises:
         InputError: if the camera has no size, or a target is not printed.

@@ -1,4 +1,4 @@
-"""What is printed, with every marker's black cells as rectangles."""
+"""Drawing of the printed sheet, with every marker's black cells as rectangles."""
 
 from __future__ import annotations
 

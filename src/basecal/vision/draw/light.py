@@ -78,7 +78,7 @@ def light_levels(camera: Camera, points_in_camera: Array, settings: LightSetting
 
 
 def _shares(centre: float, sigma: float, extent: int) -> tuple[slice, Array]:
-    """What each pixel along an axis receives of a spot, for the pixels within its reach."""
+    """Shares of a spot that pixels along an axis receive, for the pixels within its reach."""
     low = int(np.clip(np.floor(centre - _REACH_SIGMAS * sigma), 0, extent))
     high = int(np.clip(np.ceil(centre + _REACH_SIGMAS * sigma) + 1, low, extent))
     borders = np.arange(low, high + 1) - 0.5

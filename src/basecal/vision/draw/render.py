@@ -34,7 +34,7 @@ View = tuple[Target, SE3]
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """What is behind; levels are in grey levels of an 8-bit image, whatever `bits` is.
+    """The backdrop of a scene; levels are in grey levels of an 8-bit image, whatever `bits` is.
 
     Attributes:
         background: Level around what is drawn.
@@ -84,7 +84,7 @@ def render(
 
 
 def radiance(camera: Camera, views: Sequence[View], settings: RenderSettings, seed: int = 0) -> Array:
-    """What falls on the sensor, before noise and rounding, (h, w) in grey levels; nearer sheets hide others.
+    """Radiance on the sensor, before noise and rounding, (h, w) in grey levels; nearer sheets hide others.
 
     Raises:
         InputError: if the camera has no size, or a target is not printed.

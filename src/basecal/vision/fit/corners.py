@@ -143,7 +143,7 @@ def _parameters(start: Array, axes: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Context:
-    """What all rounds of refining share; see `refine_corners`."""
+    """The context that all rounds of refining share; see `refine_corners`."""
 
     image: Levels
     shape: Shape

@@ -13,7 +13,7 @@ _CUBIC_RIDGE = 1e-6  # likewise: a grid of two rows has no second derivative acr
 
 
 def local_axes(place: Array, plane: Array, pixels: Array, pitch: float) -> Array:
-    """What a pitch along x and along y of the plane is in the image near places of the plane.
+    """Images of a pitch along x and along y of the plane, near places of the plane.
 
     Args:
         place: Where, (n, 2) [m].
@@ -75,7 +75,7 @@ def _second_derivatives(offset: Array, weight: Array, values: Array) -> Array:
 
 
 def grid_axes(grid: Array) -> Array:
-    """What a step along columns and along rows is at each point of a grid in the image.
+    """Images of a step along columns and along rows, at each point of a grid.
 
     Args:
         grid: (rows, columns, 2) [px], two or more of each.

@@ -135,7 +135,7 @@ def _linearise_spot(q: Array, levels: Array) -> _At:
 
 
 def _shares(centre: float, log_width: float, count: int) -> tuple[Array, Array, Array]:
-    """What each of `count` pixels has of a spot along one axis, and its derivatives to centre and log width."""
+    """Shares of a spot in each of `count` pixels along one axis, and their derivatives to centre and log width."""
     inverse = math.exp(-min(max(log_width, -5.0), 5.0))
     borders = (np.arange(count + 1) - (0.5 + centre)) * inverse
     share = ndtr(borders)

@@ -135,7 +135,7 @@ def _fit_outlines(image: Image, target: Target, start: Array) -> _Outlines:
 
 
 def _shared_residual(patches: Patches, residuals: Array) -> Array:
-    """What of residuals, (n, p), neighbours share, root of the mean square (n,): noise is each pixel's own."""
+    """Root mean square, (n,), of the part of residuals, (n, p), that neighbours share: noise is each pixel's own."""
     weights = patches.weights > 0
     pairs = weights[:, 1:] & weights[:, :-1]
     products = np.where(pairs, residuals[:, 1:] * residuals[:, :-1], 0.0)

@@ -131,7 +131,7 @@ def _fit_quads(look: _Look, rows: IntArray, quads: Array) -> _Seen:
 
 
 def _first_cells(quad: Array, cells: int) -> Array:
-    """What the first cell along each line of each corner is in the image, (4, 2, 2) [px], seen in perspective."""
+    """The first cell along each line of each corner in the image, (4, 2, 2) [px], seen in perspective."""
     square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
     image_from_square = cv2.getPerspectiveTransform(square, quad.astype(np.float32))
     lines = np.stack([np.roll(square, -1, axis=0) - square, np.roll(square, 1, axis=0) - square], axis=1)

@@ -22,7 +22,7 @@ S = TypeVar("S", bound=Sized)
 
 
 class Way(NamedTuple):
-    """What is done to an image before it is searched.
+    """A change of an image before it is searched.
 
     Attributes:
         scale: Of its sides.

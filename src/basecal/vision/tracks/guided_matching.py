@@ -16,7 +16,7 @@ _DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 
 class Guided(NamedTuple):
-    """What a picture shows of predicted points.
+    """Observations of predicted points in a picture.
 
     Attributes:
         point: (n,) index of the prediction.
