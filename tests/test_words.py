@@ -51,6 +51,14 @@ def test_sentences_are_counted_by_their_words() -> None:
     assert [word_count(each) for each in sentences("*One `two three` four.* Five: six")] == [3, 1, 1]
 
 
+@pytest.mark.parametrize("first", ["What a stage found.", "Of each view: its cost.", "So many rotations."])
+def test_docstrings_that_begin_with_a_clause_are_found(first: str) -> None:
+    """A noun or a verb begins, as in `Result of a stage`; other texts may begin as they like."""
+    assert [why for _, why, _ in complaints(iter([Text("docstring", "", 1, first)]))]
+    assert not list(complaints(iter([Text("docstring", "", 1, "Result of a stage.")])))
+    assert not list(complaints(iter([Text("document", "", 1, first)])))
+
+
 def test_no_name_is_at_fault() -> None:
     """Each name of the package says something."""
     assert [(name.kind, name.path, name.name) for name in names() if fault(name)] == []

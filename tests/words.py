@@ -1,12 +1,12 @@
 """Names and sentences of the project, and what is wrong with them.
 
     python -m tests.words names [--faults]        modules, functions, parameters and constants
-    python -m tests.words sentences               sentences that are too long, or hold a replaced word
+    python -m tests.words sentences               sentences that are too long, hold a replaced word, or begin badly
     python -m tests.words draw [--draw 30 --seed 1]    docstrings and messages drawn at random
 
 A function is named by a verb with its object or by the noun that it returns, a parameter by a noun, a constant by what
-it counts. A sentence of a message has at most 20 words, one of a docstring or a document at most 25; a value that is
-filled in counts as one word.
+it counts. A docstring begins with a verb, or with the noun that it is about. A sentence of a message has at most 20
+words, one of a docstring or a document at most 25; a value that is filled in counts as one word.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ VAGUE = word_set(
 )
 PUBLIC = word_set("between import_into wanted imported")  # of documented nouns, and modules that plug-ins import
 REPLACED = word_set("told mended shaken alike door worth anywhere surprise")
+NO_FIRST_WORDS = word_set("What Of Those That Likewise So Who Whose It Nothing By From")  # of a docstring
 BUILDERS = word_set("with without to from as is has are was needs can read wait leave")
 PHRASES = (
     r"\btold\b|\btells?\b",
@@ -237,6 +238,8 @@ def complaints(texts: Iterator[Text]) -> Iterator[tuple[Text, str, str]]:
     """Each sentence with what is wrong with it."""
     for text in texts:
         most = MESSAGE_WORDS if text.kind == "message" else DOCUMENT_WORDS
+        if text.kind == "docstring" and (first := text.text.split()[0].rstrip(",:")) in NO_FIRST_WORDS:
+            yield text, f"begins with `{first}`", text.text.partition("\n")[0]
         for sentence in sentences(text.text):
             if (count := word_count(sentence)) > most:
                 yield text, f"{count} words", sentence

@@ -49,7 +49,7 @@ class _Kind(NamedTuple):
 
 
 def held_gauges(solution: Solution, order: Sequence[str]) -> tuple[HeldGauge, ...]:
-    """Of each robot with parameters that a gauge holds, what these leave uncertain in transforms of these names."""
+    """Uncertainty of transforms of these names by each robot's parameters that a gauge holds."""
     free = {robot: list(_free_kinds(model)) for robot, model in solution.problem.models.items()}
     gauges, square = [], _expected_square(solution, free)
     for robot, kinds in free.items():
@@ -84,7 +84,7 @@ def _moved_columns(solution: Solution, gauge: RobotModel) -> Array:
     kinematics = solution.state.kinematics(gauge)
 
     def moves(views: Views, k: int, robot: str) -> Array:
-        """Of the views of a group, (n, 6, h)."""
+        """Moves of the views of a group, (n, 6, h)."""
         end = problem.groups[k].robot_end(robot)
         assert end is not None
         assert end.joints is not None

@@ -47,7 +47,7 @@ class LensStructure:
 
 
 def lens_structures(solution: Solution, settings: Settings) -> list[LensStructure]:
-    """Of each camera whose residuals go by their place beyond chance."""
+    """Structure of each camera whose residuals depend on their place beyond chance."""
     if not solution.converged:
         return []
     cameras = sorted({g.camera for g in solution.problem.groups if isinstance(g.measurement, PixelMeasurement)})

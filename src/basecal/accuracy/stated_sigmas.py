@@ -118,7 +118,7 @@ def judge_sigma(name: str, is_robot: bool, squares: float, freedoms: float) -> C
 
 
 def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
-    """Of each camera, and of each robot with stops that single views have: squares, and their mean."""
+    """Squares, and their mean, of each camera, and of each robot with stops that single views have."""
     for k, group in enumerate(model.problem.groups):
         private = model.normal.views[k].private
         at = model.state.camera_from_target(group, model.problem.stops)
@@ -146,7 +146,7 @@ def _view_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]
 
 
 def _stop_squares(model: LeaveOneOut) -> Iterator[tuple[str, bool, float, float]]:
-    """Of each stop that several views share, its robot: squares, and their mean."""
+    """The robot of each stop that several views share, its squares, and their mean."""
     system = model.normal.system
     if system is None:
         return

@@ -34,7 +34,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Of the picture."""
+        """Covered share of the picture."""
         return float(self.cells.mean())
 
     def advice(self, samples: int) -> str:

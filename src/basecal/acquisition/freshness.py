@@ -23,7 +23,7 @@ Given = TypeVar("Given")
 
 
 class Stale(Exception):
-    """Nothing new came; the caller says what to do about it."""
+    """The source gave nothing new; the caller says what to do about it."""
 
 
 def wait_for_newer(read_newer: Callable[[], Given | None], wait_s: float = STALE_S) -> Given:

@@ -153,7 +153,7 @@ def _is_settled(sketch: Sketch, sample: Sample, samples: Sequence[Sample], bad: 
 
 
 def _task_settings(points_m: Array) -> Settings:
-    """Those of a calibration for a point, or for a box whose middle and corners these are, (n, 3) [m]."""
+    """Settings of a calibration for a point, or for a box whose middle and corners these are, (n, 3) [m]."""
     middle, first, last = (tuple(points_m[k].tolist()) for k in (0, min(1, len(points_m) - 1), -1))
     return Settings(task_point=middle, task_box=None if len(points_m) == 1 else (*first, *last))
 

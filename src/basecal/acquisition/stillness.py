@@ -40,7 +40,7 @@ class Unfit(Exception):
 
 
 class Moving(Unfit):
-    """It may be used when it is looked at again: something still moved."""
+    """The camera's view may be used when it is looked at again: something still moved."""
 
 
 def wait_for_arms(

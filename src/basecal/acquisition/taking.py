@@ -124,7 +124,7 @@ def _send(taker: Taker, target_sample: Sample) -> float:
 
 
 def _turn_rad(start: RobotState, end: RobotState) -> float:
-    """By how much the leading joint turns; of robots that are sent to poses, the most that is usual."""
+    """Angle by which the leading joint turns; of robots that are sent to poses, the most that is usual."""
     if start.joints_rad is None or end.joints_rad is None:
         return np.pi
     return float(np.abs(end.joints_rad - start.joints_rad).max())

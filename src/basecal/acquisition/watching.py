@@ -193,7 +193,7 @@ class _WatchedRobot:
 
 
 class _Sent(_WatchedRobot):
-    """Likewise, of one that can be sent somewhere."""
+    """A watched robot that can be sent somewhere."""
 
     def move(self, to: RobotState, speed_rad_s: float) -> None:
         """Begin to go there."""
@@ -208,7 +208,7 @@ class _Sent(_WatchedRobot):
 
 
 class _Led(_WatchedRobot):
-    """Likewise, of one that a person can lead."""
+    """A watched robot that a person can lead."""
 
     def freedrive(self, on: bool) -> None:
         """Let the arm be led, or hold it."""
@@ -217,7 +217,7 @@ class _Led(_WatchedRobot):
 
 
 class _Asked(_WatchedRobot):
-    """Likewise, of one whose controller can be asked."""
+    """A watched robot whose controller can be asked."""
 
     def goal_refusal(self, to: RobotState) -> str:
         """Why it would not go there; empty if it would."""
@@ -248,7 +248,7 @@ class _Watched:
 
 
 class _WatchedLight(_Watched):
-    """Likewise, of one that switches a light."""
+    """A watched camera that switches an LED."""
 
     def light(self, on: bool) -> None:
         """Switch the light."""

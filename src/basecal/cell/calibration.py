@@ -273,7 +273,7 @@ class Calibration:
         return {kind: found[robot] for kind, found in self.robot_parameters.items() if robot in found}
 
     def gauge_covariances(self, name: str) -> dict[str, Array]:
-        """Of a transform's covariance what comes of a robot's held parameters, (6, 6) [m, rad], by robot."""
+        """The part of a transform's covariance by a robot's held parameters, (6, 6) [m, rad], by robot."""
         if name not in self.order:
             return {}
         at = slice(6 * self.order.index(name), 6 * self.order.index(name) + 6)

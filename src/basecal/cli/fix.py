@@ -63,7 +63,7 @@ def fix(cell: Path, /, *, choose: int | None = None, yes: bool = False) -> int:
 
 
 def _latest_calibration(folder: Path, cell: Cell) -> Calibration:
-    """That of the files as they are, made if there is none."""
+    """The calibration of the files as they are, made if there is none."""
     from basecal.cell.files import input_hashes, latest_run, read_calibration
 
     run = latest_run(folder)

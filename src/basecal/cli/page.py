@@ -140,7 +140,7 @@ def show_file(file: Path, opens: bool) -> None:
 
 
 def _run_time(run: Path) -> datetime | None:
-    """When a run was made, UTC, by the name of its folder."""
+    """Time of a run, UTC, by the name of its folder."""
     try:
         return datetime.strptime(run.name[:_STAMP_LENGTH], _STAMP).replace(tzinfo=UTC)
     except ValueError:

@@ -107,7 +107,7 @@ class Replanner:
         return self._latest.steps[0][1] if self._latest.steps else None
 
     def as_dict(self) -> dict[str, Any]:
-        """For a program."""
+        """The state for a program."""
         expected_m = self._latest.expected_m
         return {
             "reached": self.is_reached,

@@ -34,7 +34,7 @@ def _moves(views: Views, k: int, robot: str) -> Array:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much it bends."""
+    """Words of the size of the bend."""
     what = f"{effect.about} bends by {rounded_length(effect.size, effect.covariance, 1e3)} mrad per metre of reach."
     do = f"Record the joints of {effect.about} and estimate its `deflection`, or record where it will work."
     return Words("deflection", what, (do, AGAIN))

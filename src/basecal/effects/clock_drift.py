@@ -28,7 +28,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much a device falls behind."""
+    """Words of the rate at which a device's clock is slow."""
     amount = format_with_sigma(abs(1e3 * effect.size[0]), 1e3 * effect.sigma)
     kind, way = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
     what = (

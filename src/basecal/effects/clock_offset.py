@@ -48,7 +48,7 @@ def is_late(effect: FoundEffect) -> bool:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much a device lags or leads."""
+    """Words of the time by which a device lags or leads."""
     factor, unit = (1e3, "ms") if effect.unit == "s" else (1.0, "samples")
     amount = format_with_sigma(abs(factor * effect.size[0]), factor * effect.sigma)
     kind, way = "Images" if effect.is_camera else "Poses", "lag behind" if is_late(effect) else "run ahead of"

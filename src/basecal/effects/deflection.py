@@ -78,7 +78,7 @@ def shift(chain: SerialChain, statement: Stated, joints: Array, values: Array) -
 
 
 def derivative(posture: Posture, statement: Stated, values: Array) -> Array:
-    """Of the flange to each compliance."""
+    """Derivative of the flange to each compliance."""
     return (
         posture.true.joint_derivative
         * gravity_torques(apply_gravity(posture.chain, statement), posture.recorded)[..., None, :]

@@ -13,7 +13,7 @@ _USUAL = 1e-3  # of the width of the image, of each term at the farthest corner
 
 
 def usual(camera: Camera) -> Array:
-    """Of each term, what moves the farthest corner by a share of the image's width."""
+    """Usual sizes of the terms: each moves the farthest corner by a share of the image's width."""
     width = camera.size_px[0] if camera.size_px else 2 * camera.parameters[2]
     return _USUAL * width / _corner_by_terms(camera)
 
@@ -26,7 +26,7 @@ def farthest_corner(camera: Camera) -> Array:
 
 
 def _corner_by_terms(camera: Camera) -> Array:
-    """By how much a unit of each term moves the farthest corner, (n,) [px]."""
+    """Motion of the farthest corner by a unit of each term, (n,) [px]."""
     plain = camera.with_parameters(np.append(camera.parameters[:4], np.zeros_like(camera.distortion)))
     by_lens = plain.project_with_derivatives(farthest_corner(camera), intrinsics=True)[2]
     assert by_lens is not None
@@ -34,7 +34,7 @@ def _corner_by_terms(camera: Camera) -> Array:
 
 
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
-    """By how much it moves the farthest corner."""
+    """Words of the motion of the farthest corner."""
     corner = farthest_corner(stated_lens)
     bent = stated_lens.with_parameters(np.append(stated_lens.parameters[:4], estimated_lens.parameters[4:]))
     corner_px = float(np.linalg.norm(bent.project(corner) - stated_lens.project(corner)))

@@ -21,7 +21,7 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much it is off."""
+    """Words of the error of a fixed transform."""
     return Words(CODE, *disagreement(effect.about, effect.size, effect.covariance))
 
 

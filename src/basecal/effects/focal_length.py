@@ -18,7 +18,7 @@ def usual(camera: Camera) -> Array:
 
 
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
-    """By how much they are off."""
+    """Words of the error of the focal lengths."""
     share = 100 / stated_lens.parameters[:2]
     off = share * (stated_lens.parameters - estimated_lens.parameters)[:2]
     fx, fy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, share * sigma[:2], strict=True))

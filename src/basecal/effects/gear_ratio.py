@@ -49,7 +49,7 @@ def shift(chain: SerialChain, statement: Parameters, joints: Array, values: Arra
 
 
 def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
-    """Of the flange to each share."""
+    """Derivative of the flange to each share."""
     return posture.true.joint_derivative * posture.recorded[..., None, :]
 
 

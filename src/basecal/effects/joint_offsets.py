@@ -63,7 +63,7 @@ def shift(chain: SerialChain, statement: Parameters, joints: Array, values: Arra
 
 
 def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
-    """Of the flange to each joint."""
+    """Derivative of the flange to each joint."""
     return posture.true.joint_derivative
 
 

@@ -38,7 +38,7 @@ def flange_tangents(flange_from_camera: SE3, down_in_flange: Array) -> Array:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much its axis turns."""
+    """Words of the angle by which the lens's axis turns."""
     size = format_with_sigma(1e3 * abs(float(effect.size[0])), 1e3 * effect.sigma)
     what = f"The lens of {effect.about} sags by {size} mrad in its holder."
     return Words("lens-sag", what, ("Lock the lens.", AGAIN))

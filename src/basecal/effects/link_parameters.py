@@ -51,7 +51,7 @@ def move_links(chain: SerialChain, values: Array) -> SerialChain:
 
 
 def derivative(posture: Posture, statement: Parameters, values: Array) -> Array:
-    """Of the flange to each origin."""
+    """Derivative of the flange to each origin."""
     links = posture.true.link_derivative
     by_link = np.swapaxes(links.reshape(*links.shape[:-1], -1, 6), -2, -3)
     turned = by_link @ right_jacobian(values)[..., None, :, :, :]

@@ -35,7 +35,7 @@ def flange_tangents(down_in_flange: Array) -> Array:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much it bends where gravity is across it."""
+    """Words of the angle by which the mount bends when gravity is across it."""
     size = rounded_length(effect.size, effect.covariance, 1e3)
     what = f"{effect.about} bends by {size} mrad under gravity."
     do = "Stiffen what holds it, or fasten its load nearer to the flange.", AGAIN

@@ -45,7 +45,7 @@ _MATRICES = _matrices()
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much it moves, root of the mean square over directions of gravity."""
+    """Words of the play, root of the mean square over directions of gravity."""
     size = rounded_length(effect.size, effect.covariance, 1e3 * (2 / 3) ** 0.5)
     what = f"{effect.about} shifts by {size} mm under gravity."
     return Words("mount-play", what, ("Fasten what it holds without play.", AGAIN))

@@ -21,7 +21,7 @@ def usual(camera: Camera) -> Array:
 
 
 def words(stated_lens: Camera, estimated_lens: Camera, sigma: Array) -> str:
-    """By how much it is off."""
+    """Words of the error of the principal point."""
     off = (stated_lens.parameters - estimated_lens.parameters)[2:4]
     cx, cy = (format_with_sigma(float(value), float(s)) for value, s in zip(off, sigma[2:4], strict=True))
     return f"cx by {cx} px, cy by {cy} px"

@@ -43,7 +43,7 @@ class Modes(NamedTuple):
         return cls(few, of.inverse_root[:, of.held][:, -_MOST_MODES:], kernel)
 
     def sizes(self, poses: SE3) -> Array:
-        """Of a unit error of each mode the size at poses, (n,), equal in every coordinate, (n, k)."""
+        """Size at poses, (n,), of a unit error of each mode, equal in every coordinate, (n, k)."""
         return np.asarray(self.kernel(poses, self.recorded) @ self.weights)
 
 

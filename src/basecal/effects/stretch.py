@@ -34,7 +34,7 @@ def _moves(views: Views, k: int, robot: str) -> Array:
 
 
 def words(effect: FoundEffect) -> Words:
-    """By how much in all directions together."""
+    """Words of the stretch in all directions together."""
     share = rounded_length(effect.size, effect.covariance, 100.0)
     what = f"Poses of {effect.about} are stretched by {share} %, not equally in all directions."
     check = f"Check the kinematic calibration of {effect.about}, the length of its axes and its tool."

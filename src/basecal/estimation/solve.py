@@ -1,4 +1,4 @@
-"""From a cell and a recording to every unknown with its covariance: start, maximum likelihood, nothing else."""
+"""Every unknown of a cell and a recording with its covariance: start, maximum likelihood, nothing else."""
 
 from __future__ import annotations
 

@@ -279,7 +279,7 @@ def _check_angles(path: str, numbers: Array, convention: AnyConvention, reading:
 
 
 def _other_controllers(numbers: Array, convention: Convention, reading: Reading) -> str:
-    """That both lengths and angles are in the units of other controllers; nothing if they need not be."""
+    """Finding of lengths and angles that are both in the units of other controllers; nothing if they need not be."""
     if reading.length_m is not None or reading.angle_rad is not None or len(numbers) < _FEWEST_POSES:
         return ""
     length, angle = (float(np.abs(part).max()) for part in (numbers[:, :3], numbers[:, 3:]))
@@ -298,7 +298,7 @@ def _other_controllers(numbers: Array, convention: Convention, reading: Reading)
 
 
 def _units(convention: AnyConvention) -> tuple[float, float] | None:
-    """Those of lengths and angles; None of a convention without angles."""
+    """Units of lengths and angles; None of a convention without angles."""
     if isinstance(convention, MatrixConvention) or "quaternion" in convention.form.words:
         return None
     return convention.length, convention.angle

@@ -68,7 +68,7 @@ def _columns(table: TextTable, chain: SerialChain) -> list[str]:
 
 
 def _check_limits(table: TextTable, values: Array, joints: Array, chain: SerialChain, in_degrees: bool) -> None:
-    """Nothing, where every joint is within its limits, or a turn, by a margin."""
+    """Check that every joint is within its limits, or a turn, by a margin."""
     lower = np.where(np.isfinite(chain.lower), chain.lower - _BEYOND_LIMIT_RAD, -_UNLIMITED_RAD)
     upper = np.where(np.isfinite(chain.upper), chain.upper + _BEYOND_LIMIT_RAD, _UNLIMITED_RAD)
     if (

@@ -148,7 +148,7 @@ def _entries(part: Part, first: Part) -> dict[tuple[str, str], tuple[Path, Any]]
 
 
 def _free(entry: dict[str, Any]) -> dict[str, Any]:
-    """The same without the guess of a free mount."""
+    """A copy without the guess of a free mount."""
     is_free = entry.get("mount", {}).get("status") == "free"
     return {**entry, "mount": {"status": "free"}} if is_free else entry
 

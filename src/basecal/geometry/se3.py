@@ -104,7 +104,7 @@ class SE3:
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike, name: str = "matrix") -> SE3:
-        """From homogeneous matrices, (..., 4, 4).
+        """Make poses from homogeneous matrices, (..., 4, 4).
 
         A rotation part within 1e-3 of a rotation is projected onto the nearest one.
 
@@ -124,7 +124,7 @@ class SE3:
 
     @classmethod
     def from_quaternion(cls, q_xyzw: ArrayLike, translation: ArrayLike, name: str = "q_xyzw") -> SE3:
-        """From quaternions (x, y, z, w), (..., 4), of norm 1 within 1e-3, and translations (..., 3) [m].
+        """Make poses from quaternions (x, y, z, w), (..., 4), of norm 1 within 1e-3, and translations (..., 3) [m].
 
         Raises:
             InputError: if a value is not finite or a norm is off by more.
@@ -143,12 +143,12 @@ class SE3:
 
     @classmethod
     def from_rotvec(cls, rotvec: ArrayLike, translation: ArrayLike) -> SE3:
-        """From rotation vectors, (..., 3) [rad], and translations, (..., 3) [m]."""
+        """Make poses from rotation vectors, (..., 3) [rad], and translations, (..., 3) [m]."""
         return cls(rotation_exp(read_only(rotvec, (3,), "rotvec")), np.asarray(translation))
 
     @classmethod
     def from_rpy(cls, rpy: ArrayLike, translation: ArrayLike) -> SE3:
-        """From angles about the fixed axes x, then y, then z, (..., 3) [rad], as in a URDF `origin`."""
+        """Make poses from angles about the fixed axes x, then y, then z, (..., 3) [rad], as in a URDF `origin`."""
         r, p, y = np.moveaxis(read_only(rpy, (3,), "rpy"), -1, 0)
         axes = np.eye(3)
         rotation = (rotation_exp(y[..., None] * axes[2]) @ rotation_exp(p[..., None] * axes[1])) @ rotation_exp(
@@ -158,7 +158,7 @@ class SE3:
 
     @classmethod
     def exp(cls, xi: ArrayLike) -> SE3:
-        """From tangents, (..., 6) [m, rad]."""
+        """Make poses from tangents, (..., 6) [m, rad]."""
         x = np.asarray(xi, dtype=np.float64)
         if x.shape[-1:] != (6,):
             raise InputError(f"xi has shape {x.shape}, expected (..., 6)")

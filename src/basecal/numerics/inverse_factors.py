@@ -18,14 +18,14 @@ _CHUNK_NUMBERS = 2**17  # numbers: a megabyte stays near the processor
 
 
 class InverseFactors(NamedTuple):
-    """Of M, (..., q, q): R, likewise, lower triangular with R'R the inverse of M; and log det M, (...,)."""
+    """Factors R of M, (..., q, q): lower triangular with R'R the inverse of M; and log det M, (...,)."""
 
     root: Array
     log_det: Array
 
 
 def inverse_factors(matrices: Array) -> InverseFactors:
-    """Of symmetric positive definite matrices, (..., q, q); what is no number in one of them is none in its factor.
+    """Inverse factors of symmetric positive definite matrices, (..., q, q); a non-finite one stays alone.
 
     Raises:
         LinAlgError: if one of them is not positive definite.

@@ -82,7 +82,7 @@ class System(Protocol[S, L]):
 
 @dataclass(frozen=True)
 class Stop:
-    """When a problem has ended.
+    """Conditions by which a problem has ended.
 
     Attributes:
         iterations: Steps at most.

@@ -53,7 +53,7 @@ class SparseHessian:
 
     @cached_property
     def factor(self) -> scipy.sparse.linalg.SuperLU:
-        """Of the scaled matrix.
+        """Factor of the scaled matrix.
 
         Raises:
             LinAlgError: if it is singular.
@@ -73,7 +73,7 @@ class SparseHessian:
         return (smallest if smallest > ROUNDING * largest else 0.0), largest
 
     def rescale(self, scale: Array) -> SparseHessian:
-        """The same of unknowns (p,) of which one is `scale` of the old."""
+        """A copy in unknowns (p,) of which one is `scale` of the old."""
         by = scipy.sparse.diags_array(scale, format="csc")
         return SparseHessian(scipy.sparse.csc_array(by @ self.matrix @ by))
 

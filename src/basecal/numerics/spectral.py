@@ -87,7 +87,7 @@ class Spectrum:
         return np.asarray(logs + 2 * np.log(self.scale).sum(-1))
 
     def add_ridge(self, share: float) -> Spectrum:
-        """With so small a share of the largest eigenvalue added to each: what holds next to nothing fades out.
+        """A copy with so small a share of the largest eigenvalue added to each: small information fades out.
 
         Where eigenvalues lie about any limit, what is held by it hops from one matrix to its neighbour; the quotients
         of these eigenvalues and the new ones are how much of each direction counts, and change as smoothly as they do.

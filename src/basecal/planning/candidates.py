@@ -73,7 +73,7 @@ def _draw_flanges(
 def _feasible(
     sketch: Sketch, views: Sequence[Taught], neighbours: IntArray, flanges: Mapping[str, SE3]
 ) -> list[Sample]:
-    """Of drawn flanges, (n,), the samples that can be taken."""
+    """The samples of drawn flanges, (n,), that can be taken."""
     rows = np.flatnonzero(visibility_mask(sketch, _camera_from_target(sketch, views, neighbours, flanges)))
     states: dict[str, list[RobotState | None]] = {}
     for robot, poses in flanges.items():

@@ -61,7 +61,7 @@ def exchange(roots: Array, choice: list[int], covariance: Array, weight: Array) 
 def choose_fewest(
     roots: Array, covariance: Array, weight: Array, max_count: int, is_enough: Enough
 ) -> tuple[list[int], bool]:
-    """As few candidates as are enough, or the best `max_count` of them, and whether they are enough.
+    """The fewest candidates that are enough, or the best `max_count` of them, and whether they are enough.
 
     Args:
         roots: (n, p, q).
@@ -93,7 +93,7 @@ def choose_fewest(
 
 
 def gains(roots: Array, covariance: Array, weight: Array) -> Array:
-    """By how much the criterion falls with each candidate alone, (n,)."""
+    """Decrease of the criterion by each candidate alone, (n,)."""
     n, p, q = roots.shape
     flat = np.swapaxes(roots, 0, 1).reshape(p, n * q)
     carried = np.swapaxes((covariance @ flat).reshape(p, n, q), 0, 1)

@@ -75,7 +75,7 @@ def clearances(sketch: Sketch, start: Sample, end: Sample, moving: Collection[st
 
 
 def path_length(sketch: Sketch, start: Sample, end: Sample, robot: str) -> float | None:
-    """By how much the fastest point of a robot moves while its leading joint turns by one radian [m/rad].
+    """Path of the fastest point of a robot while its leading joint turns by one radian [m/rad].
 
     The largest over a straight way in joints, and over links, camera and target; None if joints are not known.
     """

@@ -235,7 +235,7 @@ def outlook(
 
 
 def choose_best(prospect: Prospects, roots: Array, weight: Array, count: int) -> list[int]:
-    """So many candidates, greedy with exchange."""
+    """The chosen candidates, greedy with exchange."""
     steps = list(islice(greedy(roots, prospect.covariance, weight), count))
     return exchange(roots, [found for found, _ in steps], steps[-1][1], weight)[0]
 
@@ -294,7 +294,7 @@ def _taught_states(sketch: Sketch, samples: Sequence[Sample]) -> list[dict[str, 
 def _order_samples(
     sketch: Sketch, prospect: Prospects, recording: Recording, choice: Sequence[int], may_part: bool
 ) -> tuple[Sample, ...]:
-    """Those that were chosen, by a short way if each moves all arms and they may part; else as they were offered."""
+    """The chosen samples, by a short way if each moves all arms and they may part; else as they were offered."""
     if not choice:
         return ()
     samples, first = [prospect.samples[k] for k in choice], prospect.samples[0].sample

@@ -35,7 +35,7 @@ def overview(cell: Cell, time: datetime | None) -> Overview:
 
 
 def _answer(cell: Cell, time: datetime | None) -> Iterator[tuple[str, str]]:
-    """When, and what was requested."""
+    """Time of the answer, and what was requested."""
     if time is not None:
         yield "Calibrated", f"{time:%A} {time.day} {time:%B %Y, %H:%M} UTC"
     for name in cell.requested_transforms:

@@ -1,4 +1,4 @@
-"""Who carries what, and who sees whom."""
+"""Carriers of cameras and targets, and pairs that see one another."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Draws:
 
     @property
     def truth(self) -> SE3:
-        """Of the transform that is judged."""
+        """Truth of the transform that is judged."""
         return self.made.truth[self.transform]
 
     def measurement(self, group: int = 0) -> PixelMeasurement:
@@ -77,7 +77,7 @@ def draw_cell(settings: Settings, seed: int, cell: int, transform: str | None) -
 
 
 def draw(cell: DrawnCell, settings: Settings, seed: tuple[int, ...], count: int) -> Draws:
-    """So many draws; the first of them are the same whatever their number.
+    """Draws, so many; the first of them are equal whatever their number.
 
     Where a robot's pose has an error the recorded poses stay, and the cameras see what is where the robots truly are.
     What was in view is as in the cell's own recording.

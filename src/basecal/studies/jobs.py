@@ -43,7 +43,7 @@ class Job:
 
 @dataclass(frozen=True)
 class WorkerPool:
-    """Who works.
+    """The workers.
 
     Attributes:
         workers: Processes of this machine; with one, this one.

@@ -49,7 +49,7 @@ def full_scale(image: Image) -> float:
 
 
 def check_image(image: Image) -> None:
-    """Nothing, where an image can be searched.
+    """Check that an image can be searched.
 
     Raises:
         InputError: if it is not a grey image of 8 or 16 bits.

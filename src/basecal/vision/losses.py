@@ -143,7 +143,7 @@ def _hints(empty: Sequence[Searched], targets: Mapping[str, Target], folder: Pat
 
 
 def _read_images(images: Sequence[Searched], folder: Path) -> list[Grey]:
-    """Those that can be read."""
+    """Images that can be read."""
     read = [read_bytes(folder / image.path) for image in images]
     grey = [grey_image(data, None) for data in read if not isinstance(data, str)]
     return [eight_bit(image) for image in grey if not isinstance(image, str)]

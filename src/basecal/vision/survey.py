@@ -32,7 +32,7 @@ _STEEPEST_PERCENT = 99.9  # of the slopes: some hundred pixels are on the sharpe
 
 
 def describe_darkness(images: list[Grey]) -> str | None:
-    """That nearly all of the images is dark."""
+    """Clause about images that are nearly all dark."""
     top = max((float(np.percentile(image, _DARK_PERCENT)) for image in images), default=255.0)
     if top >= _DARK_LEVEL:
         return None
@@ -41,7 +41,7 @@ def describe_darkness(images: list[Grey]) -> str | None:
 
 
 def describe_blur(images: list[Grey]) -> str | None:
-    """That edges are wide in all images: by how steep the steepest are, for the levels that there are."""
+    """Clause about wide edges in all images: by how steep the steepest are, for the levels that there are."""
     widths = [width for image in images if (width := _edge_px(image)) is not None]
     if len(widths) < len(images) or min(widths, default=0.0) < _BLURRED_PX:
         return None
@@ -65,7 +65,7 @@ def _edge_px(image: Grey) -> float | None:
 
 
 def unlike_print(images: list[Grey], target: Target) -> str | None:
-    """That a target without markers has some, or that most markers of a target are in an image twice."""
+    """Clause about markers of a target that has none, or about most markers twice in an image."""
     if target.is_point or _dictionary_name(target) is not None:
         return seen_twice(images, target)
     return markers_instead(images[:_ENOUGH_IMAGES])
@@ -77,7 +77,7 @@ def _dictionary_name(target: Target) -> str | None:
 
 
 def seen_twice(images: list[Grey], target: Target) -> str | None:
-    """That most markers of a target are in an image twice."""
+    """Clause about most markers of a target that are in an image twice."""
     name = _dictionary_name(target)
     if name is None:
         return None

@@ -71,7 +71,7 @@ class ArrayCalibration:
         return self[alias].mean.rotation if letter == "R" else _column(self[alias])
 
     def __dir__(self) -> list[str]:
-        """Those of `R_...` and `t_...` too."""
+        """Attributes, with those of `R_...` and `t_...`."""
         return [*super().__dir__(), *(f"{letter}_{name}" for name in self.aliases for letter in "Rt")]
 
     def __repr__(self) -> str:

@@ -25,7 +25,7 @@ def solution_step(first: Solution, second: Solution) -> Array:
 
 
 def largest_shift(solution: Solution, moves: Sequence[Array]) -> Array:
-    """Of several shifts of the columns, each (p,), the one that is largest in units of the covariance."""
+    """The largest of several shifts of the columns, each (p,), in units of the covariance."""
     known = spectrum(solution.covariance)
     return max(moves, key=lambda moved: float(known.squared_mahalanobis(moved)))
 

@@ -93,7 +93,7 @@ def _samples(problem: Problem) -> list[int]:
 
 
 def _places(problem: Problem) -> dict[str, dict[int, Hashable]]:
-    """By robot that moves: its stop at each sample."""
+    """The stop of each moving robot at each sample, by robot."""
     places: dict[str, dict[int, Hashable]] = defaultdict(dict)
     for group in problem.groups:
         for end in group.ends:

@@ -154,7 +154,7 @@ class _Trials:
     iterations: int
 
     def candidates(self) -> list[Candidate]:
-        """None, single joints, offsets of one robot, of all, links: the later ones only where offsets or links help."""
+        """Candidate models: none, single joints, offsets of one robot, of all, links; the later if the earlier help."""
         robots = tuple(self.chains)
         none, offsets, links = self.score("none", ()), self.score("offsets", robots), self.score("links", robots)
         least = min(offsets, links, key=_mean_score)

@@ -79,7 +79,7 @@ def held_out_columns(fit: Refit) -> list[int]:
 
 
 class ViewPredictions(NamedTuple):
-    """Of each view, (n,): its cost, the part of it that a movement of the target takes away, by how many freedoms."""
+    """Cost of each view, (n,), the part of it that a movement of the target removes, and its freedoms."""
 
     cost: Array
     far: Array

@@ -60,7 +60,7 @@ class _Fold:
 
 @dataclass(frozen=True)
 class HeldOutErrors:
-    """Of held-out views: squares over their sigmas, of pixels, and of the target's pose; with their counts.
+    """Squares of held-out views over their sigmas, of pixels, and of the target's pose; with their counts.
 
     `uncertain` is what of the first is expected of unknowns and stops as uncertain as other views leave them.
     """
@@ -178,7 +178,7 @@ def _fold(solution: Solution, transform_names: Sequence[str], column_indices: In
 
 
 def _errors(solution: Solution, folds: Sequence[_Fold]) -> tuple[HeldOutErrors, HeldOutErrors]:
-    """Of the held-out views: as the full answer has them, and as the folds predict them."""
+    """Errors of the held-out views: by the full answer, and as the folds predict them."""
     problem, state = solution.problem, solution.state
     alone: dict[tuple[str, str], _Alone] = {}
     for group in problem.groups:

@@ -59,7 +59,7 @@ def record_verification(verification: Verification, time: datetime, run_name: st
 
 
 def drifts(history: Sequence[PastVerification]) -> tuple[Drift, ...]:
-    """Of each transform, by the run that was verified last."""
+    """The drift of each transform, by the run that was verified last."""
     if not history:
         return ()
     run = history[-1].run

@@ -109,7 +109,7 @@ class Innovations:
         return concatenate(poses), np.concatenate(stops)
 
     def drop_sample(self, sample: int) -> Innovations:
-        """The same without a sample."""
+        """A copy without a sample."""
         kept = self.sample != sample
         rows = np.repeat(kept, 6)
         groups, at = [], 0
@@ -206,7 +206,7 @@ def _flange_tangents(posture: Posture | None, poses: SE3, effect: RandomEffect, 
 
 
 def _sigmas(sigmas: Mapping[str, Any]) -> Array:
-    """Of a robot's pose that is still to come [m, rad], (6,); zeros where nothing is known.
+    """Sigmas of a robot's pose that is still to come [m, rad], (6,); zeros if nothing is known.
 
     Few samples leave them open by factors: what they come to on average counts, not what is likeliest.
     """

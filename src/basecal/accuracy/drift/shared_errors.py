@@ -26,7 +26,7 @@ _HIDDEN_SHARE = 1e-9  # share of the information below which a direction of a ca
 
 
 def with_shared_errors(innovations: Innovations, shift: Shift) -> Innovations:
-    """The same with what the views of each camera are seen to get wrong together.
+    """A copy with the errors that the views of each camera share.
 
     Args:
         innovations: New views, of `FEWEST_SAMPLES` or more.

@@ -69,12 +69,12 @@ class Shift:
 
     @property
     def shift_m(self) -> float:
-        """By how far its origin moved [m]; 0 of a joint."""
+        """Translation of its origin [m]; 0 of a joint."""
         return 0.0 if self.joint is not None else float(np.linalg.norm(self.size[:3]))
 
     @property
     def shift_rad(self) -> float:
-        """By how much it turned [rad]."""
+        """Angle of its rotation [rad]."""
         return float(np.linalg.norm(self.size[3:] if self.joint is None else self.size))
 
 

@@ -26,7 +26,7 @@ def far_task(evidence: Evidence) -> list[Finding]:
 
 
 def _distances(evidence: Evidence, point_m: Array) -> Iterator[tuple[str, float]]:
-    """Of each robot that records poses alone, how far its nearest recorded flange is from a point [m]."""
+    """Distance of a point from each robot's nearest recorded flange [m], of robots that record poses alone."""
     problem, transforms = evidence.solution.problem, evidence.solution.state.transforms
     for robot in problem.robots:
         ends = problem.robot_ends(robot)

@@ -27,7 +27,7 @@ class _Late(NamedTuple):
 
 
 def late_pictures(evidence: Evidence) -> list[Finding]:
-    """Of each camera the pictures that were left out and are explained by their time: a warning above 3 %."""
+    """Excluded pictures of each camera that their time explains: a warning above 3 %."""
     out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
     for camera in sorted({camera for _, camera in out}):

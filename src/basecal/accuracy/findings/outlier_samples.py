@@ -69,7 +69,7 @@ def _is_of_all(name: str, groups: Sequence[ViewGroup]) -> bool:
 
 
 def _distance_phrase(outliers: Sequence[LeftOut]) -> str:
-    """By how much, of single points."""
+    """The distance of single points, in words."""
     known = [o.off_m for o in outliers if o.off_m is not None and o.off_rad is None]
     return f" by {1e3 * float(np.median(known)):.1f} mm" if len(known) == len(outliers) else ""
 
@@ -82,7 +82,7 @@ def agreeing_samples(evidence: Evidence) -> list[Finding]:
 
 
 def agreement_findings(robust: RobustSolution, change: ChangedFrame | None = None) -> list[Finding]:
-    """The same of a solution that nothing else is known about, but what changed between the samples."""
+    """Findings of a solution about which nothing else is known, except for changes between the samples."""
     numbers = sorted(robust.agreeing if change is None else change.agreeing)
     if not numbers:
         return []

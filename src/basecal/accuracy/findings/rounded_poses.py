@@ -35,7 +35,7 @@ class _Rounding:
 
     @property
     def sigma(self) -> float:
-        """Of the error that rounding makes, 1 sigma per axis."""
+        """The error that rounding makes, 1 sigma per axis."""
         return float(self.step / np.sqrt(12))
 
     @property

@@ -35,7 +35,7 @@ def is_touch_noise(sigma: ContradictedSigma, evidence: Evidence) -> bool:
 
 
 def _touches(tip: str, evidence: Evidence) -> list[TouchMeasurement]:
-    """Those by a tip; none of what is no tip."""
+    """Touches by a tip; none if it is no tip."""
     seen = (group.measurement for group in evidence.recorded.groups if group.camera == tip)
     return [each for each in seen if isinstance(each, TouchMeasurement) and each.noise_field == "touch_m"]
 

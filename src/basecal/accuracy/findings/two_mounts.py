@@ -110,7 +110,7 @@ def _splits(evidence: Evidence) -> Iterator[_Split]:
 
 
 def _mount_shifts(situation: Situation, mount: str) -> _Shifts:
-    """By each sample that shows where a mount is."""
+    """Shifts of a mount by each sample that shows where it is."""
     samples, information, gradient = [], [], []
     for k, (group, views) in enumerate(zip(situation.groups, situation.linearisation.views, strict=True)):
         if situation.depends(k, mount):

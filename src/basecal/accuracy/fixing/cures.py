@@ -62,7 +62,7 @@ def find_cures(cell: Cell, recording: Recording, detections: Recording, calibrat
 def _convention_cures(
     cell: Cell, recording: Recording, detections: Recording, findings: list[Finding]
 ) -> dict[Finding, tuple[Cure, ...]]:
-    """By finding that names a hypothesis of the input."""
+    """Cures of findings that name a hypothesis of the input."""
     try:
         problem, _ = build_problem(cell, detections)
         declared = as_recorded(cell, detections, problem)
@@ -92,7 +92,7 @@ def _claim(hypothesis: ConventionHypothesis) -> str:
 
 
 def _finding_cures(cell: Cell, recording: Recording, calibration: Calibration, finding: Finding) -> Iterator[Cure]:
-    """Of a finding that names samples, a lens, a transform, or a line to write."""
+    """Cures of a finding that names samples, a lens, a transform, or a line to write."""
     lenses = {name: camera.intrinsics for name, camera in cell.cameras.items() if camera.intrinsics is not None}
     for name in finding.about:
         if finding.code == "intrinsics" and name in lenses and lenses[name].status == "fixed":

@@ -131,7 +131,7 @@ def _run_checks(checks: Sequence[_Check[T]]) -> list[T]:
 def _check_reading(
     baseline: Reading, state: State, settings: Settings, is_explained: bool
 ) -> _Check[tuple[Finding, ...]]:
-    """As `check_conventions`, of all robots at once."""
+    """Check the conventions of all robots at once, as `check_conventions`."""
     if any(LINKS in model.columns for model in baseline.problem.models.values()):
         baseline, state = _without_links(baseline, state)
     cell, problem = baseline.cell, baseline.problem
@@ -276,7 +276,7 @@ def _surviving(
 
 
 def _screen(inputs: Sequence[Reading], lenses: Lenses) -> _Check[list[Fits]]:
-    """Of each hypothesis how nearly the loops of its pairs of camera and target close, all fitted side by side.
+    """The fit of each hypothesis to the loops of its pairs of camera and target, all fitted side by side.
 
     A hypothesis has no fits where one of its pairs cannot be fitted.
     """

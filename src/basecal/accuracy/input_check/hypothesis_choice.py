@@ -142,7 +142,7 @@ def _step(fit: HypothesisFit, rival: HypothesisFit, name: str) -> SE3:
 def _confirm_against_noise(
     winning: Sequence[TriedHypothesis], baseline: TriedHypothesis, is_explained: bool
 ) -> list[tuple[TriedHypothesis, bool]]:
-    """Those that the data still ask for where arms have noise, and whether they leave no doubt."""
+    """Hypotheses that the data still support beside noise of the arms, and whether they leave no doubt."""
     found = []
     for tried in winning:
         if not tried.hypothesis.nested or not (is_explained or plausible(baseline.fit)):

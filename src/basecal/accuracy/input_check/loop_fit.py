@@ -175,7 +175,7 @@ def _loop(sight: PairViews, problem: Problem, pose_indices: IntArray) -> Loop:
 
 
 def _triples(loops: Sequence[Loop]) -> list[Triple | None]:
-    """By closed form where the rotations are determined, else by a search of all loops of one structure at once.
+    """Transforms by closed form if the rotations are determined, else by a search of all loops at once.
 
     The closed form of three unknown rotations multiplies the noise of few views, so that it is settled on them.
     """

@@ -69,7 +69,7 @@ def _scatter_gain(wider: Solution, narrower: Solution) -> float:
 
 
 def _scatter(solution: Solution) -> dict[str, tuple[float, float]]:
-    """By field of `Noise`: squares of points in space about their view's own pose at unit sigma, and freedoms."""
+    """Squares of points in space about their view's own pose at unit sigma, and freedoms, by field of `Noise`."""
     found: dict[str, tuple[float, float]] = {}
     for group in (g for g in solution.problem.groups if isinstance(g.measurement, PointMeasurement)):
         for name, view in view_estimates(solution.problem, group, solution.state).items():

@@ -61,7 +61,7 @@ def pairing_errors(
 
 
 def _fits(readings: list[Reading], lenses: Lenses) -> list[Fits]:
-    """Of each reading the fits of its pairs of camera and target, all searched side by side."""
+    """Fits of the pairs of camera and target of each reading, all searched side by side."""
     pairs = []
     for k, reading in enumerate(readings):
         problem = reading.thin(_VIEWS).problem
@@ -95,7 +95,7 @@ def _change(errors: Array, shifted_errors: Array, lost_count: int) -> tuple[floa
 
 
 def _sample_errors(pairs: list[PairViews], baseline: Reading, fits: Fits) -> Array:
-    """Of each sample of the declared reading, how far its views are off; NaN where it has none."""
+    """Error of the views of each sample of the declared reading; NaN if it has none."""
     squares: dict[int, list[float]] = {}
     for sight in pairs:
         fit = fits.get((sight.group.camera, sight.group.target))

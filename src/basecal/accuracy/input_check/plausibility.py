@@ -40,7 +40,7 @@ def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
 
 
 def impossible_reading(reading: Reading) -> tuple[str, ...]:
-    """The same of a reading of it."""
+    """Implausible input of one reading of a recording."""
     found = []
     for name, track in reading.tracks.items():
         if track.joints is None and track.seen.any():
@@ -121,7 +121,7 @@ def _view_faults(recording: Recording) -> list[str]:
 
 
 def _place_faults(p_in_camera: Array) -> list[str]:
-    """Of touches, which are at the origin of what sees them, nothing is impossible."""
+    """Implausible places of targets; none of touches, which are at the origin of the tip."""
     p_in_camera = p_in_camera[np.any(p_in_camera, axis=-1)]
     if not len(p_in_camera):
         return []

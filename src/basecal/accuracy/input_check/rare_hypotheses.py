@@ -102,7 +102,7 @@ def _degrees(poses: SE3) -> SE3:
 
 
 def _degrees_of_rpy(poses: SE3) -> SE3:
-    """The same of roll, pitch and yaw about fixed axes."""
+    """Degrees of roll, pitch and yaw about fixed axes."""
     return SE3.from_rpy(np.degrees(poses.rpy), poses.translation)
 
 
@@ -314,7 +314,7 @@ def _second(numbers: Array) -> Array:
 
 
 def _nearest_lists(numbers: Array) -> Array:
-    """Of each rotation the list that is nearest to those of the others: arms turn about a home, and lists with them."""
+    """The list of each rotation that is nearest to those of the others: arms move about a home, and lists with them."""
     centres = numbers[:_CENTRES].reshape(-1, 3)
     off = np.abs(_wrap_angles(numbers[None] - centres[:, None, None])).sum(-1)
     best = off[np.argmin(off.min(axis=2).sum(axis=1))]

@@ -28,7 +28,7 @@ _WORTHWHILE = 0.25
 
 
 def size_hypotheses(baseline: Reading, state: State) -> list[ConventionHypothesis]:
-    """For each target the size that fits best, if the reading shows one and it fits better by some.
+    """The size of each target that fits best, if the reading shows one and it fits better by some.
 
     Args:
         baseline: As it was declared.
@@ -81,7 +81,7 @@ def _factor(baseline: Reading, name: str, state: State) -> float | None:
 
 
 class _Step(NamedTuple):
-    """From the optimum of one size to another.
+    """A step from the optimum of one size to another.
 
     Attributes:
         cost: Of the optimum.
@@ -97,7 +97,7 @@ class _Step(NamedTuple):
 
 
 def _step(baseline: Reading, name: str, log: float, state: State) -> _Step:
-    """By the score of a size, given by its logarithm, at its optimum."""
+    """The step by the score of a size, given by its logarithm, at its optimum."""
     problem = _resize(baseline, name, float(np.exp(log))).problem
     start = replace(state, stop_errors=np.zeros((len(problem.stops), 6)))
     optimum = bundle_adjust(problem, start, 1, _DESCENT_STEPS)

@@ -114,7 +114,7 @@ def _preview(cell: Cell, recording: Recording, is_whole: bool) -> QuickLook:
 
 
 def _left_open(cell: Cell, fit: HypothesisFit | None) -> str:
-    """That views leave a direction open, and what to do; open zeros of joints hide a base whatever the arms do."""
+    """Finding of directions that views leave open; open offsets of joints hide a base whatever the arms do."""
     fitted = "" if fit is None else f"they fit to {fit.error_in_words()} as they are read, but "
     by_zeros = any(robot.parameters for robot in cell.robots.values())
     what = "without the priors of its robots" if by_zeros else "; turn every arm about two axes or more"

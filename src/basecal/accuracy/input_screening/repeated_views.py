@@ -38,7 +38,7 @@ def repeated_views(cell: Cell, recording: Recording) -> list[Finding]:
 
 
 def _numbers(observation: object) -> bytes | None:
-    """All that a view says, as bytes; None if it is too little to be distinguished from another."""
+    """Content of a view, as bytes; None if it is too little to be distinguished from another."""
     if isinstance(observation, PixelObservation) and observation.pixels.size >= _FEWEST_NUMBERS:
         return observation.ids.tobytes() + observation.pixels.tobytes()
     if isinstance(observation, PointObservation) and observation.points_in_camera.size >= _FEWEST_NUMBERS:

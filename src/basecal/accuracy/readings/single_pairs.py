@@ -33,7 +33,7 @@ class SinglePair:
 
     @property
     def robots(self) -> frozenset[str]:
-        """Who carries the two."""
+        """The carriers of the two."""
         cell = self.reading.cell
         on = [camera.on for camera in cell.cameras.values()] + [target.on for target in cell.targets.values()]
         return frozenset(on) - {WORLD}

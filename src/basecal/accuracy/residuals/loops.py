@@ -37,7 +37,7 @@ class _Relation:
     views: int
 
     def reverse(self) -> _Relation:
-        """The same from its other end."""
+        """The loop from its other end."""
         return _Relation(self.end, self.start, self.path[::-1], self.start_from_end.inverse(), self.views)
 
 
@@ -63,7 +63,7 @@ def loops(solution: Solution, residuals: Sequence[SampleResidual]) -> tuple[Loop
 
 
 def _bases(problem: Problem, group: ViewGroup) -> tuple[str, str]:
-    """Whose base the camera's robot and the target's stand on; what is on `world` counts from the reference's."""
+    """The bases of the camera's robot and of the target's; `world` counts from the reference's."""
     eye, hand = (end.robot or problem.reference for end in group.ends)
     return f"{eye}_base", f"{hand}_base"
 

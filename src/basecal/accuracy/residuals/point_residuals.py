@@ -52,7 +52,7 @@ def point_residuals(cell: Cell, recording: Recording, calibration: Calibration) 
 
 
 def residuals_of_points(cell: Cell, calibration: Calibration, evaluation: Evaluation) -> tuple[PointResiduals, ...]:
-    """The same of what was fitted again already."""
+    """Residuals of points that were fitted again already."""
     return tuple(
         _group_residuals(target.ids, group, group.measurement, evaluation, calibration.outliers or ())
         for group in evaluation.problem.groups

@@ -88,7 +88,7 @@ def _places(cell: Cell, fit: SceneFit, columns: Columns) -> list[_Place]:
 
 
 def _covariance(cell: Cell, fit: SceneFit, columns: Columns) -> Array:
-    """Of all columns but errors of stops, with smooth errors of arms, and what views of one spot leave uncertain."""
+    """Covariance of all columns but errors of stops, with smooth errors of arms and views of one spot."""
     covariance = scene_covariance(fit)
     for k, robot in enumerate(fit.views.robots):
         if not cell.robots[robot].is_total_noise:
@@ -137,7 +137,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
 
 
 def _compare_statement(statement: Unknown, base: PoseEstimate) -> tuple[Array | None, Array]:
-    """From where a base is stated to where a scene alone has it, (3,) [m], and covariance; None if nothing is known."""
+    """Vector from a base as stated to a base by the scene alone, (3,) [m], and covariance; None if nothing is known."""
     if statement.mean is None or statement.sigma is None:
         return None, np.eye(3)
     sigma = np.minimum(statement.sigma, _NOTHING_M)

@@ -154,7 +154,7 @@ def _add_fixed_cameras(
 
 
 def _missing_camera(name: str, is_guessed: bool) -> Finding:
-    """That a camera on `world` takes no part, and why."""
+    """Finding of a camera on `world` that takes no part, and why."""
     what = f"{name} takes no part in the scene, and its pose stays unknown."
     why = "Its lens is not stated." if is_guessed else "Its picture shows too few points that the arms' cameras see."
     do = "State its intrinsics in cell.yaml." if is_guessed else SAME_SPOT

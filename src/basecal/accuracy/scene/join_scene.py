@@ -175,7 +175,7 @@ def _predicts_better(solution: Solution, iterations: int) -> bool:
 
 
 def _explain_omission(findings: Sequence[Finding]) -> Finding:
-    """That the scene does not take part, and the last reason, which is the gravest."""
+    """Finding of a scene that takes no part, with the last reason, which is the gravest."""
     first = findings[-1] if findings else None
     if first is None:
         return Finding("scene-left-out", "info", (), "Views that were held out are predicted no better with the scene.")

@@ -48,7 +48,7 @@ class Join:
 
     @property
     def score(self) -> float:
-        """By how many standard deviations of a count more are found than by chance."""
+        """The excess over the count by chance, in its standard deviations."""
         return float((self.found - self.by_chance) / np.sqrt(max(self.by_chance, 1.0)))
 
 
@@ -95,7 +95,7 @@ def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tu
 
 
 def _view_points(pictures: Pictures, one: OneCamera) -> list[tuple[IntArray, Descriptors]]:
-    """Of each view the points that it shows, and their descriptors there."""
+    """Points that each view shows, and their descriptors there."""
     assert one.fit is not None
     tracks = one.fit.tracks
     rows = [np.flatnonzero(tracks.view == view) for view in range(len(one.rows))]

@@ -52,7 +52,7 @@ def shared_points(pictures: Pictures, tracks: Tracks, cameras: tuple[int, int]) 
 
 
 def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
-    """Of points at places where both cameras have their own, the share that is one with a point of the other.
+    """Share of points that equal one of the other camera, at places where both cameras have their own.
 
     Two equal objects, of which each camera sees one, fit; what is around them does not. The median over cubes, weighted
     by the fewer points; 1 if there is no such cube.

@@ -59,7 +59,7 @@ class OneCamera:
         )
 
     def descriptors(self, pictures: Pictures) -> Descriptors:
-        """Of each point of the fit, the mean of those of its image points, (p, 128) of unit length."""
+        """Mean descriptor of the image points of each point of the fit, (p, 128) of unit length."""
         assert self.fit is not None
         return pictures.descriptors(self.fit.tracks, self.rows)
 

@@ -44,14 +44,14 @@ class Pictures:
     mounts: tuple[SE3 | None, ...] = ()
 
     def select_moving(self) -> Pictures:
-        """Those of cameras that robots carry."""
+        """Pictures of cameras that robots carry."""
         count = sum(camera.robot is not None for camera in self.views.cameras)
         rows = np.flatnonzero(self.views.robot >= 0)
         views = replace(self.views.take(rows), cameras=self.views.cameras[:count])
         return replace(self, views=views, features=self.features[: len(rows)])
 
     def descriptors(self, tracks: Tracks, rows: IntArray) -> Descriptors:
-        """Of each point the mean over its image points, (p, 128) of unit length.
+        """Mean descriptor of each point over its image points, (p, 128) of unit length.
 
         Args:
             tracks: The image points.

@@ -38,7 +38,7 @@ class Response(NamedTuple):
         return np.asarray(-spread @ self.gradient), np.asarray(spread)
 
     def log_evidence(self, variance: Array) -> float:
-        """For these variances, over that for none."""
+        """Log evidence of these variances, over that of none."""
         mean, _ = self.posterior(variance)
         grown = np.eye(len(variance)) + self.information * variance
         return float(-0.5 * self.gradient @ mean - 0.5 * np.linalg.slogdet(grown)[1])

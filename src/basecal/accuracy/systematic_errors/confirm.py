@@ -36,7 +36,7 @@ class HeldOut:
 
     @cached_property
     def folds(self) -> tuple[tuple[Fold, ...], ...]:
-        """Of blocks of time, and of blocks of configuration."""
+        """Folds of blocks of time, and of blocks of configuration."""
         both = _time_blocks(self.situation), _configuration_blocks(self.situation)
         return tuple(tuple(self._fold(blocks == block) for block in np.unique(blocks)) for blocks in both)
 

@@ -134,7 +134,7 @@ def _with_sigmas(gradient: Array, information: Array, sigmas: Array) -> Gaussian
 
 
 def _mixture(evidence: Array, means: Array, covariances: Array) -> Gaussian:
-    """Of equally likely ones, (m,), (m, q) and (m, q, q)."""
+    """Mixture of equally likely ones, (m,), (m, q) and (m, q, q)."""
     shares = _shares(evidence)
     mean = shares @ means
     off = means - mean
@@ -158,7 +158,7 @@ def _nodes(effects: Sequence[Expected]) -> Array:
 
 
 def _is_stated(effects: Sequence[Expected]) -> BoolArray:
-    """Of which sizes the answer is that of zero, (q,)."""
+    """Mask of the sizes whose answer is that of zero, (q,)."""
     return np.repeat([each.effect not in CONTAINED for each in effects], [each.candidate.sizes for each in effects])
 
 
@@ -196,7 +196,7 @@ def _tool_mounts(cell: Cell) -> frozenset[str]:
 
 
 def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float:
-    """Of a target's size as a share: as stated, else as usual; 0 of one whose views all state their noise."""
+    """Sigma of a target's size as a share: as stated, else as usual; 0 of one whose views all state their noise."""
     stated = cell.targets[target].size_sigma
     if stated is not None:
         return stated

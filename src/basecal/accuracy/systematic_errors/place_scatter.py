@@ -1,4 +1,4 @@
-"""By how much more than noise a frame differs from place to place, which a change in time has to exceed.
+"""The variance of a frame from place to place over that of noise, which a change in time has to exceed.
 
 A recording goes from place to place as time passes. Some errors by place or posture have no model here: those of gears,
 of points on a body, of arms that lean on one another. A split of the recording in time shows them. So do splits by

@@ -61,12 +61,12 @@ class PoseField(NamedTuple):
 
 
 def variances(field_m2: float) -> Array:
-    """Of a shift and a turn along an axis, (2,) [m^2, rad^2], by the variance of a field's shifts [m^2]."""
+    """Variances of a shift and a turn along an axis, (2,) [m^2, rad^2], by the variance of a field's shifts [m^2]."""
     return np.array([field_m2, field_m2 / _LEVER_M**2])
 
 
 def stated_fields(cell: Cell, situation: Situation) -> list[PoseField]:
-    """Of arms that state a repeatability, and record poses alone."""
+    """Fields of arms that state a repeatability, and record poses alone."""
     stated = (name for name, robot in cell.robots.items() if robot.noise is not None and not robot.is_total_noise)
     return [field for name in stated if (field := pose_field(situation, name)) is not None]
 

@@ -125,7 +125,7 @@ class Linearised:
 
 
 class Sums(NamedTuple):
-    """Of candidates: gradient (b, q), information with the columns (b, q, c) and with one another (b, q, q)."""
+    """Gradient (b, q), information with the columns (b, q, c) and with one another (b, q, q) of candidates."""
 
     gradient: Array
     across: Array
@@ -139,7 +139,7 @@ def linearise_views(problem: Problem, state: State) -> Linearised:
 
 
 def with_random_effects(model: Linearised, moves: Moves) -> Linearised:
-    """The same with random effects among its columns.
+    """A copy with random effects among its columns.
 
     Args:
         model: The model.
@@ -163,7 +163,7 @@ def _with_columns(views: LinearisedViews, moves: Array, columns: IntArray) -> Li
 
 
 def weigh_views(model: Linearised, weights: Sequence[Array]) -> Linearised:
-    """The same with views that count otherwise; `weights` by group, (n,)."""
+    """A copy with views that count otherwise; `weights` by group, (n,)."""
     views = tuple(each.weigh(weight) for each, weight in zip(model.views, weights, strict=True))
     return _sum_views(model.problem, model.state, views, len(model.gradient))
 

@@ -53,7 +53,7 @@ class Situation:
 
     @cached_property
     def null(self) -> Linearised:
-        """The same with the random effects that stops share, against which effects are tested."""
+        """A copy with the random effects that stops share, against which effects are tested."""
         if self.noise is None or self.noise.beside_common is None:
             return self.linearisation
         return null_model(self.problem, self.state, self.noise, self.flange_jacobian)
@@ -71,7 +71,7 @@ class Situation:
 
     @cached_property
     def links(self) -> tuple[Chain, ...]:
-        """By group, the factors of `camera_from_target`."""
+        """The factors of `camera_from_target`, by group."""
         return tuple(chain(group, self.state, self.problem.stops) for group in self.problem.groups)
 
     @cached_property
@@ -88,7 +88,7 @@ class Situation:
 
     @cached_property
     def times(self) -> Array:
-        """Of `samples`: their times [s], or their order."""
+        """Times of `samples` [s], or their order."""
         if not self.has_times:
             return np.arange(len(self.samples), dtype=np.float64)
         return np.array([self.stamps[int(n)] for n in self.samples], dtype=np.float64)
@@ -100,12 +100,12 @@ class Situation:
 
     @cached_property
     def fixed_frames(self) -> tuple[str, ...]:
-        """Of `frames` those that are stated as fixed."""
+        """The frames that are stated as fixed."""
         return tuple(name for name in self.frames if self.problem.unknowns[name].status == "fixed")
 
     @property
     def point_mounts(self) -> frozenset[str]:
-        """Of `frames` the mounts of single points, whose rotation has no effect."""
+        """The mounts of single points, whose rotation has no effect."""
         return self.problem.point_mounts
 
     @cached_property
@@ -137,7 +137,7 @@ class Situation:
         return name in self.problem.groups[k].frames
 
     def target_from_camera(self, k: int) -> SE3:
-        """Of the views of a group, (n,)."""
+        """Poses of the camera in the target, of the views of a group, (n,)."""
         return self.links[k].target_from_camera
 
     @cached_property

@@ -141,7 +141,7 @@ class _NonCentral(NamedTuple):
         return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
 
     def probability(self, length: float) -> Array:
-        """That each is below a length, (n,)."""
+        """Probability that each is below a length, (n,)."""
         away = length**2 - self.mean
         spread = np.maximum(self.spread, _CERTAIN_M2)
         at = np.clip(away / spread, -_MOST_DEVIATIONS, _MOST_DEVIATIONS) * self.scale + self.freedoms + self.shift
@@ -149,7 +149,7 @@ class _NonCentral(NamedTuple):
 
 
 def _non_central(covariances: Array, means: Array) -> _NonCentral:
-    """Of covariances, (n, 3, 3), and means, (n, 3)."""
+    """Quantiles of lengths with covariances, (n, 3, 3), and means, (n, 3)."""
     powers = [np.broadcast_to(np.eye(3), covariances.shape)]
     for _ in range(4):
         powers.append(powers[-1] @ covariances)
@@ -166,7 +166,7 @@ def _non_central(covariances: Array, means: Array) -> _NonCentral:
 
 
 def _central_quantile(covariances: Array) -> Array:
-    """Of mean zero, to 1e-6.
+    """Quantile of a length with mean zero, to 1e-6.
 
     Along a direction u, uniform on the sphere, the vector is chi L u. chi has three degrees of freedom, and L L' is the
     covariance: the probability is the mean over u of that of chi < length / |L u|.

@@ -68,7 +68,7 @@ def moved_by_errors(
 
 
 def _open_kinds(problem: Problem, robot: str, kinds: Sequence[str]) -> list[str]:
-    """Those of these kinds of which no prior says how large they are; none of a robot without a chain."""
+    """Kinds among these whose size no prior states; none of a robot without a chain."""
     if robot not in problem.chains:
         return []
     stated = problem.models[robot].stated if robot in problem.models else {}

@@ -54,7 +54,7 @@ class Meeting:
 
     @cached_property
     def moves(self) -> Moves:
-        """By all that was estimated, in the axes of b."""
+        """Moves by all that was estimated, in the axes of b."""
         own = self.problem.columns[self.transform]
         by_base = np.broadcast_to(np.eye(6), (len(self.points_m), 6, 6)).copy()
         by_base[:, :3, 3:] = -cross_matrix(self.points_m)
@@ -88,12 +88,12 @@ class Meeting:
         return np.asarray(squares.reshape(-1, 2, 3).mean((0, 2))) if mine.any() else np.zeros(2)
 
     def mean_square_m2(self, covariance: Array) -> float:
-        """Of the distance [m^2], with this covariance of all columns, (p, p), and the robots' stops."""
+        """Mean square of the distance [m^2], with this covariance of all columns, (p, p), and the robots' stops."""
         stops = sum(float(of_stop[0]) for of_stop in self.stop_variances().values())
         return float(np.trace(self.weight @ covariance)) + 3 * stops
 
     def stop_variances(self) -> dict[str, Array]:
-        """As `stop_variance`, of each robot that meets."""
+        """Variance of the stops of each robot that meets, as `stop_variance`."""
         return {robot: self.stop_variance(robot) for robot in self.places_m}
 
     def total_error(self, covariance: Array, own: Iterable[Array]) -> Array:
@@ -116,7 +116,7 @@ def make_meeting(cell: Cell, problem: Problem, state: State, transform: str, poi
 
 
 def worst_meeting(meetings: Iterable[Meeting], covariance: Array) -> Meeting:
-    """Of several meetings the one with the largest error, by the covariance of all columns, (p, p)."""
+    """The meeting of several with the largest error, by the covariance of all columns, (p, p)."""
     return max(meetings, key=lambda meeting: meeting.mean_square_m2(covariance))
 
 

@@ -106,7 +106,7 @@ def _models_by_poses(meeting: Meeting, solution: Solution) -> list[_Model]:
 
 
 class _Expected(NamedTuple):
-    """By one model: minus twice the log of its evidence, mean, (n, 6), and covariance, (n, 6, 6)."""
+    """Twice the negative log evidence of one model, its mean, (n, 6), and covariance, (n, 6, 6)."""
 
     minus_2_log_evidence: float
     mean: Array
@@ -129,7 +129,7 @@ def _model_error(meeting: Meeting, own: Mapping[str, Array], model: _Model, wide
 
 
 def _likely_models(models: Sequence[_Model]) -> list[_Model]:
-    """Those that count: the others have hardly any evidence beside the likeliest."""
+    """The likely models: the others have hardly any evidence beside the likeliest."""
     least = min(model.sigmas.minus_2_log_evidence for model in models)
     return [model for model in models if model.sigmas.minus_2_log_evidence - least < -2 * np.log(_LEAST_SHARE)]
 

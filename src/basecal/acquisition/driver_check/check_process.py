@@ -105,7 +105,7 @@ def measured_promises(check: DriverCheck) -> Iterator[Promise | str]:
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
-    """In the box: each promise, and each thing to do, as a frame.
+    """Frames of the box: each promise, and each thing to do.
 
     Raises:
         BasecalError: as the driver does.

@@ -29,7 +29,7 @@ Given = TypeVar("Given")
 
 @dataclass(frozen=True, eq=False)
 class Arrivals:
-    """When states or images came: `at_s` (n,) by this machine's clock, `stamps_s` (n,) by their own."""
+    """Arrivals of states or images: `at_s` (n,) by this machine's clock, `stamps_s` (n,) by their own."""
 
     at_s: Array
     stamps_s: Array
@@ -52,7 +52,7 @@ class Arrivals:
 
     @property
     def drift(self) -> float:
-        """By how much the device's clock is faster than this machine's, as a share."""
+        """Excess speed of the device's clock over this machine's, as a share."""
         at_s = self.at_s - self.at_s.mean()
         return float(at_s @ (self.stamps_s - self.stamps_s.mean()) / (at_s @ at_s) - 1)
 

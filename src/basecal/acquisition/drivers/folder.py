@@ -73,7 +73,7 @@ class FolderCamera:
                     yield path.stat().st_mtime_ns, path
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close: the driver holds nothing."""
 
 
 def reaches(place: Place) -> str:

@@ -108,10 +108,10 @@ class ReplayRobot:
         self._tape.go(self._name, to)
 
     def stop(self) -> None:
-        """It stands."""
+        """Stop: a replayed robot never moves."""
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close: the driver holds nothing."""
 
 
 class ReplayCamera:
@@ -147,7 +147,7 @@ class ReplayCamera:
         return grey
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close: the driver holds nothing."""
 
 
 def reaches(place: Place) -> str:

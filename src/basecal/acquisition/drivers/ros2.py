@@ -67,7 +67,7 @@ class Ros2Robot:
         return reading
 
     def close(self) -> None:
-        """Nothing is held that the next one could not use as well."""
+        """Close: the driver holds nothing that the next one could not use as well."""
 
 
 class Ros2Camera:
@@ -105,7 +105,7 @@ class Ros2Camera:
         return message if stamp_s(message.header) > max(self._last_s, 0.0) else None
 
     def close(self) -> None:
-        """Nothing is held that the next one could not use as well."""
+        """Close: the driver holds nothing that the next one could not use as well."""
 
 
 def reaches(place: Place) -> str:

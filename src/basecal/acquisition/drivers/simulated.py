@@ -47,7 +47,7 @@ class _State(Entry):
 
 
 class _Picture(Entry):
-    """Likewise for a picture."""
+    """The reply with a picture."""
 
     stamp_s: Number
     png_base64: str

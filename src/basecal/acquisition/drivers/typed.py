@@ -75,11 +75,11 @@ class TypedRobot:
         return chain.joint_names
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Close: the driver holds nothing."""
 
 
 def reaches(place: Place) -> str:
-    """Nothing: a person is asked."""
+    """No place: a person is asked."""
     return ""
 
 

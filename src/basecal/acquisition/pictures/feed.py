@@ -175,7 +175,7 @@ class CameraFeed:
 
 
 class LightFeed(CameraFeed):
-    """Likewise, of a camera that switches the light it looks at."""
+    """The feed of a camera that switches the LED it looks at."""
 
     def light(self, on: bool) -> None:
         """Switch the light, between two pictures.

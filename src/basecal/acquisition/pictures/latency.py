@@ -48,7 +48,7 @@ class ArmMotion:
 
 @dataclass(frozen=True)
 class Latency:
-    """From exposure to arrival: between `low_s` and `high_s` [s]."""
+    """Latency from exposure to arrival: between `low_s` and `high_s` [s]."""
 
     low_s: float
     high_s: float

@@ -156,7 +156,7 @@ class Listener:
         self._waiting.attach(ReadCondition(self._reader, ViewState.Any | SampleState.NotRead | InstanceState.Any))
 
     def messages(self, wait_s: float) -> list[Any]:
-        """All that came since the last time; waits for one where none did.
+        """Messages since the last call; waits for one if there are none.
 
         Raises:
             InputError: if one is not what its topic says.
@@ -164,7 +164,7 @@ class Listener:
         return [message for _, message in self.receive(wait_s)]
 
     def receive(self, wait_s: float) -> list[tuple[int, Any]]:
-        """Likewise, each with the number of its publisher."""
+        """Messages since the last call, each with the number of its publisher."""
         taken = self._take()
         if not taken and wait_s > 0:
             self._waiting.wait(int(wait_s * 1000) * _MS)

@@ -70,7 +70,7 @@ class StatesByTopic:
         )
 
     def _joint_state(self, message: Any) -> RobotState | None:
-        """None if the message is of other joints, or only of some."""
+        """The joints of a message; None if it is of other joints, or only of some."""
         at = dict(zip(message.name, message.position, strict=False))
         if not all(joint in at for joint in self._joints):
             return None

@@ -16,7 +16,7 @@ _OUTSIDE_SHARE = 0.05  # of the points: fewer are stray ones, which are found as
 
 
 def check_image_bounds(samples: Sequence[Sample], lines: Mapping[int, int], path: str, cell: Cell) -> None:
-    """Nothing, when the pixels of each camera lie in its image, but for a few stray ones.
+    """Check that the pixels of each camera lie in its image, but for a few stray ones.
 
     Args:
         samples: Those that were read.

@@ -122,7 +122,7 @@ def _data(noun: TypeAdapter[Any], value: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Nothing but what JSON holds: arrays as lists, and null for a number that is not finite, or as good as that."""
+    """Values that JSON holds: arrays as lists, and null for a number that is not finite, or as good as that."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

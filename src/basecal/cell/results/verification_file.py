@@ -29,7 +29,7 @@ def _to_utc(instant: datetime) -> datetime:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredShift:
-    """By how much a transform seemed to have moved since its calibration: a right tangent, its first three numbers.
+    """The shift of a transform since its calibration: a right tangent, its first three numbers.
 
     Attributes:
         t_m: (3,) [m].

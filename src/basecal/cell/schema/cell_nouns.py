@@ -1,4 +1,4 @@
-"""From the checked entries of `cell.yaml` to the nouns of a cell."""
+"""Nouns of a cell from the checked entries of `cell.yaml`."""
 
 from __future__ import annotations
 

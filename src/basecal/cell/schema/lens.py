@@ -38,7 +38,7 @@ def distortion_terms(entry: IntrinsicsEntry, model: str) -> int:
 
 
 def check_lens(entry: IntrinsicsEntry, model: str) -> None:
-    """Nothing, when what is written suits the status and the model.
+    """Check that the entry suits the status and the model.
 
     Raises:
         ValueError: if not.
@@ -68,7 +68,7 @@ def check_lens(entry: IntrinsicsEntry, model: str) -> None:
 
 
 def check_size(entry: IntrinsicsEntry, size_px: Sequence[int] | None) -> None:
-    """Nothing, when focal lengths and centre are such as a lens has over an image of this size.
+    """Check that focal lengths and centre are such as a lens has over an image of this size.
 
     Raises:
         ValueError: if not.

@@ -85,7 +85,7 @@ class ApriltagEntry(TargetEntry):
 
 
 def _another(fields: Fields, place: int) -> Fields:
-    """The same with the tags' numbers after those of all before it."""
+    """A copy with the tags' numbers after those of all before it."""
     numbers = [tag["id"] for tag in fields["tags"]]
     step = max(numbers) - min(numbers) + 1
     return {**fields, "tags": [{**tag, "id": tag["id"] + place * step} for tag in fields["tags"]]}

@@ -59,7 +59,7 @@ class Described(NamedTuple):
 
 @dataclass(frozen=True)
 class TargetKind:
-    """All that is particular to a kind of target and not to one target.
+    """Properties of a kind of target that are not particular to one target.
 
     Attributes:
         entries: Models of its entry in `cell.yaml`.

@@ -72,7 +72,7 @@ class FoundEffect:
 
     @property
     def sigma(self) -> float:
-        """Of a single size."""
+        """Sigma of a single size."""
         return float(np.sqrt(self.covariance[0, 0]))
 
 

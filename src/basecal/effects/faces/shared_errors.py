@@ -80,7 +80,7 @@ class SharedErrors:
         return replace(self, by_stop=left.reshape(self.by_stop.shape) / units[:, None])
 
     def rotate_to_base(self, poses: SE3) -> SharedErrors:
-        """The same along the axes of the base, not of the flange at poses, (stops,)."""
+        """A copy along the axes of the base, not of the flange at poses, (stops,)."""
         return replace(self, by_stop=np.kron(np.eye(2), poses.rotation.mT) @ self.by_stop)
 
     @classmethod

@@ -73,11 +73,11 @@ class Views(Protocol):
 
     @property
     def fixed_frames(self) -> tuple[str, ...]:
-        """Of `frames` those that are stated as fixed."""
+        """The frames that are stated as fixed."""
 
     @property
     def point_mounts(self) -> frozenset[str]:
-        """Of `frames` the mounts of single points, whose rotation has no effect."""
+        """The mounts of single points, whose rotation has no effect."""
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -97,7 +97,7 @@ class Views(Protocol):
 
     @property
     def times(self) -> Array:
-        """Of `samples`: their times [s], or their order if `timed` is false."""
+        """Times of `samples` [s], or their order if `timed` is false."""
 
     @property
     def has_times(self) -> bool:
@@ -126,7 +126,7 @@ class Views(Protocol):
         """How views of a group move with a right tangent of a transform, (n, 6, 6)."""
 
     def target_from_camera(self, k: int) -> SE3:
-        """Of the views of a group, (n,)."""
+        """Poses of the camera in the target, of the views of a group, (n,)."""
 
     def recorded_pose(self, k: int, robot: str) -> SE3:
         """Poses of a robot's flange in a group's views, (n,); identity if it carries nothing there."""

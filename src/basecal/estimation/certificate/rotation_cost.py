@@ -92,7 +92,7 @@ def rotations_from_factors(loop: Loop, factors: Factors) -> Rotations:
     found = dict(zip(loop.unknown, factors, strict=True))
 
     def rotation(name: str) -> Array:
-        """As known, or of its factor, (3, 3)."""
+        """The rotation as known, or of its factor, (3, 3)."""
         known: SE3 | None = getattr(loop, name)
         if known is not None:
             return known.rotation

@@ -46,7 +46,7 @@ class ViewCosts(NamedTuple):
     second: Array
 
     def without_doubtful(self, slack: float) -> ViewCosts:
-        """The same, views left out whose second pose costs less than `slack` more."""
+        """A copy without views whose second pose costs less than `slack` more."""
         return self._replace(weight=np.where(self.second - self.constant > slack, self.weight, 0.0))
 
 

@@ -173,7 +173,7 @@ def _merge_groups(groups: Sequence[ViewGroup]) -> ViewGroup:
 
 
 def _stops_in_turn(group: ViewGroup) -> list[IntArray]:
-    """Of both ends, (n,): each view's own stop, those of the hand after those of the eye; -1 without noise."""
+    """Stops of both ends, (n,): each view's own stop, those of the hand after those of the eye; -1 without noise."""
     stops, count = [], 0
     for end in group.ends:
         stops.append(np.arange(count, count + len(group)) if end.has_noise else end.stop)

@@ -304,7 +304,7 @@ def _priors(problem: Problem, state: State) -> tuple[Array, Array, Array]:
 
 
 def prior_residuals(problem: Problem, state: State) -> list[tuple[Array, Array, slice]]:
-    """Of each prior: its residual in sigmas, the derivative to its columns, and these."""
+    """Residual of each prior in sigmas, the derivative to its columns, and these."""
     out = []
     for name, where in problem.columns.items():
         if name in problem.unknowns:

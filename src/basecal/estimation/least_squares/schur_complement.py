@@ -165,7 +165,7 @@ class SchurAccumulator:
         return SchurComplement(self.by_unknowns, *of_solution, self.diagonal, None if batch else factor)
 
     def _promised_decrease(self, solution: Array) -> Array:
-        """By how much the errors alone lower the cost, (...)."""
+        """Decrease of the cost by the errors alone, (...)."""
         flat = self.gradient.reshape(*self.gradient.shape[:-2], -1)
         return np.asarray(np.sum(flat * solution[..., -1], -1))
 

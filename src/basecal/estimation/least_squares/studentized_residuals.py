@@ -64,7 +64,7 @@ def leave_one_out(problem: Problem, state: State, weights: Sequence[Array]) -> L
 
 
 def studentize_views(problem: Problem, state: State) -> tuple[MahalanobisSquared, ...]:
-    """By group, (..., n): how far each view is from a state itself, as if that were exact; infinite behind its camera.
+    """Distance of each view from the state, (..., n), by group, as if that were exact; infinite behind its camera.
 
     Args:
         problem: The problem.
@@ -88,7 +88,7 @@ def _misfits(group: ViewGroup, views: LinearisedViews, state: State, problem: Pr
 
 
 def studentized_views(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
-    """By group, (n,): how far each view is from what the others predict."""
+    """Distance of each view from the prediction of the others, (n,), by group."""
     return tuple(_view_squares(model, k) for k in range(len(model.problem.groups)))
 
 
@@ -122,7 +122,7 @@ def studentized_stops(model: LeaveOneOut) -> MahalanobisSquared:
 
 
 def studentized_points(model: LeaveOneOut) -> tuple[MahalanobisSquared, ...]:
-    """By group, (n, p): how far each point is from where all else predicts it.
+    """Distance of each point from the prediction of all others, (n, p), by group.
 
     Of a view with many points all else is the rest of the view; with few it is the state, too. Points that were not
     seen, views without points, and views of a single point, which are judged whole, have no freedoms.
@@ -181,7 +181,7 @@ def _studentize(residual: Array, jacobian: Array, covariance: Array, visible: Bo
 
 
 def _pair_distances(residual: Array, matrix: Array) -> tuple[Array, BoolArray]:
-    """Of pairs r: r' M^-1 r, and whether M is clear of zero; written out, since many small systems are slow."""
+    """Distances r' M^-1 r of pairs r, and whether M is clear of zero; written out, since small systems are slow."""
     a, b, c = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
     x, y = residual[..., 0], residual[..., 1]
     determinant = a * c - b * b

@@ -89,7 +89,7 @@ def hyperpriors(model: MixedModel, reach_m: Mapping[str, float], common: SharedP
 def _common_forms(
     reach_m: Mapping[str, float], common: SharedPrior, shared_logs: Mapping[str, Array], single: Mapping[str, Array]
 ) -> list[tuple[Array, float, float]]:
-    """Of the shared sigmas: forms (2, k) of shift and turn by robot, and those of its single stops."""
+    """Forms (2, k) of shift and turn of the shared sigmas, by robot, and those of its single stops."""
     rows = []
     lever_m, factor = common.lever
     for robot, (shift, turn) in shared_logs.items():

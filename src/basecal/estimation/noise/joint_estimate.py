@@ -276,7 +276,7 @@ def _sigma_posterior(
     def find_mode(
         problem: Problem, state: State, start: Array | None, estimates: EstimatesOf | None = None
     ) -> SigmaPosterior:
-        """Those of a problem's views."""
+        """The mode of a problem's views."""
         model = mixed_model(problem, state, robots, shared_errors, estimates)
         return sigma_posterior(model, hyperpriors(model, reach_m, shared_prior), start)
 

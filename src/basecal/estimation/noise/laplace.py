@@ -121,7 +121,7 @@ class _Surface:
 
     @classmethod
     def evaluate(cls, model: MixedModel, prior: LogNormals, logs: Array) -> _Surface:
-        """At logarithms of the sigmas, (k,)."""
+        """Evaluate at logarithms of the sigmas, (k,)."""
         known, (value, slope) = posterior(model, logs), prior.value(logs)
         return cls(known.value + value, known.slope() + slope, known.average_information() + prior.curvature)
 
@@ -178,7 +178,7 @@ def moments(posterior: SigmaPosterior, columns: IntArray) -> tuple[Array, Array,
 
 
 def _second_moments(weights: Array, means: Array, covariances: Array) -> Array:
-    """Of a mixture of normals with weights (n,), means (n, c) and covariances (n, c, c): (c, c) about zero."""
+    """Second moments about zero, (c, c), of normals with weights (n,), means (n, c) and covariances (n, c, c)."""
     return np.asarray(np.tensordot(weights, covariances, 1) + (weights * means.T) @ means)
 
 
@@ -218,7 +218,7 @@ def _cubature(posterior: SigmaPosterior, is_quick: bool = False) -> tuple[Array,
 
 
 def _draw_nodes(posterior: SigmaPosterior) -> tuple[Array, Array]:
-    """The same of nodes drawn by Student's t about the most likely sigmas, in pairs to either side, always the same."""
+    """Nodes drawn by Student's t about the most likely sigmas, in pairs to either side, always equal."""
     rng, k = np.random.default_rng(_SEED), len(posterior.logs)
     normal = rng.standard_normal((_PAIRS, k))
     steps = normal * np.sqrt(_TAILS / rng.chisquare(_TAILS, _PAIRS))[:, None]

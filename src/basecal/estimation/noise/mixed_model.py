@@ -267,7 +267,7 @@ def _moments(problem: Problem, number: int, state: State, view: ViewEstimates, l
 
 
 def _scene_moments(problem: Problem, scene: TiedViews, state: State, layout: Layout) -> Moments:
-    """Of the scene, whose stops all stand among the columns."""
+    """Moments of the scene, whose stops are all among the columns."""
     about = linearise_scene(problem, scene, state)
     fixed = np.zeros((len(about.gradient), layout.width))
     fixed[:, : problem.width] = about.by_unknowns

@@ -46,7 +46,7 @@ def goes_by_neighbourhoods(problem: Problem) -> bool:
 
 
 def neighbourhoods(problem: Problem, state: State) -> Iterator[Neighbourhood]:
-    """That of each robot; each camera and target belongs to that of its carrier, or first shares a view."""
+    """The neighbourhood of each robot; a camera or target is in its carrier's, or in the first that shares a view."""
     carrier = {group.camera: group.eye.robot or group.hand.robot for group in reversed(problem.groups)}
     holder = {group.target: group.hand.robot or group.eye.robot for group in reversed(problem.groups)}
     for robot in problem.robots:

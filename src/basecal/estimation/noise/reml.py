@@ -48,13 +48,13 @@ class Columns:
     spread: Array
 
     def take(self, node: int | BoolArray) -> Columns:
-        """At a node, or at some."""
+        """The columns at one node, or at some."""
         return Columns(self.value[node], self.mean[node], self.spread[node])
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """All that is unknown, given sigmas, to second order about the model's state.
+    """The posterior of all unknowns, given sigmas, to second order about the model's state.
 
     Attributes:
         model: The model.
@@ -107,7 +107,7 @@ class Posterior:
 
     @cached_property
     def _mean_moments(self) -> dict[tuple[str, str], tuple[float, Array, Array]]:
-        """Of each open part at unit sigma: squares at the mean, and half their gradient to columns and errors."""
+        """Squares of each open part at the mean, at unit sigma, and half their gradient to columns and errors."""
         return {key: _part_moments(self.model.parts[key], self) for key in self.model.sigmas.views}
 
     def _squares_of_mean(self, key: tuple[str, str]) -> float:
@@ -200,14 +200,14 @@ def posterior(model: MixedModel, logs: Array) -> Posterior:
 
 
 def _weights(model: MixedModel, logs: Array) -> dict[tuple[str, str], Array]:
-    """Of each part, (...) by the sigma that it goes by; 1 where that is stated."""
+    """Weights of each part, (...), by its sigma; 1 if that is stated."""
     stated = np.ones(logs.shape[:-1])
     return dict.fromkeys(model.parts, stated) | {k: np.exp(-2 * logs[..., at]) for k, at in model.sigmas.views.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Of errors in blocks.
+    """Blocks of errors.
 
     Attributes:
         alone: (b, q) what they are where the columns are zero, negative.

@@ -93,7 +93,7 @@ def _orientations(turns: Array) -> int:
 
 
 def _least_motion(problem: Problem) -> dict[str, float]:
-    """By robot with stated noise what motion counts, rms: more than a thousandth or so, and several of its sigmas."""
+    """The least motion that counts, rms, of each robot with stated noise: some thousandths, and several sigmas."""
     first = {name: k for k, name in reversed(list(enumerate(problem.stops.robot)))}
     noise = {name: float((problem.stops.sigma[k] / MOVE_SCALE).max()) for name, k in first.items()}
     return {name: max(LEAST_RMS, _NOISE_SIGMAS * largest) for name, largest in noise.items()}

@@ -123,7 +123,7 @@ def is_informed(unknown: Unknown) -> bool:
 
 
 def without_priors(problem: Problem) -> Problem:
-    """The same, nothing known beforehand of transforms that are not fixed."""
+    """A copy without priors of transforms that are not fixed."""
     free = {n: replace(u, status="free") if is_informed(u) else u for n, u in problem.unknowns.items()}
     return replace(problem, unknowns=free)
 

@@ -127,7 +127,7 @@ def _has_enough(group: ViewGroup, points: BoolArray) -> BoolArray:
 def _readmit(
     model: LeaveOneOut, problem: Problem, inliers: InlierMask, scale: Scale, of_points: Scale, bad_stop: BoolArray
 ) -> InlierMask:
-    """With the views of few points of which all but a few points are where all other views predict them."""
+    """Readmit the views of few points of which all but a few are where all other views predict them."""
     views, points = list(inliers.views), list(inliers.points)
     for k, group in enumerate(problem.groups):
         measurement = group.measurement

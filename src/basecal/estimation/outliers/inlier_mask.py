@@ -42,7 +42,7 @@ class InlierMask:
 
     @property
     def weights(self) -> tuple[Array, ...]:
-        """By group, (n,): 1 for a view that is used, else 0."""
+        """Weights of views, (n,), by group: 1 for an inlier, else 0."""
         return tuple(v.astype(np.float64) for v in self.views)
 
 

@@ -110,7 +110,7 @@ def solve_robustly(
 def judge_again(
     previous: RobustSolution, noisy: Solution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
-    """The same views and points judged anew by other sigmas; None where that leads to no answer.
+    """The views and points judged anew by other sigmas; None if that leads to no answer.
 
     Args:
         previous: What was left out so far.
@@ -177,7 +177,7 @@ def _drop_contradicted_points(
 
 
 def _end(full: Problem, inliers: InlierMask, state: State, settings: Settings) -> Consensus | None:
-    """From a state to where no view or point changes sides; None where that is no answer."""
+    """Descend from a state until no view or point changes sides; None if that is no answer."""
     full, inliers = _rechosen(full, inliers, state)
     masked = without_points(full, inliers.points)
     try:

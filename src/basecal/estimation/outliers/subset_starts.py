@@ -115,7 +115,7 @@ def _side_by_side(work: Callable[[Sequence[T]], list[State]], items: Sequence[T]
 
 
 def _start_subsets(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) -> list[_Subset]:
-    """Those subsets that determine every unknown and for which a start is found."""
+    """The subsets that determine every unknown and for which a start is found."""
     parts = [(few, select_samples(problem, few)) for few in numbers]
     parts = [(few, part) for few, part in parts if part.groups and degrees_of_freedom(part) >= 0]
     starts = first_states([part for _, part in parts], cell, thorough=False)
@@ -127,7 +127,7 @@ def _start_subsets(problem: Problem, cell: Cell, numbers: Iterable[IntArray]) ->
 
 
 def _gather_views(problem: Problem, inside: Sequence[BoolArray]) -> tuple[Problem, list[BoolArray]]:
-    """Of each subset the views that are inside alone, and as many of others as make their number even."""
+    """Views of each subset that are inside alone, and as many of others as make their number even."""
     rows = [np.argsort(~of, axis=1, kind="stable")[:, : max(int(of.sum(1).max()), 1)] for of in inside]
     few = problem.with_groups([g.take(row) for g, row in zip(problem.groups, rows, strict=True)])
     return few, [np.take_along_axis(of, row, axis=1) for of, row in zip(inside, rows, strict=True)]

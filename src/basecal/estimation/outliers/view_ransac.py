@@ -48,7 +48,7 @@ class Prior:
         return np.einsum("ni,ni->n", error, force), force
 
     def take(self, views: IntArray) -> Prior:
-        """That of the views at these indices."""
+        """The priors of the views at these indices."""
         return Prior(self.camera_from_target[views], self.information[views])
 
 
@@ -73,7 +73,7 @@ class RansacViews:
         return RansacViews(self.camera_from_target[views], self.points[views], self.squares[views], self.cost[views])
 
     def cheaper(self, rival: RansacViews) -> RansacViews:
-        """Of each view the cheaper of two; this one if they are equal."""
+        """The cheaper of two consensuses of each view; this one if they are equal."""
         take = rival.cost < self.cost
         one, two = self.camera_from_target, rival.camera_from_target
         return RansacViews(
@@ -185,7 +185,7 @@ def subset_fits(measurement: SeenPoints, guess: SE3, camera: Camera | None, prio
 def largest_agreement(
     measurement: SeenPoints, poses: SE3, camera: Camera | None, limit: float, prior: Prior | None = None
 ) -> RansacViews:
-    """Of the poses that each view may have, (m, n), the one that explains most, fitted to the points that agree.
+    """The pose of each view, of those it may have, (m, n), that explains most, fitted to the points that agree.
 
     The first of them is fitted so, too; the other arguments are those of `view_ransac`.
     """
@@ -215,7 +215,7 @@ def _settle(views: _Views, pose: SE3, limit: float) -> RansacViews:
 
 
 def _replace_rows(views: RansacViews, rows: IntArray, replacement: RansacViews) -> RansacViews:
-    """With other values for the views at `rows`."""
+    """A copy with other values for the views at `rows`."""
     source = np.arange(len(views.cost))
     source[rows] = len(source) + np.arange(len(rows))
     both = RansacViews(
@@ -228,7 +228,7 @@ def _replace_rows(views: RansacViews, rows: IntArray, replacement: RansacViews) 
 
 
 def _subsets(is_visible: BoolArray) -> BoolArray:
-    """Of each view's points (n, p): all but one or two of a few, random ones of many, (m, n, p)."""
+    """Subsets of each view's points (n, p): all but one or two of a few, random ones of many, (m, n, p)."""
     n, p = is_visible.shape
     if p <= FEW_POINTS:
         counts = range(1, min(_MOST_LEFT_OUT, p - 1) + 1)

@@ -1,4 +1,4 @@
-"""From a cell and a recording to a `Problem`: samples in canonical order, unusable ones dropped with a finding."""
+"""Make a `Problem` of a cell and a recording: samples in canonical order, unusable ones dropped with a finding."""
 
 from __future__ import annotations
 

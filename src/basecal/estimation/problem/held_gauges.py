@@ -14,7 +14,7 @@ from basecal.numerics.spectral import principal_axes
 
 
 def held_gauges(cell: Cell, groups: Sequence[ViewGroup]) -> dict[str, Array]:
-    """Of each transform that has some and is not fixed: 1 for directions of its tangent that are held, else 0, (6,)."""
+    """Directions of tangents that are held, of each transform that has some and is not fixed: 1, else 0, (6,)."""
     found = {cell.plate_name(plate): _line_rotation(cell, plate) for plate in cell.plates}
     for group in groups:
         if isinstance(group.measurement, ContactMeasurement):

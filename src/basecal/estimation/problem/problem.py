@@ -120,7 +120,7 @@ class Problem:
         return group.motion * jitter_s if jitter_s and group.motion is not None else None
 
     def with_noise(self, noise: Noise) -> Problem:
-        """The same with other unstated sigmas, unless these are held."""
+        """A copy with other unstated sigmas, unless these are held."""
         return self if self.held else self.with_groups(g.with_noise(noise) for g in self.groups)
 
     def with_groups(self, groups: Iterable[ViewGroup]) -> Problem:
@@ -128,7 +128,7 @@ class Problem:
         return replace(self, groups=tuple(groups))
 
     def with_ends(self, change: Callable[[End], End]) -> Problem:
-        """The same with the ends of all views changed."""
+        """A copy with the ends of all views changed."""
         changed = self.with_groups(group.with_ends(change) for group in self.groups)
         if self.tied is None:
             return changed
@@ -145,7 +145,7 @@ class Problem:
         return model if model is not None and all(name in self.columns for name in model.widths) else None
 
     def with_models(self, models: Mapping[str, RobotModel]) -> Problem:
-        """The same with other columns of the robots' kinematics, after all others."""
+        """A copy with other columns of the robots' kinematics, after all others."""
         replaced = {name for model in self.models.values() for name in model.widths}
         columns = {name: where for name, where in self.columns.items() if name not in replaced}
         at = max((c.stop for c in columns.values()), default=0)

@@ -13,7 +13,7 @@ _LISTED_SAMPLES = 10  # samples that a message names
 
 
 def view_content(observation: Observation, stops: Sequence[int]) -> Hashable:
-    """All that a view says, and the stops of the robots that carry camera and target: equal for copies."""
+    """Content of a view, and the stops of the robots that carry camera and target: equal for copies."""
     if isinstance(observation, PoseObservation):
         arrays: list[Array] = [observation.camera_from_target.rotation, observation.camera_from_target.translation]
     elif isinstance(observation, TouchObservation):

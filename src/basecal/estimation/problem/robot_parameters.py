@@ -56,7 +56,7 @@ class RobotModel:
         return {name: self.columns[kind].sigma for name, kind in self.names.items()}
 
     def select_joint(self, kind: str, joint: int) -> RobotModel:
-        """The same with the columns of one joint alone of a kind that has a number for each."""
+        """A copy with the columns of one joint alone of a kind that has a number for each."""
         basis, sigma = self.columns[kind]
         own = np.flatnonzero(basis[joint])
         return replace(

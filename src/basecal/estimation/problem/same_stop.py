@@ -37,7 +37,7 @@ def stop_numbers(base_from_flange: SE3, joints: Array | None, noise: Array | Non
 
 
 def _first_visits(places: Array) -> IntArray:
-    """Of each row, (n, k), the first within 1 of it in every coordinate that is not near another before."""
+    """The first of the rows, (n, k), within 1 in every coordinate that is not near another before."""
     _, at, same = np.unique(places, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(at)
     first, distinct = at[order], places[at[order]]  # as they first appear
@@ -64,7 +64,7 @@ def _near_pairs(places: Array) -> IntArray:
 
 
 def _runs(places: Array) -> IntArray:
-    """Of each row, (n, k), the first of its run: all of a run are within 1 of it in every coordinate."""
+    """The first row of each row's run, (n, k): all of a run are within 1 of it in every coordinate."""
     first = np.arange(len(places))
     near = np.all(np.abs(places[1:] - places[:-1]) <= 2, axis=-1)  # without that a run has ended anyhow
     for row in np.flatnonzero(near) + 1:

@@ -28,7 +28,7 @@ def is_stated(lens: Intrinsics | None) -> bool:
 
 
 def usual_sigmas(camera: Camera) -> Array:
-    """Of the errors of a usual calibration: of focal lengths, principal point and distortion terms, (4 + k,)."""
+    """Usual sigmas of a calibration's focal lengths, principal point and distortion terms, (4 + k,)."""
     return np.concatenate([part.usual(camera) for part in LENS_PARAMETERS.values()])
 
 
@@ -59,7 +59,7 @@ def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
 
 
 def _expected_variances(squares: Array) -> Array:
-    """Of the errors in units of the usual sigmas, (4 + k,), from their expected squares; at least 1."""
+    """Expected variances of the errors in units of the usual sigmas, (4 + k,), at least 1."""
     ratios = []
     for part in LENS_PARAMETERS.values():
         of = squares[part.where]

@@ -107,12 +107,12 @@ class ViewGroup:
         return next((end for end in self.ends if end.robot == robot), None)
 
     def with_ends(self, change: Callable[[End], End]) -> ViewGroup:
-        """The same with both ends changed."""
+        """A copy with both ends changed."""
         eye, hand = self.ends
         return replace(self, ends=(change(eye), change(hand)))
 
     def without_stops(self) -> ViewGroup:
-        """The same with robots assumed exact."""
+        """A copy with robots assumed exact."""
         none = np.full(len(self), -1, dtype=np.int64)
         return self.with_ends(lambda end: replace(end, stop=none))
 
@@ -154,6 +154,6 @@ class ViewGroup:
         return self.take(rows)
 
     def with_noise(self, noise: Noise) -> ViewGroup:
-        """The same with sigmas for unstated noise."""
+        """A copy with sigmas for unstated noise."""
         readings = tuple(r.with_noise(noise) for r in self.readings)
         return replace(self, measurement=self.measurement.with_noise(noise), readings=readings)

@@ -69,7 +69,7 @@ def alignments(first: Array, second: Array, tolerance_m: Array, max_count: int) 
 
 
 def _parts(count: int) -> list[slice]:
-    """So many rows, some at a time."""
+    """Parts of so many rows, some at a time."""
     return [slice(first, first + _AT_ONCE) for first in range(0, count, _AT_ONCE)]
 
 

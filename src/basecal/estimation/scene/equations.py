@@ -160,7 +160,7 @@ def _sparse_ties(tracks: Tracks, tie: Array, views: int, points: int) -> sparse.
 def _lens_sums(
     camera: IntArray, tracks: Tracks, equations: PixelEquations, widths: Sequence[int], root: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Of lenses: ties to points (k, 3 p), gradient (k,), information (k, k), and that with cameras (6 v, k)."""
+    """Ties of lenses to points (k, 3 p), gradient (k,), information (k, k), and that with cameras (6 v, k)."""
     v, points = len(camera), tracks.count
     ends = np.cumsum([0, *widths])
     k = int(ends[-1])

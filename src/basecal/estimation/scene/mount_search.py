@@ -53,7 +53,7 @@ class MountStart:
 
     @property
     def misfit(self) -> tuple[bool, float]:
-        """By which starts are compared, the least first."""
+        """The misfit by which starts are compared, the least first."""
         return self.is_behind, self.median_px
 
 
@@ -88,7 +88,7 @@ def find_mount(
 
 
 def rotation_grid(count: int) -> Array:
-    """So many rotations, spread evenly, (count, 3, 3). Source: Alexa 2022."""
+    """Rotations spread evenly, (count, 3, 3). Source: Alexa 2022."""
     s = np.arange(count) + 0.5
     inner, outer = np.sqrt(s / count), np.sqrt(1 - s / count)
     first, second = (2 * np.pi * s / each for each in _SPIRAL)
@@ -97,7 +97,7 @@ def rotation_grid(count: int) -> Array:
 
 
 def _score_rotations(pairs: PointPairs, base_from_flange: SE3, lens: Camera, rotations: Array) -> tuple[Array, Array]:
-    """Of each rotation of the camera the best position, (r, 3) [m], and the median sine that is left, (r,)."""
+    """The best position of the camera for each of its rotations, (r, 3) [m], and the remaining median sine, (r,)."""
     first, second = pairs.directions(lens)
     one, other = base_from_flange[pairs.first], base_from_flange[pairs.second]
     ray = np.einsum("nab,rbc,nc->rna", one.rotation, rotations, first, optimize=True)

@@ -59,7 +59,7 @@ class _Likelihood:
         return [k for k, noise in enumerate(self.stated) if noise is None]
 
     def sigmas(self, logs: Array) -> SceneSigmas:
-        """From logarithms: of image points, then of shift and turn of each open robot."""
+        """Sigmas from logarithms: of image points, then of shift and turn of each open robot."""
         by_robot = [np.ones(6) if noise is None else np.asarray(noise) for noise in self.stated]
         for at, k in enumerate(self.open_robots):
             by_robot[k] = np.exp(np.repeat(logs[1 + 2 * at : 3 + 2 * at], 3))

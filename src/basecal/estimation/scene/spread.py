@@ -45,7 +45,7 @@ def scene_covariance(fit: SceneFit) -> Array:
 
 
 def widening(fit: SceneFit) -> float:
-    """By how much sigmas of image points are to grow for the covariance to be that of `scene_covariance` on average."""
+    """Factor of sigmas of image points by which the covariance is that of `scene_covariance` on average."""
     own = scene_columns(fit.views, fit.state.lenses).errors.start
     of_model = np.linalg.inv(fit.information)[:own, :own]
     return float(np.sqrt(np.trace(np.linalg.solve(of_model, scene_covariance(fit))) / own))

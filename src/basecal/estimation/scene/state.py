@@ -31,11 +31,11 @@ class SceneState:
     points: Array
 
     def with_points(self, points: Array) -> SceneState:
-        """The same with other points."""
+        """A copy with other points."""
         return replace(self, points=points)
 
     def with_camera(self, world_from_camera: SE3, lens: Camera) -> SceneState:
-        """The same with one camera more, on `world`."""
+        """A copy with one camera more, on `world`."""
         mounts = concatenate([self.mounts, SE3.stack([world_from_camera])])
         return replace(self, mounts=mounts, lenses=(*self.lenses, lens))
 
@@ -88,7 +88,7 @@ def scene_columns(views: SceneViews, lenses: tuple[Camera, ...]) -> Columns:
     at = 0
 
     def next_columns(width: int) -> slice:
-        """So many more columns."""
+        """The next columns, so many."""
         nonlocal at
         at += width
         return slice(at - width, at)

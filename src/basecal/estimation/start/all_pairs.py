@@ -80,7 +80,7 @@ def _make_refinement(
 
 
 def _restart_pairs(wishes: Sequence[Refinement]) -> list[Refinement]:
-    """The same from where a pair's own samples lead: where the chain drifted, a descent alone would go astray."""
+    """Restart from where a pair's own samples lead: if the chain drifted, a descent alone would go astray."""
     settled = list(wishes)
     for unknown in {wish.loop.unknown for wish in wishes}:
         numbers = [k for k, wish in enumerate(wishes) if wish.loop.unknown == unknown]

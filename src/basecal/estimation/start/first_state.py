@@ -202,7 +202,7 @@ def _loop(sight: PairViews, knowns: _Known, choice: IntArray | None = None) -> L
 
 
 def _unknown(sight: PairViews, knowns: _Known) -> str:
-    """As `Loop.unknown`, of a pair."""
+    """The unknowns of a pair, as `Loop.unknown`."""
     g = sight.group
     related = (g.eye.base, g.hand.base) in knowns.relations
     has_y = related or all(end.base is None or end.base in knowns.transforms for end in g.ends)
@@ -234,7 +234,7 @@ def _start(sight: PairViews, knowns: _Known, problem: Problem, thorough: bool, i
 
 
 def _solve_closed_form(sight: PairViews, knowns: _Known) -> Triple | None:
-    """By closed form, each view's better pose chosen anew until the choice settles; None if it is not unique."""
+    """Solve by closed form, each view's better pose chosen anew until it is stable; None if it is not unique."""
     chosen = np.zeros(len(sight.group), dtype=np.int64)
     for _ in range(4):
         loop = _loop(sight, knowns, chosen)
@@ -280,7 +280,7 @@ def light_states(problem: Problem, cell: Cell, max_count: int) -> Iterator[State
 
 
 def _light(sight: PairViews, loop: Loop, is_point: bool) -> _Search[Triple]:
-    """As a single light; the target's other points are placed afterwards."""
+    """Solve as for a single LED; the target's other points are placed afterwards."""
     chords, point = as_light(sight.group.measurement)
     turns = (loop.x is None) + (loop.y is None)
     as_point, light, starts = light_search(sight, loop, _LIGHT_STARTS[turns])

@@ -60,7 +60,7 @@ def refine_jointly(wishes: Sequence[Refinement], iterations: int = _REFINEMENT_S
 
 
 def _refine(wishes: Sequence[Refinement], iterations: int) -> list[Triple]:
-    """Of wishes of one structure; those of fewer views are filled up with views of no weight."""
+    """Refine wishes of one structure; those of fewer views are filled up with views of no weight."""
     if wishes[0].searched:
         wishes = [replace(w, starts=[*w.starts, *of]) for w, of in zip(wishes, _search_starts(wishes), strict=True)]
     most = max(len(wish.views.group) for wish in wishes)

@@ -87,7 +87,7 @@ class _Loops:
 
 
 def pose_starts(loops: Sequence[Loop], max_count: int) -> list[list[tuple[Array, Array, Array]]]:
-    """For each loop the most promising rotations of X, Y and Z where views give whole poses, without duplicates.
+    """The most promising rotations of X, Y and Z of each loop whose views give whole poses, without duplicates.
 
     The best cells of the grid, refined: most of them end in the same few places. Rotations are (3, 3).
 
@@ -115,7 +115,7 @@ def settled_rotations(loops: Sequence[Loop], starts: Sequence[Sequence[Array]]) 
 
 
 def _distinct_rotations(angles: Array) -> list[int]:
-    """Those that are off from all before them, by angles (m, m)."""
+    """The rotations that differ from all before them, by angles (m, m)."""
     apart: list[int] = []
     for i in range(len(angles)):
         if np.all(angles[i, apart] > _EQUAL_ANGLE_RAD):

@@ -48,7 +48,7 @@ class Streams:
         return {name: clock.offset_s for name, clock in self.clocks.items()}
 
     def thin(self, count: int) -> Streams:
-        """The same with at most so many instants, spread evenly."""
+        """A copy with at most so many instants, spread evenly."""
         chosen = np.unique(np.linspace(0, len(self.instants) - 1, min(count, len(self.instants))).astype(int))
         return replace(self, instants=tuple(self.instants[k] for k in chosen))
 
@@ -66,7 +66,7 @@ class Synchronised:
     robots: Mapping[str, Mapping[int, Moving]]
 
     def correct_rows(self, motion: Known, offsets_s: Mapping[str, float]) -> Synchronised:
-        """The same as if the rows of pictures were all seen at once; `offsets_s` as of `synchronise`."""
+        """A copy as if the rows of pictures were all seen at once; `offsets_s` as of `synchronise`."""
         lines = {
             camera: offsets_s[line_time_name(camera)]
             for camera in motion.cell.cameras
@@ -180,7 +180,7 @@ def _has_rolling_shutter(cell: Cell, recording: Recording) -> bool:
 
 
 def _stamp_delay(sample: Sample, offsets_s: Mapping[str, float]) -> float:
-    """By how much the instant of a view is later than its stamp [s]."""
+    """Delay of the instant of a view after its stamp [s]."""
     camera = _camera(sample)
     line = offsets_s.get(line_time_name(camera), 0.0)
     return offsets_s[camera] + (line * mean_row(sample) if line else 0.0)

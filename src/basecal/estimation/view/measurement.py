@@ -29,7 +29,7 @@ class ViewInformation(NamedTuple):
 
     @property
     def eliminated_cost(self) -> float:
-        """Nothing is: what Levenberg-Marquardt calls what others eliminate."""
+        """Zero: no unknown is eliminated, as Levenberg-Marquardt asks."""
         return 0.0
 
 
@@ -63,19 +63,19 @@ class Measurement(Protocol):
         ...
 
     def with_noise(self, noise: Noise) -> Measurement:
-        """The same with the sigmas that were not stated."""
+        """A copy with the sigmas that were not stated."""
         ...
 
     def noisier(self, factor: float) -> Measurement:
-        """The same with all sigmas in use, stated or not, so many times as large."""
+        """A copy with all sigmas in use, stated or not, so many times as large."""
         ...
 
     def mask_points(self, points: BoolArray) -> Measurement:
-        """The same as if points (n, p) that are not kept had not been seen; poses stay."""
+        """A copy as if points (n, p) that are not kept had not been seen; poses stay."""
         ...
 
     def without_sigmas(self) -> Measurement:
-        """The same with no sigma stated; how points of a view compare with one another is kept."""
+        """A copy with no sigma stated; how points of a view compare with one another is kept."""
         ...
 
     def point_counts(self) -> IntArray:
@@ -96,7 +96,7 @@ class Measurement(Protocol):
 
 
 def make_information(residual: Array, jacobian: Array) -> ViewInformation:
-    """From residuals (..., m) and their derivative by rows of unknowns, (..., k, m)."""
+    """Information from residuals (..., m) and their derivative by rows of unknowns, (..., k, m)."""
     gradient = (jacobian @ residual[..., None])[..., 0]
     return ViewInformation(np.einsum("...i,...i->...", residual, residual), gradient, jacobian @ jacobian.mT)
 

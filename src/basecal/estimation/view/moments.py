@@ -41,7 +41,7 @@ class Monomials:
 
     @classmethod
     def from_points(cls, points: Array) -> Monomials:
-        """Those of points, (p, 3); of those requested again and again they are known."""
+        """Moments of points, (p, 3), kept since they are requested again and again."""
         return _monomials(points.tobytes())
 
     @classmethod
@@ -112,7 +112,7 @@ def _motion() -> Array:
 
 
 def _to_information() -> Array:
-    """From (R'P'PR)_ij h_a h_b, upper halves, (6, 10), to J'J, (36,)."""
+    """Convert (R'P'PR)_ij h_a h_b, upper halves, (6, 10), to J'J, (36,)."""
     out = np.zeros((len(UPPER), len(_MONOMIALS), 6, 6))
     for row, (i, j) in enumerate(UPPER):
         for column, (a, b) in enumerate(_MONOMIALS):

@@ -79,7 +79,7 @@ def _usual_frames(tree: Tree) -> dict[str, str]:
 def _robot(
     bag: Bag, survey: Survey, name: str, words: str, request: Asked, cell: Cell | None
 ) -> ByFrames | ByPoses | ByJoints:
-    """By joints where they and a URDF are there, else by tf; or by what the words say."""
+    """The source of a robot: joints if they and a URDF are there, else tf; or the one that the words state."""
     known = None if cell is None else cell.robots.get(name)
     base, comma, flange = words.partition(",")
     if not comma:
@@ -120,7 +120,7 @@ def _parse_choice(bag: Bag, tree: Tree, words: str) -> ByFrames | ByPoses:
 
 
 def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> ByFrames | ByPoses | ByTags | ByTagPoses:
-    """Likewise of a view, which may be a topic of tags: corners say nothing without the sizes of what they are of."""
+    """The source of a view, which may be a topic of tags; corners are none without the sizes of their target."""
     kind = bag.topics[words].kind if words in bag.topics else ""
     shape = cell.targets[target].target if cell is not None and target in cell.targets else None
     if kind in TAG_POSES:

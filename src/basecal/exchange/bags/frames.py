@@ -55,7 +55,7 @@ class Tree:
         return found
 
     def rigid_ancestors(self, frame: str) -> list[str]:
-        """Likewise, as far as nothing moves."""
+        """Ancestors of a frame, as far as nothing moves."""
         found = [frame]
         for each in self.ancestors(frame)[1:]:
             if not self.hangs[found[-1]].is_fixed:
@@ -64,7 +64,7 @@ class Tree:
         return found
 
     def way(self, base: str, tip: str) -> tuple[Step, ...]:
-        """From one frame to another.
+        """The way from one frame to another.
 
         Raises:
             FrameNotFound: if one is not there.

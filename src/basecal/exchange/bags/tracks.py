@@ -44,7 +44,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """All that was read in one pass.
+    """The tracks that were read in one pass.
 
     Attributes:
         robots: By name.

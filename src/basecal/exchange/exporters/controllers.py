@@ -50,7 +50,7 @@ def controller_kind(robot: Robot) -> str:
 
 
 def recorded_frame(robot: Robot) -> str:
-    """In which frames of its controller the poses of a robot were recorded."""
+    """The frames of its controller in which the poses of a robot were recorded."""
     base, tool = robot.controller.get("base"), robot.controller.get("tool")
     own = robot.frames.get("base", f"{robot.name}_base")
     frame = f"{own}, its base: no other was stated" if base is None else f"{base}, which is {own} here"
@@ -61,7 +61,7 @@ def recorded_frame(robot: Robot) -> str:
 def _own_transforms(
     robot: Robot, calibration: Calibration, cell: Cell, transform: str | None
 ) -> Iterator[NamedTransform]:
-    """Those whose parent is of the robot, and bases that are turned round for it."""
+    """The transforms whose parent is of the robot, and bases that are inverted for it."""
     own = (f"{robot.name}_base", f"{robot.name}_flange")
     for one in chosen_transforms(calibration, cell, transform):
         parent, child = one.own_frames

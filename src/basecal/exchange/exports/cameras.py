@@ -1,4 +1,4 @@
-"""Whose lens is exported, and the lens."""
+"""The camera whose lens is exported, and the lens."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def provenance(calibration: Calibration, run: str | None = None) -> tuple[str, .
 
 
 def describe_transform(transform: NamedTransform, units: str) -> str:
-    """In a line, which way a transform goes, in which units it is written, and how well it is known."""
+    """Description of a transform in a line: its direction, its units, and its sigma."""
     parent, child = transform.own_frames
     estimate = transform.estimate
     mm, deg = np.linalg.norm(estimate.sigma_t) * 1e3, np.degrees(np.linalg.norm(estimate.sigma_r))

@@ -36,7 +36,7 @@ class NamedTransform:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """All that an exporter may write.
+    """The content that an exporter may write.
 
     Attributes:
         transforms: The requested ones.

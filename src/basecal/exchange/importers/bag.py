@@ -119,7 +119,7 @@ def _preview(bag: Bag, sources: Taken) -> Imported:
 def _with_target(
     source: Imported, folder: str | Path, kind: TargetKindName | None, carriers: Mapping[str, str | None], shape: Shape
 ) -> Imported:
-    """The same with the target that its pictures show, where one is described."""
+    """A copy with the target that its pictures show, where one is described."""
     places = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
     camera = next(iter(places), "")
     shown = target_entry(folder, kind, shape, carriers, {camera: places.get(camera)})

@@ -121,7 +121,7 @@ def read_poses(
 def remember_controller(
     imported: Imported, folder: str | Path, robot: str, name: str, frames: Mapping[str, str | None]
 ) -> Imported:
-    """The same with the format of a robot's poses, and frames that are stated, for `cell.yaml`.
+    """A copy with the format of a robot's poses, and frames that are stated, for `cell.yaml`.
 
     What the cell has stays, unless frames are stated.
     """

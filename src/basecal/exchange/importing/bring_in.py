@@ -114,7 +114,7 @@ def _reference(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _repeat_row(imports: Imported, recording: Recording) -> Imported:
-    """The same with its one row for each sample that is recorded without it.
+    """A copy with its one row for each sample that is recorded without it.
 
     Raises:
         InputError: if it has more rows, or nothing is recorded.
@@ -128,7 +128,7 @@ def _repeat_row(imports: Imported, recording: Recording) -> Imported:
 
 
 def _give_samples(imports: Imported, recording: Recording) -> Imported:
-    """The same with further views of one sample as samples of their own, in which its robots stand as in it."""
+    """A copy with further views of one sample as samples of their own, in which its robots stand as in it."""
     if not all(row.sample is not None and row.observations and not row.robots for row in imports.rows):
         return imports
     known = {sample.sample: sample for sample in recording.samples}

@@ -115,7 +115,7 @@ def are_indistinguishable(first: Target, second: Target) -> bool:
 
 
 def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
-    """Nothing, if pictures distinguish a target from those that the cell has.
+    """Check that pictures distinguish a target from those that the cell has.
 
     Raises:
         InputError: if not.
@@ -150,7 +150,7 @@ def _single_carrier(folder: str | Path, target: str, camera_on: Mapping[str, str
 
 
 def _check_description(kind: str, shape: Shape, fields: dict[str, Any], counts: list[str]) -> None:
-    """Nothing, where what must be measured of the kind was said and nothing else.
+    """Check that the measured sizes of the kind were stated, and nothing else.
 
     Raises:
         InputError: if not.

@@ -66,7 +66,7 @@ def _data(field: Field) -> Field:
 
 
 def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
-    """Nothing, where the pictures are of the whole sensor.
+    """Check that the pictures are of the whole sensor.
 
     Raises:
         DatasetError: if they are binned or cropped.

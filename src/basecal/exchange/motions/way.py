@@ -34,7 +34,7 @@ class Way:
 
     @property
     def numbers(self) -> list[int]:
-        """Of the samples."""
+        """Numbers of the samples."""
         return [sample.sample for sample in self.samples]
 
     def single_robot(self) -> str:
@@ -86,7 +86,7 @@ class Way:
 
     @cached_property
     def arrivals_s(self) -> list[float]:
-        """When all robots are at each sample, counted from the start [s]; the way to the first is half a turn long.
+        """Times of arrival of all robots at each sample, from the start [s]; the way to the first is half a turn long.
 
         All arms take the time of the slowest, so that trajectories that begin together stay in step.
         """

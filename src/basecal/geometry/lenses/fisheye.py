@@ -36,7 +36,7 @@ class _Polar(NamedTuple):
 
 
 def _polar(points: Array) -> _Polar:
-    """The same of points (..., 3); the angle is NaN on the axis where z <= 0."""
+    """Polar angle and radius of points (..., 3); the angle is NaN on the axis where z <= 0."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
     r = np.hypot(x, y)
     off = r > 0

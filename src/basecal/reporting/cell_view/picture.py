@@ -86,7 +86,7 @@ def _world_from_body(scene: Scene, body: Body, sample: int) -> SE3 | None:
 
 
 def _projection(scene: Scene, sample: int) -> Project:
-    """From points, (..., 3) [m], to the drawing, (..., 2)."""
+    """Projection of points, (..., 3) [m], to the drawing, (..., 2)."""
     right, up = scene.across, np.array([0.0, 0.0, 1.0])
     away = np.cross(up, right)
     axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])

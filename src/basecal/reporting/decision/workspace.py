@@ -18,7 +18,7 @@ _TILE = 40.0  # of a point on the drawing, along each edge
 
 
 def workspace(error_map: ErrorMap) -> Iterator[Figure]:
-    """Of each height, from the lowest: contours of the error, x to the right and y upwards."""
+    """Contours of the error at each height, from the lowest, x to the right and y upwards."""
     lengths_mm = 1e3 * error_map.length_95_m
     low, high = float(lengths_mm.min()), float(lengths_mm.max())
     across, along = np.unique(error_map.points_m[:, 0]), np.unique(error_map.points_m[:, 1])

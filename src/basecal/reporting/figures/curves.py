@@ -19,7 +19,7 @@ COLOURS = 6
 
 @dataclass(frozen=True)
 class Band:
-    """At a value of the axis: the median, and the ends of the band; all None if there is no answer."""
+    """The median at a value of the axis, and the ends of the band; all None if there is no answer."""
 
     at: float | str
     low: float | None

@@ -37,12 +37,12 @@ class ImageGrid:
 
     @property
     def scale(self) -> float:
-        """Of the drawing [1 / px]."""
+        """Scale of the drawing [1 / px]."""
         return IMAGE_WIDTH / float(self.size[0])
 
     @property
     def height(self) -> float:
-        """Of the drawing."""
+        """Height of the drawing."""
         return float(self.size[1]) * self.scale
 
     def sums(self, values: Array) -> Array:

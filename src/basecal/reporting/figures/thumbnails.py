@@ -51,7 +51,7 @@ class Thumbnails:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """All that a camera saw in a sample, (n, 2) points, how far off, whether used; and its rms [px]."""
+    """Points that a camera saw in a sample, (n, 2), their distances, whether used; and its rms [px]."""
 
     sample: int
     camera: str
@@ -153,7 +153,7 @@ def _views(residuals: Sequence[PointResiduals], images: dict[int, Sample]) -> It
 def _pictures(
     cell: Cell, folder: Path, images: dict[int, Sample], views: Sequence[_View], longest_px: float
 ) -> Iterator[Thumbnail]:
-    """As many as there is room for, of images that can be read."""
+    """Pictures of images that can be read, as many as there is room for."""
     room = _MOST_BYTES
     for view in views:
         size_px = cell.cameras[view.camera].size_px

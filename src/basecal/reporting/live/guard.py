@@ -1,4 +1,4 @@
-"""Who may see a local page: whoever has its token, from the page itself; a POST comes from the page alone."""
+"""Access to a local page: by its token, from the page itself; a POST comes from the page alone."""
 
 from __future__ import annotations
 

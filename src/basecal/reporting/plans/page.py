@@ -74,7 +74,7 @@ def _tiles(plan: Plan, tolerance_m: float | None) -> Iterator[Tile]:
 
 
 def _ways(sketch: Sketch, samples: tuple[Sample, ...]) -> Iterator[tuple[str, ...]]:
-    """Of each sample its number, and of each arm that carries something how far it goes from the sample before."""
+    """Path of each arm that carries something, from the sample before, by the number of each sample."""
     for before, after in zip((None, *samples), samples, strict=False):
         cells = [str(after.sample)]
         for robot in sketch.movers:

@@ -26,7 +26,7 @@ def sample_words(number: int, residuals: Sequence[SampleResidual], exclusions: C
 
 
 def answer_rows(cell: Cell, calibration: Calibration, result: WithoutSamples) -> Iterator[tuple[str, str, str, str]]:
-    """Of each requested transform: its name, its sigma in the run and without some samples, and how far it moved."""
+    """Name of each requested transform, its sigma in the run and without some samples, and its shift."""
     for name in cell.requested_transforms:
         run = calibration.transforms.get(name)
         before = "unknown" if run is None else error_text(*run.sigma_norms)

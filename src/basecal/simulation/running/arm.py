@@ -46,7 +46,7 @@ class Leg:
 
     @property
     def side(self) -> Array:
-        """On which side of its play each joint comes to rest; one that does not move stays where it is."""
+        """Side of its play at which each joint comes to rest; one that does not move stays where it is."""
         moved = self.goal - self.start
         return np.where(np.abs(moved) > 1e-9, np.sign(moved), self.side_before)
 
@@ -107,7 +107,7 @@ class RunningArm:
 
     @property
     def arrives_s(self) -> float:
-        """When it is where it was sent."""
+        """Time of its arrival."""
         return self._leg.begin_s + self._leg.lasts_s
 
     def commanded_joints(self, now_s: float) -> Array:
@@ -124,7 +124,7 @@ class RunningArm:
 
     @property
     def chain(self) -> SerialChain:
-        """As it is stated."""
+        """The stated chain."""
         return self._kinematics.chain
 
     def base_from_flange(self, now_s: float) -> SE3:
@@ -143,7 +143,7 @@ class RunningArm:
         return self.commanded_joints(now_s) + play + error + self._ring(now_s)
 
     def _ring(self, now_s: float) -> Array:
-        """By how much the joints swing after they arrive: less and less, and not at all after half a second."""
+        """Swing of the joints after they arrive: less and less, and none after half a second."""
         since = now_s - self._leg.begin_s - self._leg.lasts_s
         size = self._faults.size("ringing")
         if not size or not 0 < since < _RING_S or not self._leg.lasts_s:

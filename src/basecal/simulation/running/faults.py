@@ -42,7 +42,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Faults:
-    """All that is wrong with a cell."""
+    """Faults of a cell."""
 
     faults: tuple[Fault, ...] = ()
 
@@ -51,7 +51,7 @@ class Faults:
         return sum(fault.size for fault in self.faults if fault.name == name)
 
     def delay_moves(self, name: str) -> int:
-        """After how many moves a fault comes."""
+        """Number of moves after which a fault comes."""
         return next((fault.after_moves for fault in self.faults if fault.name == name), 0)
 
 

@@ -83,7 +83,7 @@ class Plant:
 
     @property
     def arrived_s(self) -> float:
-        """When the last arm comes to where it was sent."""
+        """Time at which the last arm arrives."""
         return max(arm.arrives_s for arm in self._arms.values())
 
     def camera_scene(self, camera: str) -> Seen:

@@ -1,4 +1,4 @@
-"""All that is so in a running cell: where everything stands, how the arms are built, and what is wrong."""
+"""The truth of a running cell: the place of everything, the build of the arms, and faults."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class World:
         return self.truth[name] @ self.pushed[name] if is_pushed and name in self.pushed else self.truth[name]
 
     def moved_by_gravity(self, down_in_flange: Array) -> SE3:
-        """By how much what hangs on a flange gives way to gravity, whose direction in the flange is (3,)."""
+        """Motion of a flange's load by gravity, whose direction in the flange is (3,)."""
         faults = (effect.fault for effect in EFFECTS.values() if effect.fault is not None)
         moves = (fault.move_mount(self.faults.size(fault.name), down_in_flange) for fault in faults if fault.move_mount)
         return SE3.exp(sum(moves, np.zeros(6)))

@@ -44,7 +44,7 @@ class Scene:
 
     @property
     def poses(self) -> SE3:
-        """Of all bodies of a stage, in its order, and of the camera."""
+        """Poses of all bodies of a stage, in its order, and of the camera."""
         links = [frame for frames in self.world_from_links.values() for frame in frames]
         return SE3.stack([*links, self.world_from_target, self.world_from_camera])
 

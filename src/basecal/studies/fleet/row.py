@@ -96,7 +96,7 @@ def calibrate_row(folder: str, cell: str) -> bytes:
 
 
 def killed_row(cell: str, cause: str) -> bytes:
-    """As `calibrate_row`, of a cell that kills whoever works on it."""
+    """The row of a cell that kills its worker, as `calibrate_row`."""
     return _pack_row(asdict(Row(cell, "failed", said=cause)), None, "")
 
 

@@ -66,7 +66,7 @@ def local_homographies(plane: Array, pixels: Array, pitch: float) -> tuple[Array
 
 
 def _second_derivatives(offset: Array, weight: Array, values: Array) -> Array:
-    """Of a cubic fitted to values, (n, m, 2), at offsets, (n, m, 2): xx, xy and yy, (n, 3, 2)."""
+    """Second derivatives xx, xy and yy, (n, 3, 2), of a cubic fitted to values, (n, m, 2), at offsets, (n, m, 2)."""
     x, y = np.moveaxis(offset, 2, 0)
     basis = np.stack([np.ones_like(x), x, y, x * x / 2, x * y, y * y / 2, x**3, x * x * y, x * y * y, y**3], axis=2)
     weighted = np.swapaxes(basis * weight[..., None] ** 2, 1, 2)

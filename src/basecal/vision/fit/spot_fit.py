@@ -37,7 +37,7 @@ class Spot(NamedTuple):
 
 
 class _At(NamedTuple):
-    """At parameters: the spot's own level and the residuals, (p,), and the Jacobian (6, p)."""
+    """The spot's own level and the residuals, (p,), and the Jacobian (6, p), at parameters."""
 
     level: Array
     residuals: Array

@@ -101,7 +101,7 @@ class _Seen:
 
     @property
     def trusted_tags(self) -> _Seen:
-        """Those of which all four corners can be trusted."""
+        """Tags of which all four corners can be trusted."""
         return self[np.asarray(self.trusted.all(axis=1))]
 
     def concatenate(self, additions: _Seen) -> _Seen:

@@ -45,7 +45,7 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
 
 
 def longest_chains(chains: Chains, max_count: int) -> Chains:
-    """At most so many tracks, those that most pictures show."""
+    """The longest tracks, so many, by the number of pictures that show them."""
     pictures = np.bincount(chains.track)
     chosen = np.sort(np.argsort(-pictures, kind="stable")[:max_count])
     kept = np.isin(chains.track, chosen)
