@@ -71,6 +71,10 @@ PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 Result = dict[str, Any]
 
 INTRODUCTION = """\
+---
+search: {exclude: true}
+---
+
 # Benchmarks
 
 The numbers of each section were written by the command that it begins with (`make bench` runs them all;

@@ -90,6 +90,8 @@ def line(name: str, found: dict[str, Any]) -> str:
 
 def main(files: list[str]) -> int:
     """Print a line for each page; 1 if one of them is slower than asked."""
+    if missing := [file for file in files if not Path(file).is_file()]:
+        sys.exit(f"{missing[0]}: no such file; make docs makes those of the documents")
     for program, package in (("npx", "npm"), (CHROMIUM or "chromium", "chromium")):
         if shutil.which(program) is None:
             sys.exit(f"{program} is missing: install it (Debian: apt install {package})")
