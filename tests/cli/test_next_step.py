@@ -82,7 +82,7 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
         (Calibration("good", tolerance=Tolerance(1e-3, 5e-4, True)), "basecal export cell --to ur"),
         (
             Calibration("good", tolerance=Tolerance(1e-3, 2e-3, False), settings={"tolerance_m": 1e-3}),
-            "basecal plan cell --tolerance 1mm --task-point X Y Z -o plan.jsonl",
+            "basecal plan cell --tolerance 1mm -o plan.jsonl",
         ),
         (
             Calibration(
@@ -91,6 +91,14 @@ def test_calibrate_says_it_too(tmp_path: Path, capsys) -> None:  # type: ignore[
                 settings={"tolerance_m": 5e-4, "task_point": [0.8, 0.1, 0.3]},
             ),
             "basecal plan cell --tolerance 0.5mm --task-point 0.8 0.1 0.3 -o plan.jsonl",
+        ),
+        (
+            Calibration(
+                "good",
+                tolerance=Tolerance(5e-4, 2e-3, False),
+                settings={"tolerance_m": 5e-4, "task_point": [0.5, 0, 0], "task_box": [0, 0, 0, 1, 0, 0]},
+            ),
+            "basecal plan cell --tolerance 0.5mm --task-box 0 0 0 1 0 0 -o plan.jsonl",
         ),
         (Calibration("refused"), "do what is said above, then basecal calibrate cell"),
     ],

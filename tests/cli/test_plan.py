@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from basecal.cell.files import read_cell, read_plan
+from basecal.cell.files import latest_run, read_calibration, read_cell, read_plan
 from basecal.cli import main
 
 
@@ -49,6 +49,28 @@ def test_what_is_reached_already(cell, capsys):
     assert first.startswith("100 mm at the task is already reached (95 %: ")
 
 
+def test_without_a_place_it_plans_for_where_the_arms_worked(tmp_path, capsys):
+    """There `calibrate` judges, too: what it measures is reached already, and a bit less needs samples."""
+    cell = tmp_path / "cell"
+    assert main(["simulate", str(cell), "--samples", "12", "--seed", "3", "--target", "points"]) == 0
+    assert main(["calibrate", str(cell)]) == 0
+    capsys.readouterr()
+    expected_m = read_calibration(latest_run(cell)).meeting.expected_95_m
+    needed = []
+    for share in (1.001, 0.95):
+        asked = ["plan", str(cell), "--tolerance", f"{1e3 * share * expected_m:.6f}mm", "--json"]
+        assert main(asked) == 0
+        needed.append(json.loads(capsys.readouterr().out)["needed"])
+    assert needed[0] == 0
+    assert needed[1] > 0
+
+
+def test_nothing_recorded_has_no_place(cell, capsys):
+    """A line asks for the task point."""
+    assert main(["plan", str(cell), "--samples", "3", "--anew"]) == 3
+    assert "name a task point: --task-point X Y Z" in capsys.readouterr().err
+
+
 def test_a_file_for_capture(cell, tmp_path, capsys):
     """Its lines are a plan that is read back."""
     file = tmp_path / "plan.jsonl"
@@ -76,7 +98,6 @@ def test_what_robots_run(cell, tmp_path, capsys):
 @pytest.mark.parametrize(
     "options",
     [
-        ["--samples", "3"],
         ["--task-point", "0 0 0", "--samples", "3", "--to", "krl"],
         ["--task-point", "0 0 0", "--samples", "3", "--robot", "eye"],
         ["--task-point", "0 0 0", "--samples", "3", "--to", "csv", "--json"],
@@ -87,7 +108,7 @@ def test_what_robots_run(cell, tmp_path, capsys):
     ],
 )
 def test_bad_options_are_one_line(cell, options, capsys):
-    """Nothing to plan for, nothing to reach, a point of two numbers, both a point and a box, no unit."""
+    """Nothing to reach, a point of two numbers, both a point and a box, no unit."""
     assert main(["plan", str(cell), *options]) in (2, 3)
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -111,15 +132,3 @@ def test_a_page_of_the_plan(cell, tmp_path, capsys):
     page = (cell / "plan.html").read_text()
     assert f"--plan {tmp_path / 'next.jsonl'} --go</code>" in page
     assert "the same command" not in page
-
-
-def test_all_that_lacks_is_named_at_once(tmp_path, capsys):
-    """Where the work is done and how many samples; with one of them the other alone."""
-    assert main(["plan", str(tmp_path)]) == 2
-    said = capsys.readouterr().err
-    assert "--task-point" in said
-    assert "--tolerance" in said
-    assert main(["plan", str(tmp_path), "--samples", "3"]) == 2
-    said = capsys.readouterr().err
-    assert "--task-point" in said
-    assert "--tolerance" not in said

@@ -178,7 +178,7 @@ def test_a_missed_tolerance_says_what_to_do(made: tuple[Cell, Recording, Calibra
     missed = replace(calibration, verdict="good", settings=settings, tolerance=Tolerance(1e-4, 2e-3, False))
     html = page(cell, recording, missed, title="my cell")
     first = html[html.index('<ol class="findings">') :].split("</li>")[0]
-    assert "<code>basecal plan &#39;my cell&#39; --tolerance 0.1mm --task-point X Y Z -o plan.jsonl</code>" in first
+    assert "<code>basecal plan &#39;my cell&#39; --tolerance 0.1mm -o plan.jsonl</code>" in first
     assert html.count('class="interval beyond"') == 3
     assert 'class="beyond"' in html
     met = page(cell, recording, replace(missed, tolerance=Tolerance(1e-2, 2e-3, True)))

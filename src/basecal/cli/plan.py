@@ -15,8 +15,6 @@ from basecal.exchange.motions.registry import MOTIONS
 from basecal.fields.typed_length import length_m
 
 _KINDS = "; ".join(f"{name}: {each.words}" for name, each in MOTIONS.items())
-_PLACE_OPTIONS = "where the work is done: --task-point X Y Z or --task-box X Y Z X Y Z [m]"
-_COUNT_OPTIONS = "how many to plan: --tolerance LENGTH (such as 0.2mm), --samples COUNT, or both"
 
 if TYPE_CHECKING:
     from basecal.cell import Calibration, Cell, Recording
@@ -60,6 +58,7 @@ def plan(
 
     For example:
 
+        basecal plan mycell --tolerance 0.2mm
         basecal plan mycell --tolerance 0.2mm --task-point 0.8 0.1 0.3
         basecal plan mycell --tolerance 0.2mm --task-point "0.8 0.1 0.3" --json
         basecal plan mycell --samples 12 --task-point 0.8 0.1 0.3 -o plan.jsonl
@@ -71,7 +70,7 @@ def plan(
 
     Args:
         cell: Folder of the cell, with at least one taught pose in its recording.
-        task_point: Where the work is done, x y z [m] in the reference robot's base.
+        task_point: Where the work is done, x y z [m] in the reference robot's base; where the arms worked if left out.
         task_box: Two opposite corners of where it is done, instead of a point.
         tolerance: Length with its unit, such as 0.2mm, below which 95 % of position errors there shall be.
         samples: How many to plan; as many as the tolerance needs where it is left out.
@@ -91,14 +90,14 @@ def plan(
     from basecal.cell.files import read_cell
     from basecal.estimation.settings import Settings
 
-    _require_place_and_count(task_point or task_box, tolerance or samples)
-    points = task_points(task_point, task_box)
-    needed_m = None if tolerance is None else length_m(tolerance)
+    points = _task_points(task_point, task_box)
+    needed_m = _needed_m(tolerance, samples)
     _check_output(to, robot, output, json)
     described = read_cell(cell)
     recording = detected_recording(cell, described)
     with progress("planning"):
-        calibration = _find_calibration(cell, described, recording, Settings(task_point=points[0], task_box=task_box))
+        task = Settings(task_point=points[0] if points else None, task_box=task_box)
+        calibration = _find_calibration(cell, described, recording, task)
         counted = _without_observations(recording) if anew else recording
         found = _make_plan(described, counted, calibration, points, needed_m, samples, seed, pattern, touches)
     motion = None if to is None else _motion(described, found, to, robot, speed_limit_deg_s, hold_s)
@@ -108,15 +107,20 @@ def plan(
     return 5 if found.reachable is False else 0
 
 
-def _require_place_and_count(place: Point | Box | None, count: str | int | None) -> None:
-    """Whether what has no default is given; all that lacks is named at once.
+def _task_points(point: Point | None, box: Box | None) -> list[Point]:
+    """The places that are named; none of them are those where the arms worked."""
+    return [] if point is None and box is None else task_points(point, box)
+
+
+def _needed_m(tolerance: str | None, count: int | None) -> float | None:
+    """The tolerance [m], if one is stated.
 
     Raises:
-        UsageError: if not.
+        UsageError: if neither a tolerance nor a number of samples is.
     """
-    lacking = [words for words, given in ((_PLACE_OPTIONS, place), (_COUNT_OPTIONS, count)) if given is None]
-    if lacking:
-        raise UsageError(f"give {'; and '.join(lacking)}")
+    if tolerance is None and count is None:
+        raise UsageError("give how many to plan: --tolerance LENGTH (such as 0.2mm), --samples COUNT, or both")
+    return None if tolerance is None else length_m(tolerance)
 
 
 def _without_observations(recording: Recording) -> Recording:
@@ -145,7 +149,7 @@ def _make_plan(
     from basecal.planning.stations import STATION_SAMPLES
     from basecal.planning.touches import plan_touches
 
-    points_m = array(points)
+    points_m = array(points, dtype=float).reshape(-1, 3)
     if are_touches:
         return plan_touches(cell, recording, calibration, points_m, tolerance_m, count, seed)
     if pattern == "poses":

@@ -11,7 +11,7 @@ import numpy as np
 
 from basecal.accuracy.task.budget import budget
 from basecal.accuracy.task.expected_error import pooled_quantile
-from basecal.accuracy.task.meeting import Meeting, make_meeting, worst_meeting
+from basecal.accuracy.task.meeting import Meeting, make_meeting, meeting_places, worst_meeting
 from basecal.accuracy.task.task import base_transforms, task_places
 from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample, TouchObservation
 from basecal.errors import InputError
@@ -109,9 +109,17 @@ class _Goal:
 def _make_goal(
     prospect: Prospects, cell: Cell, calibration: Calibration | None, points_m: Array, tolerance_m: float | None = None
 ) -> _Goal:
-    """The goal at points in the reference's base, (n, 3) [m], beginning at what was recorded."""
+    """The goal at points in the reference's base, (n, 3) [m], or at recorded places if there are none.
+
+    Raises:
+        InputError: if there are none, and nothing was recorded.
+    """
     problem, state, covariance = prospect.problem, prospect.state, prospect.covariance
-    meetings = tuple(make_meeting(cell, problem, state, name, points_m) for name in base_transforms(cell))
+    if not len(points_m) and not prospect.recorded:
+        raise InputError("no sample shows where the arms work: name a task point: --task-point X Y Z [m]")
+    recorded = prospect.recorded_problem
+    places = {name: meeting_places(recorded, state, name, points_m) for name in base_transforms(cell)}
+    meetings = tuple(make_meeting(cell, problem, state, name, at) for name, at in places.items())
     now = None if calibration is None or not prospect.recorded else _calibrated_meeting(calibration, points_m)
     by_noise_m2 = worst_meeting(meetings, covariance).mean_square_m2(covariance)
     beyond_m2 = 0.0 if now is None else max(now.variance_m2 - by_noise_m2, 0.0)
@@ -143,7 +151,7 @@ def plan_for_task(
         cell: The cell.
         recording: Samples with observations count as recorded; all show where the arms may stand.
         calibration: Of them; None if nothing is calibrated, and the cell's own guesses are taken.
-        points_m: (n, 3) the task in the reference's base [m].
+        points_m: (n, 3) the task in the reference's base [m]; (0, 3) is where the arms worked.
         tolerance_m: The error that 95 of 100 are to stay below [m].
         count: How many samples; as many as the tolerance needs where None.
         seed: Of the draws.
@@ -218,7 +226,7 @@ def outlook(
         cell: The cell.
         recording: What was recorded; all that has observations counts.
         calibration: Of it.
-        points_m: (n, 3) the task in the reference's base [m].
+        points_m: (n, 3) the task in the reference's base [m]; (0, 3) is where the arms worked.
 
     Raises:
         InputError: if nothing is placed that the task is about, no pose is taught, or none near them can be taken.

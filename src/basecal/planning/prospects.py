@@ -69,6 +69,11 @@ class Prospects:
         told = (linearise(_select_samples(self.problem, block), self.state).hessian - nothing for block in blocks)
         return np.stack([spectrum(each, VIEW_ROUNDING).root for each in told])
 
+    @property
+    def recorded_problem(self) -> Problem:
+        """The recorded views alone."""
+        return _select_samples(self.problem, list(self.recorded))
+
     def solution(self, choice: Sequence[int]) -> Solution:
         """Predicted solution of the recorded samples and the chosen candidates."""
         numbers = [*self.recorded, *(self.samples[k].sample for k in choice)]

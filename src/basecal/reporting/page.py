@@ -39,7 +39,7 @@ from basecal.reporting.figures.thumbnails import thumbnails
 from basecal.reporting.overview import overview
 from basecal.reporting.provenance import provenance
 from basecal.reporting.robots import robot_blocks
-from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity
+from basecal.reporting.statement.verdict import COLOURS, headline, sort_by_severity, task_options
 from basecal.reporting.templates.environment import fill_page
 from basecal.reporting.text import (
     clock_sentences,
@@ -174,7 +174,7 @@ def _answer(cell: Cell, calibration: Calibration, run: str | None) -> dict[str, 
 
 def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tuple[int, float]]) -> dict[str, Any]:
     """The error at the task, for the template."""
-    point, tolerance_m = (calibration.settings.get(name) for name in ("task_point", "tolerance_m"))
+    tolerance_m = calibration.settings.get("tolerance_m")
     budget = calibration.budget or ()
     recorded = sum(bool(sample.observations) for sample in recording.samples)
     return {
@@ -183,9 +183,7 @@ def _task(recording: Recording, calibration: Calibration, outlook: Sequence[tupl
         "budget_figure": budget_bar(budget),
         "outlook_figure": outlook_figure(outlook, recorded, tolerance_m) if outlook else None,
         # What `basecal plan` is asked for more samples.
-        "task_options": " --task-point X Y Z"
-        if point is None
-        else f" --task-point {' '.join(f'{x:g}' for x in point)}",
+        "task_options": task_options(calibration),
         "tolerance_text": "" if tolerance_m is None else f"{1e3 * tolerance_m:.3g}mm",
         "workspace": [] if calibration.error_map is None else list(workspace(calibration.error_map)),
     }

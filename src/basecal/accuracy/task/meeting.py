@@ -120,6 +120,11 @@ def worst_meeting(meetings: Iterable[Meeting], covariance: Array) -> Meeting:
     return max(meetings, key=lambda meeting: meeting.mean_square_m2(covariance))
 
 
+def meeting_places(problem: Problem, state: State, transform: str, task_m: Array) -> Array:
+    """The task's places in the reference's base, (n, 3) [m]; without a task, (0, 3), the recorded ones."""
+    return task_m if len(task_m) else recorded_places(problem, state, transform)
+
+
 def recorded_places(problem: Problem, state: State, transform: str) -> Array:
     """Where what a transform places was seen, in the reference's base, (n, 3) [m]; at most so many, evenly chosen."""
     groups = [group for group in problem.groups if transform in group.frames] or problem.groups

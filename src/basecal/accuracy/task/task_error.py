@@ -11,7 +11,7 @@ from basecal.accuracy.task.budget import calibration_budget
 from basecal.accuracy.task.error_map import error_map
 from basecal.accuracy.task.expected_error import pooled_quantile
 from basecal.accuracy.task.local_fits import local_fits
-from basecal.accuracy.task.meeting import make_meeting, recorded_places, worst_meeting
+from basecal.accuracy.task.meeting import make_meeting, meeting_places, worst_meeting
 from basecal.accuracy.task.meeting_errors import meeting_errors
 from basecal.accuracy.task.task import base_transforms, placed_transforms, task_places
 from basecal.cell import Calibration, Cell, MeetingError
@@ -71,7 +71,7 @@ def meeting_error(
     """
     problem, state, task = solution.problem, solution.state, task_places(settings.task_point, settings.task_box)
     meetings = [
-        make_meeting(cell, problem, state, name, task if len(task) else recorded_places(problem, state, name))
+        make_meeting(cell, problem, state, name, meeting_places(problem, state, name, task))
         for name in placed_transforms(cell)
         if name in calibration.transforms
     ]

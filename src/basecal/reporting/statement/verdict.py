@@ -57,6 +57,15 @@ def verdict_word(calibration: Calibration) -> Word:
     return "GOOD" if tolerance is None else "PASS"
 
 
+def task_options(calibration: Calibration) -> str:
+    """Options of `basecal plan` for the place that a calibration was judged at; empty if the arms worked there."""
+    for name in ("task_box", "task_point"):
+        numbers = calibration.settings.get(name)
+        if numbers is not None:
+            return f" --{name.replace('_', '-')} {' '.join(f'{x:g}' for x in numbers)}"
+    return ""
+
+
 def headline(cell: Cell, calibration: Calibration) -> Headline:
     """How well the requested transforms are known, or why they are not."""
     word, reason = verdict_word(calibration), _first_reason(calibration.findings)
