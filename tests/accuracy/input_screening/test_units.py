@@ -135,3 +135,21 @@ def test_two_joints_that_turn_beyond_a_turn_are_in_degrees(turn_rad, told):
     samples = [replace(s, robots={**s.robots, "hand": RobotState(joints_rad=joints)}) for s in made.recording.samples]
     found = impossible_units(made.cell, Recording(tuple(samples)))
     assert [f.what for f in found] == (["The joints of hand are in degrees: they reach 6.95."] if told else [])
+
+
+@pytest.mark.parametrize(("ratio", "found"), [(0.9e6, []), (1.1e6, [("sigma-range", "error", ())])])
+@pytest.mark.parametrize("target", ["charuco", "points3d", "pose"])
+def test_sigmas_that_differ_by_a_million(target, ratio, found):
+    """The information of the larger is rounding beside that of the smaller."""
+    made = simulate(Scenario(samples=5, target=target), 3)
+    fields = {"charuco": "sigma_px", "points3d": "sigma_m", "pose": "sigma"}
+
+    def with_sigma(observation, value):
+        count = len(getattr(observation, "ids", range(6)))
+        return replace(observation, **{fields[target]: np.full(count, value)})
+
+    samples = [
+        replace(s, observations=tuple(with_sigma(o, 1e-3 * (ratio if k == 2 else 1)) for o in s.observations))
+        for k, s in enumerate(made.recording.samples)
+    ]
+    assert list(dict.fromkeys(codes(made.cell, Recording(tuple(samples))))) == found

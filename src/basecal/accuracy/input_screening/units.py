@@ -10,6 +10,7 @@ from basecal.accuracy.phrases.sample_list import list_samples
 from basecal.cell import Cell, Finding, PixelObservation, PointObservation, PoseObservation, Recording, Robot
 from basecal.geometry import Array
 from basecal.geometry.rotation import lengths
+from basecal.numerics.spectral import ROUNDING
 
 # Beyond what any arm reaches and any target spans, and within a thousand times of it: it is told by its size alone.
 _LARGEST_DISTANCE_M = 50.0  # [m] of flanges from their base, or targets from their camera, the median
@@ -31,6 +32,7 @@ def impossible_units(cell: Cell, recording: Recording) -> list[Finding]:
         *_millimetres(recording),
         *_view_findings(recording),
         *_target_findings(cell, recording),
+        *_sigma_findings(recording),
     ]
 
 
@@ -109,3 +111,29 @@ def _target_findings(cell: Cell, recording: Recording) -> Iterator[Finding]:
         if size > _LARGEST_TARGET_M:
             what = f"The size of {name} is in millimetres: it is stated to be {size:.0f} m wide."
             yield Finding("board-size", "error", (name,), what, _DIVIDE_ADVICE)
+
+
+def _sigma_findings(recording: Recording) -> Iterator[Finding]:
+    """An error for stated sigmas of which the largest carry less than rounding beside the smallest."""
+    sigmas: dict[str, list[Array]] = {}
+    for observation in (o for sample in recording.samples for o in sample.observations):
+        if isinstance(observation, PixelObservation) and not observation.detected:
+            _collect_sigma(sigmas, "px", observation.sigma_px)
+        elif isinstance(observation, PointObservation):
+            _collect_sigma(sigmas, "m", observation.sigma_m)
+        elif isinstance(observation, PoseObservation) and observation.sigma is not None:
+            _collect_sigma(sigmas, "m", observation.sigma[:3])
+            _collect_sigma(sigmas, "rad", observation.sigma[3:])
+    for unit, parts in sigmas.items():
+        least, most = (float(bound(np.concatenate(parts))) for bound in (np.min, np.max))
+        if most > least / np.sqrt(ROUNDING):
+            what = f"The stated sigmas of observations reach from {least:.2g} to {most:.2g} {unit}."
+            why = "Beside the smallest, the information of the largest is lost in rounding."
+            do = ("State each sigma in the unit of its field, or leave sigmas out: then they are estimated.",)
+            yield Finding("sigma-range", "error", (), what, do, why)
+
+
+def _collect_sigma(sigmas: dict[str, list[Array]], unit: str, sigma: Array | None) -> None:
+    """Add the sigmas of an observation, if it states some."""
+    if sigma is not None:
+        sigmas.setdefault(unit, []).append(np.ravel(sigma))
