@@ -25,7 +25,7 @@ FOUND = (
     ("cell.yaml", 10011602),
     ("industrial", 10003224),
     ("industrial", 10003812),
-    ("write faults", 1),
+    ("write faults", 889),
     ("capture journal", 146),
     *(
         pytest.param("calibrate, numbers", seed, marks=pytest.mark.slow)

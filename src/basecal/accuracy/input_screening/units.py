@@ -135,5 +135,5 @@ def _sigma_findings(recording: Recording) -> Iterator[Finding]:
 
 def _collect_sigma(sigmas: dict[str, list[Array]], unit: str, sigma: Array | None) -> None:
     """Add the sigmas of an observation, if it states some."""
-    if sigma is not None:
+    if sigma is not None and sigma.size:
         sigmas.setdefault(unit, []).append(np.ravel(sigma))
