@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.reporting.cell_view.picture import picture
+from basecal.reporting.cell_view.picture import Label, _place_labels, picture
 from basecal.reporting.cell_view.scene import Scene, scene
 from basecal.simulation import Scenario, simulate
 
@@ -53,3 +53,9 @@ def test_an_arm_whose_pose_is_not_known_has_no_reach(drawn: Scene) -> None:
     assert ">hand_base<" in shown
     assert ">board<" not in shown
     assert shown.count('class="axis-x"') == 3
+
+
+def test_labels_too_far_to_be_moved_end():
+    """At 1e18 a line's height is no step, which once never ended."""
+    labels = [Label("hand_base", np.array([1e18, 1e18])) for _ in range(3)]
+    assert len(list(_place_labels(labels))) == 3

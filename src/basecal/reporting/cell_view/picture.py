@@ -68,7 +68,10 @@ def _place_labels(parts: Iterable[str | Label]) -> Iterator[str]:
         if isinstance(part, str):
             yield part
             continue
-        while other := next((each for each in placed if each.covers(part)), None):
+        for _ in placed:  # not until none covers it: beside coordinates beyond 1e17 a line is no step
+            other = next((each for each in placed if each.covers(part)), None)
+            if other is None:
+                break
             part = replace(part, place=np.array([part.place[0], other.place[1] + _LINE_PX]))
         placed.append(part)
         x, y = (f"{at:.1f}" for at in part.place)
