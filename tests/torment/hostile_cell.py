@@ -363,9 +363,9 @@ def _left(verbs: Sequence[str], path: Path | None) -> Iterator[tuple[str, list[i
     for verb in verbs:
         first = list(VERBS).index(verb) * _count()
         for start in range(0, _count(), _RECORDED_AT_ONCE):
-            numbers = list(range(start, min(start + _RECORDED_AT_ONCE, _count())))
-            if not {first + number for number in numbers} & tried:
-                yield verb, numbers
+            numbers = range(start, min(start + _RECORDED_AT_ONCE, _count()))
+            if left := [number for number in numbers if first + number not in tried]:
+                yield verb, left
 
 
 def _line(verb: str, came: Counter[str]) -> tuple[object, ...]:
