@@ -39,6 +39,18 @@ def test_two_unknown_poses_need_three(views, found):
     assert messages(replace(free, unknowns=held)) == []
 
 
+def test_a_second_view_from_one_place_checks_nothing():
+    """Three views of which two are from one place are two for twelve unknowns: their copy shows noise alone."""
+    problem, _ = pose_problem(np.zeros((3, 6)), np.ones(6))
+    free = replace(problem, columns={MOUNT: slice(0, 6), TARGET: slice(6, 12)})
+    free = replace(free, unknowns={MOUNT: Unknown(), TARGET: Unknown()})
+    assert messages(free) == []
+    group = free.groups[0]
+    revisited = group.with_ends(lambda end: replace(end, stand=np.minimum(end.stand, 1)))
+    told = messages(free.with_groups([revisited]))
+    assert told[0].startswith("3 samples at 2 places give 12 equations for 12 unknowns")
+
+
 def test_one_sample_is_too_few():
     """And so is none, however little is unknown."""
     one, _ = pose_problem(np.zeros((1, 6)), np.ones(6))

@@ -7,6 +7,8 @@ import numpy as np
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.phrases.robot_motion import describe_poor_motions
 from basecal.cell import Finding
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.geometry import Array
 
 
 def too_few_samples(inputs: Input) -> list[Finding]:
@@ -16,7 +18,7 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     if count < 2:
         found = "no sample shows" if count == 0 else "a single sample shows"
         return [_finding(f"{found} a target to a camera with every robot's pose")]
-    equations = np.concatenate([group.measurement.equations() for group in problem.groups])
+    equations = np.concatenate([_equations_by_place(group) for group in problem.groups])
     # Scalars that no prior holds: of transforms and lenses, and of robots' own kinematics.
     free = [n for n in problem.columns if n in problem.unknowns and problem.unknowns[n].status == "free"]
     unknowns = sum(problem.columns[name].stop - problem.columns[name].start for name in free)
@@ -24,8 +26,19 @@ def too_few_samples(inputs: Input) -> list[Finding]:
     unknowns += sum(width for m in models for name, width in m.widths.items() if m.sigmas[name] is None)
     if equations.sum() - equations.max() >= unknowns:
         return []
-    found = f"{count} samples give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
+    views = sum(len(group) for group in problem.groups)
+    many = f"{count} samples" + (f" at {len(equations)} places" if len(equations) < views else "")
+    found = f"{many} give {int(equations.sum())} equations for {unknowns} unknowns: none is left to check them"
     return [_finding(found, describe_poor_motions(problem))]
+
+
+def _equations_by_place(group: ViewGroup) -> Array:
+    """Equations of each place of a group's views, (k,): a second view from one place shows noise and nothing else."""
+    places = np.stack([group.eye.stand, group.hand.stand], axis=1)
+    of_place = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    equations = np.zeros(int(of_place.max(initial=-1)) + 1)
+    np.maximum.at(equations, of_place, group.measurement.equations())
+    return equations
 
 
 def _finding(problem: str, sentence: str = "") -> Finding:
