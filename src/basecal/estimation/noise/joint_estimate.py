@@ -122,8 +122,9 @@ def _estimate_sigmas(
     if not _is_open(problem):
         return estimate_noise(problem, bundle_adjust(problem, start, dof, iterations), iterations)
     if guess is None or guess.logs is None:
-        used, logs = with_robot_noise(problem, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
-        start = without_errors(used, start)
+        nominal = problem.with_noise(Noise())  # what exact arms leave to views may be no noise at all
+        used, logs = with_robot_noise(nominal, dict.fromkeys(robots, np.repeat(_NOMINAL, 3))), None
+        start = _clear_open_errors(problem, used, start, robots)
     else:
         used, logs = _with_sigmas(problem, guess), guess.logs
         start = start if len(start.stop_errors) == len(used.stops) else without_errors(used, start)
@@ -158,6 +159,18 @@ def _extend_estimate(
 def _with_sigmas(problem: Problem, estimate: NoiseEstimate) -> Problem:
     """The problem with sigmas that were estimated, which may be estimated again."""
     return replace(estimate.hold_sigmas(problem), held=problem.held)
+
+
+def _clear_open_errors(problem: Problem, used: Problem, state: State, robots: Sequence[str]) -> State:
+    """The state with the errors of `used`'s stops: none of `robots`; those of other robots as they are in `problem`.
+
+    Where views tell more than poses, a descent from no errors at all is a walk through a canyon.
+    """
+    kept = ~np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
+    errors = np.zeros((len(used.stops), 6))
+    if len(state.stop_errors) == len(kept):
+        errors[: kept.sum()] = state.stop_errors[kept]
+    return replace(state, stop_errors=errors)
 
 
 def _has_settled_shapes(posterior: SigmaPosterior) -> bool:
