@@ -15,6 +15,7 @@ from basecal.accuracy.systematic_errors.expected_sizes import Expected, size_pos
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import RobotState
 from basecal.effects import lens_sag, mount_bend, target_size
+from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import solve
@@ -41,7 +42,8 @@ def alone(solution, module, *sigmas):
     problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     candidates = module.candidates(situation)
-    effects = [Expected(module.EFFECT.name, each, np.array(sigmas)) for each in candidates]
+    prior = SigmaPrior(np.array(sigmas), np.full(len(sigmas), 1 / len(sigmas)))
+    effects = [Expected(module.EFFECT.name, each, prior) for each in candidates]
     known = size_posterior(situation, (), effects)
     return SimpleNamespace(
         mean=known.by_sizes @ known.mean, covariance=known.by_sizes @ known.covariance @ known.by_sizes.T

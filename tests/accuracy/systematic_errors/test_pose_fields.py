@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.systematic_errors.expected_sizes import size_posterior, with_expected_sizes
-from basecal.accuracy.systematic_errors.pose_fields import SIGMAS_M, pose_field, stated_fields, variances
+from basecal.accuracy.systematic_errors.pose_fields import PRIOR_M, pose_field, stated_fields, variances
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import RobotState
 from basecal.estimation.settings import Settings
@@ -81,7 +81,7 @@ def test_the_data_tell_how_large_a_field_is():
         sizes.append(size_posterior(situation, [pose_field(situation, "hand")]).field_m2)
     assert np.sqrt(sizes[0]) < 2e-4
     assert np.sqrt(sizes[1]) > 4e-4
-    assert np.sqrt(sizes[1]) <= SIGMAS_M.max()
+    assert np.sqrt(sizes[1]) <= PRIOR_M.sigmas.max()
 
 
 def test_an_answer_is_as_wide_as_its_arms_are_wrong():

@@ -15,12 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from basecal.accuracy.systematic_errors.pose_fields import SIGMAS_M, PoseField, stated_fields
+from basecal.accuracy.systematic_errors.pose_fields import PRIOR_M, PoseField, stated_fields
 from basecal.accuracy.systematic_errors.score_tests import score_from_sums, sums
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects import target_size
 from basecal.effects.faces.candidates import Candidates, combine_candidates
+from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.effects.faces.found_effect import FoundEffect
 from basecal.effects.registry import CONTAINED, EFFECTS
 from basecal.estimation.least_squares.normal_equations import linearise, retract
@@ -33,11 +34,11 @@ _MOST_TOGETHER = 60  # sizes: of more, those of each mount and target go alone, 
 
 
 class Expected(NamedTuple):
-    """A candidate and the sigmas that its sizes may have, (m,)."""
+    """A candidate, and what the sigma of its sizes may be."""
 
     effect: str
     candidate: Candidates
-    sigmas: Array
+    prior: SigmaPrior
 
 
 class Gaussian(NamedTuple):
@@ -99,23 +100,25 @@ def size_posterior(
     known = sums(situation.null, combine_candidates(candidates, situation))
     scores = score_from_sums(situation.null, known)
     count = sum(each.sizes for each in candidates[: len(fields)])
-    sigmas = SIGMAS_M if fields else np.ones(1)
-    given = [_with_field(scores.gradient[0], scores.information[0], count, sigma, _nodes(effects)) for sigma in sigmas]
+    of_fields, of_effects = PRIOR_M if fields else SigmaPrior.known(1.0), _joint_prior(effects)
+    given = [_with_field(scores.gradient[0], scores.information[0], count, s, of_effects) for s in of_fields.sigmas]
     evidence, means, covariances = (np.array(each) for each in zip(*given, strict=True))
-    _, mean, covariance = _mixture(evidence, means, covariances)
+    _, mean, covariance = _mixture(of_fields.shares, evidence, means, covariances)
     contained = np.append(np.zeros(count), np.where(_is_stated(effects), 0.0, mean[count:]))
     covariance += np.outer(mean - contained, mean - contained)
     by_sizes = -situation.null.inverse[: situation.problem.width] @ known.across[0].T
-    return SizePosterior(contained, covariance, by_sizes, float(_shares(evidence) @ sigmas**2))
+    return SizePosterior(
+        contained, covariance, by_sizes, float(_posterior(of_fields.shares, evidence) @ of_fields.sigmas**2)
+    )
 
 
-def _with_field(gradient: Array, information: Array, count: int, sigma_m: float, sigmas: Array) -> Gaussian:
-    """All sizes, the first `count` of them, of fields, with one sigma, the others' integrated over `sigmas`, (m, q)."""
+def _with_field(gradient: Array, information: Array, count: int, sigma_m: float, prior: SigmaPrior) -> Gaussian:
+    """All sizes, the first `count` of them, of fields, with one sigma, the others' integrated over their prior."""
     u, across, p = gradient[:count], information[:count, count:], information[:count, :count]
     inverse = np.linalg.inv(sigma_m**2 * p + np.eye(count))
     spread = sigma_m**2 * 0.5 * (inverse + inverse.T)
     back = -spread @ across
-    others = _with_sigmas(gradient[count:] + back.T @ u, information[count:, count:] + across.T @ back, sigmas)
+    others = _with_sigmas(gradient[count:] + back.T @ u, information[count:, count:] + across.T @ back, prior)
     evidence = others.evidence + float(np.linalg.slogdet(inverse)[1] + u @ spread @ u)
     mean = np.append(back @ others.mean - spread @ u, others.mean)
     both = np.concatenate([back, np.eye(len(others.mean))])
@@ -124,37 +127,41 @@ def _with_field(gradient: Array, information: Array, count: int, sigma_m: float,
     return Gaussian(evidence, mean, covariance)
 
 
-def _with_sigmas(gradient: Array, information: Array, sigmas: Array) -> Gaussian:
-    """Sizes over equally likely sigmas, (m, q)."""
+def _with_sigmas(gradient: Array, information: Array, prior: SigmaPrior) -> Gaussian:
+    """Sizes over a prior of sigmas, (m, q)."""
+    sigmas = prior.sigmas
     scaled = sigmas[:, :, None] * information * sigmas[:, None, :] + np.eye(len(gradient))
     inverse = np.linalg.inv(scaled)
     means = -sigmas * (inverse @ (sigmas * gradient)[..., None])[..., 0]
     evidence = -np.linalg.slogdet(scaled)[1] - means @ gradient
-    return _mixture(evidence, means, sigmas[:, :, None] * inverse * sigmas[:, None, :])
+    return _mixture(prior.shares, evidence, means, sigmas[:, :, None] * inverse * sigmas[:, None, :])
 
 
-def _mixture(evidence: Array, means: Array, covariances: Array) -> Gaussian:
-    """Mixture of equally likely ones, (m,), (m, q) and (m, q, q)."""
-    shares = _shares(evidence)
+def _mixture(prior: Array, evidence: Array, means: Array, covariances: Array) -> Gaussian:
+    """Mixture of such of prior probabilities, (m,), (m,), (m, q) and (m, q, q)."""
+    shares = _posterior(prior, evidence)
     mean = shares @ means
     off = means - mean
     most = float(evidence.max())
-    total = most + 2 * float(np.log(np.mean(np.exp(0.5 * (evidence - most)))))
+    total = most + 2 * float(np.log(prior @ np.exp(0.5 * (evidence - most))))
     return Gaussian(total, mean, np.tensordot(shares, covariances + off[..., None] * off[:, None], 1))
 
 
-def _shares(evidence: Array) -> Array:
-    """Probabilities by twice the logs of evidences, (m,)."""
-    shares = np.exp(0.5 * (evidence - evidence.max()))
+def _posterior(prior: Array, evidence: Array) -> Array:
+    """Probabilities by those before the data and twice the logs of evidences, (m,)."""
+    shares = prior * np.exp(0.5 * (evidence - evidence.max()))
     return np.asarray(shares / shares.sum())
 
 
-def _nodes(effects: Sequence[Expected]) -> Array:
-    """Sigmas of all sizes, (m, q), by every combination of those of the effects."""
-    kinds = {each.effect: len(each.sigmas) for each in effects}
-    places = [dict(zip(kinds, at, strict=True)) for at in product(*map(range, kinds.values()))]
+def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
+    """Of the sigmas of all sizes, (m, q): every combination of those of the effects."""
+    kinds = {each.effect: each.prior.shares for each in effects}
+    places = [dict(zip(kinds, at, strict=True)) for at in product(*(range(len(shares)) for shares in kinds.values()))]
     sizes = [each.candidate.sizes for each in effects]
-    return np.array([np.repeat([each.sigmas[at[each.effect]] for each in effects], sizes) for at in places])
+    sigmas = [np.repeat([each.prior.sigmas[at[each.effect]] for each in effects], sizes) for at in places]
+    return SigmaPrior(
+        np.array(sigmas), np.array([np.prod([kinds[name][k] for name, k in at.items()]) for at in places])
+    )
 
 
 def _is_stated(effects: Sequence[Expected]) -> BoolArray:
@@ -180,12 +187,12 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
         assert effect.expected is not None
         assert effect.candidates is not None
         loaded = (each for each in effect.candidates(situation) if each.about[0] not in rigid)
-        yield from (Expected(name, candidate, effect.expected.sigmas) for candidate in loaded)
+        yield from (Expected(name, candidate, effect.expected.prior) for candidate in loaded)
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])
         if sigma and candidate.about[0] not in counted:
-            yield Expected(target_size.NAME, candidate, np.array([sigma]))
+            yield Expected(target_size.NAME, candidate, SigmaPrior.known(sigma))
 
 
 def _tool_mounts(cell: Cell) -> frozenset[str]:

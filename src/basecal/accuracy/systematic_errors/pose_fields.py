@@ -14,6 +14,7 @@ import numpy as np
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Cell
 from basecal.effects.faces.candidates import Candidates, one_candidate
+from basecal.effects.faces.expected_size import SigmaPrior
 from basecal.effects.faces.shared_errors import SharedErrors
 from basecal.effects.faces.views import Views, robot_moves
 from basecal.effects.smooth import Modes
@@ -21,8 +22,8 @@ from basecal.effects.smooth_by_place import kernel
 from basecal.estimation.noise.robot_noise import count_stops, stands
 from basecal.geometry import SE3, Array
 
-SIGMAS_M = np.array([0.0, 6e-5, 2e-4, 6e-4])
-"""Of a shift along an axis, equally likely: none, that of arms accurate to 0.1 mm, and of those sold as 0.5 to 2 mm."""
+PRIOR_M = SigmaPrior.as_often_as_not(np.array([6e-5, 2e-4, 6e-4]))
+"""Of a shift along an axis: none, that of arms accurate to 0.1 mm, or of those sold as 0.5 to 2 mm."""
 
 _LEVER_M = 0.5  # of a shift over a turn
 _FEWEST_STOPS = 4  # fewer show nothing of what changes with the pose

@@ -11,6 +11,23 @@ from basecal.geometry import Array
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
 
 
+class SigmaPrior(NamedTuple):
+    """What the sigma of sizes may be: values, (m, ...), and their probabilities, (m,)."""
+
+    sigmas: Array
+    shares: Array
+
+    @classmethod
+    def known(cls, sigma: float) -> SigmaPrior:
+        """One value."""
+        return cls(np.array([sigma]), np.ones(1))
+
+    @classmethod
+    def as_often_as_not(cls, sigmas: Array) -> SigmaPrior:
+        """None in one case of two, the others equally likely. Source: Jeffreys, Theory of Probability, 1961, ch. 5."""
+        return cls(np.append(0.0, sigmas), np.append(0.5, np.full(len(sigmas), 0.5 / len(sigmas))))
+
+
 class ExpectedSize(NamedTuple):
     """The expected sizes of a candidate.
 
@@ -28,6 +45,6 @@ class ExpectedSize(NamedTuple):
     is_stated: bool = False
 
     @property
-    def sigmas(self) -> Array:
-        """Nodes of their sigma, equally likely, (5,)."""
-        return np.asarray(self.sigma * self.factor**_NODES)
+    def prior(self) -> SigmaPrior:
+        """Of their sigma: none, or one of five."""
+        return SigmaPrior.as_often_as_not(self.sigma * self.factor**_NODES)
