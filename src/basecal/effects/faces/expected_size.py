@@ -18,7 +18,7 @@ class SigmaPrior(NamedTuple):
     shares: Array
 
     @classmethod
-    def known(cls, sigma: float) -> SigmaPrior:
+    def of_one(cls, sigma: float) -> SigmaPrior:
         """One value."""
         return cls(np.array([sigma]), np.ones(1))
 

@@ -161,13 +161,13 @@ def _with_sigmas(problem: Problem, estimate: NoiseEstimate) -> Problem:
     return replace(estimate.hold_sigmas(problem), held=problem.held)
 
 
-def _clear_open_errors(problem: Problem, used: Problem, state: State, robots: Sequence[str]) -> State:
-    """The state with the errors of `used`'s stops: none of `robots`; those of other robots as they are in `problem`.
+def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots: Sequence[str]) -> State:
+    """The state with the errors of `nominal`'s stops: none of `robots`; those of other robots as they are in `problem`.
 
     Where views tell more than poses, a descent from no errors at all is a walk through a canyon.
     """
     kept = ~np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
-    errors = np.zeros((len(used.stops), 6))
+    errors = np.zeros((len(nominal.stops), 6))
     if len(state.stop_errors) == len(kept):
         errors[: kept.sum()] = state.stop_errors[kept]
     return replace(state, stop_errors=errors)
