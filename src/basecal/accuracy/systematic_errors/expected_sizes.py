@@ -100,7 +100,7 @@ def size_posterior(
     known = sums(situation.null, combine_candidates(candidates, situation))
     scores = score_from_sums(situation.null, known)
     count = sum(each.sizes for each in candidates[: len(fields)])
-    of_fields, of_effects = PRIOR_M if fields else SigmaPrior.of_one(1.0), _joint_prior(effects)
+    of_fields, of_effects = PRIOR_M if fields else SigmaPrior.single_value(1.0), _joint_prior(effects)
     given = [_with_field(scores.gradient[0], scores.information[0], count, s, of_effects) for s in of_fields.sigmas]
     evidence, means, covariances = (np.array(each) for each in zip(*given, strict=True))
     _, mean, covariance = _mixture(of_fields.shares, evidence, means, covariances)
@@ -154,7 +154,7 @@ def _posterior(prior: Array, evidence: Array) -> Array:
 
 
 def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
-    """Of the sigmas of all sizes, (m, q): every combination of those of the effects."""
+    """The prior of the sigmas of all sizes, (m, q): every combination of those of the effects."""
     kinds = {each.effect: each.prior.shares for each in effects}
     places = [dict(zip(kinds, at, strict=True)) for at in product(*(range(len(shares)) for shares in kinds.values()))]
     sizes = [each.candidate.sizes for each in effects]
@@ -192,7 +192,7 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])
         if sigma and candidate.about[0] not in counted:
-            yield Expected(target_size.NAME, candidate, SigmaPrior.of_one(sigma))
+            yield Expected(target_size.NAME, candidate, SigmaPrior.single_value(sigma))
 
 
 def _tool_mounts(cell: Cell) -> frozenset[str]:

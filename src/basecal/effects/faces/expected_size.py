@@ -12,13 +12,13 @@ _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviat
 
 
 class SigmaPrior(NamedTuple):
-    """What the sigma of sizes may be: values, (m, ...), and their probabilities, (m,)."""
+    """Possible sigmas of sizes, (m, ...), and their probabilities, (m,)."""
 
     sigmas: Array
     shares: Array
 
     @classmethod
-    def of_one(cls, sigma: float) -> SigmaPrior:
+    def single_value(cls, sigma: float) -> SigmaPrior:
         """One value."""
         return cls(np.array([sigma]), np.ones(1))
 
@@ -46,5 +46,5 @@ class ExpectedSize(NamedTuple):
 
     @property
     def prior(self) -> SigmaPrior:
-        """Of their sigma: none, or one of five."""
+        """The prior of their sigma: none, or one of five."""
         return SigmaPrior.as_often_as_not(self.sigma * self.factor**_NODES)

@@ -162,9 +162,9 @@ def _with_sigmas(problem: Problem, estimate: NoiseEstimate) -> Problem:
 
 
 def _clear_open_errors(problem: Problem, nominal: Problem, state: State, robots: Sequence[str]) -> State:
-    """The state with the errors of `nominal`'s stops: none of `robots`; those of other robots as they are in `problem`.
+    """The state with the stops of `nominal`: no errors of `robots`, and those of other robots as they were.
 
-    Where views tell more than poses, a descent from no errors at all is a walk through a canyon.
+    A descent from no errors at all takes many steps if views say more than poses do.
     """
     kept = ~np.isin(np.array(problem.stops.robot, dtype=object), list(robots))
     errors = np.zeros((len(nominal.stops), 6))
