@@ -159,7 +159,10 @@ def _cost(full: Problem, inliers: InlierMask, state: State) -> float:
 def _drop_contradicted_points(
     plain: Solution, full_mask: InlierMask, judgement: Classification, cell: Cell, settings: Settings
 ) -> tuple[Problem, InlierMask, State]:
-    """Without the points that the rest of their view contradicts, and solved again where there are any."""
+    """Without the points that the rest of their view contradicts, and solved again where there are any.
+
+    Where what is left has no solution, the state was wrong that called them contradicted.
+    """
     suspects = []  # views of many points of which some are not where the others put them
     for group, points in zip(plain.problem.groups, judgement.points, strict=True):
         beyond = judgement.point_scale.gross_mask(points).any(-1) | implausible(plain, judgement)
@@ -169,9 +172,12 @@ def _drop_contradicted_points(
     if kept.same_as(full_mask):
         return plain.problem, full_mask, plain.state
     cleaned = without_points(plain.problem, within).with_noise(Noise())
-    again = solve_from(cleaned, plain.state, settings)
-    if not (again.converged and fits(again)):
-        again = solve_problem(cleaned, cell, settings)
+    try:
+        again = solve_from(cleaned, plain.state, settings)
+        if not (again.converged and fits(again)):
+            again = solve_problem(cleaned, cell, settings)
+    except (BasecalError, np.linalg.LinAlgError):
+        return plain.problem, full_mask, plain.state
     full, kept = _rechosen(plain.problem.with_noise(again.noise.noise), kept, again.state)
     return full, kept, again.state
 
