@@ -169,7 +169,7 @@ def _drop_contradicted_points(
         suspects.append(np.flatnonzero(judged_by_view(group.measurement) & beyond))
     within = agreeing_points(plain.problem, plain.state, suspects, cell)
     kept = InlierMask(full_mask.views, within)
-    if kept.same_as(full_mask):
+    if kept.same_as(full_mask) or not any(points.any() for points in within):
         return plain.problem, full_mask, plain.state
     cleaned = without_points(plain.problem, within).with_noise(Noise())
     try:

@@ -121,7 +121,7 @@ def _search(problem: Problem, cell: Cell, thorough: bool) -> _Search[State]:
     # Refined, views' poses lead to a start from which a descent is no shorter.
     poses_of = view_poses if thorough else partial(view_poses, iterations=0)
     known, simple = _Known(known_transforms(problem) | rigid_ends(problem)), without_contacts(problem)
-    seen = [g for g in simple.groups if len(g)]
+    seen = [g for g in simple.groups if g.measurement.equations().any()]
     metric = [g for g in seen if has_metric_start(g, known.transforms)]
     waiting = [pair_views(g, cameras.get(g.camera), *most, poses_of) for g in seen if g not in metric]
     sights = tuple(waiting)
