@@ -8,9 +8,12 @@ import numpy as np
 
 from basecal.effects.faces.candidates import Candidates, one_candidate
 from basecal.effects.faces.effect import Effect
+from basecal.effects.faces.expected_size import ExpectedSize
 from basecal.effects.faces.found_effect import AGAIN, FoundEffect, Words, format_with_sigma
 from basecal.effects.faces.views import Views, robot_moves
-from basecal.geometry import Array
+from basecal.geometry import SE3, Array
+
+LENGTHS = ExpectedSize(5e-4, 1.0, "assumed: 0.5 mm on a metre, of arms as delivered", is_stated=True)
 
 
 def candidates(views: Views) -> Iterator[Candidates]:
@@ -20,10 +23,14 @@ def candidates(views: Views) -> Iterator[Candidates]:
 
 
 def _moves(views: Views, k: int, robot: str) -> Array:
-    pose = views.recorded_pose(k, robot)
-    outward = np.zeros((len(views.groups[k]), 6, 1))
-    outward[:, :3] = pose.rotation.mT @ pose.translation[..., None]
-    return views.flange_jacobian(k, robot) @ outward
+    return np.asarray(views.flange_jacobian(k, robot) @ outward(views.recorded_pose(k, robot)))
+
+
+def outward(poses: SE3) -> Array:
+    """How flanges move if an arm is longer by a fraction of one, (n, 6, 1), right tangents."""
+    moves = np.zeros((*poses.translation.shape[:-1], 6, 1))
+    moves[..., :3, :] = poses.rotation.mT @ poses.translation[..., None]
+    return moves
 
 
 def words(effect: FoundEffect) -> Words:
@@ -37,14 +44,13 @@ def words(effect: FoundEffect) -> Words:
 
 EFFECT = Effect(
     "length_scale",
+    expected=LENGTHS,
     candidates=candidates,
     words=words,
     is_by_place=True,
     absent={
         "statement": "links hold a robot's lengths; poses alone show one number of them",
-        "size": "a candidate without a prior: only a certain one is reported",
         "unknown": "its robot's links are",
-        "random": "links and smooth errors contain it",
         "map": "what it moves is contained in the widening of the answer",
         "fault": "link-errors makes arms too long or too short",
     },

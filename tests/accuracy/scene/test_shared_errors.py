@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from basecal.accuracy.scene.shared_errors import Response, smooth_covariance
+from basecal.accuracy.scene.shared_errors import Response, shared_covariance
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.fit import fit_scene
 from basecal.estimation.scene.spread import scene_covariance
@@ -35,7 +35,7 @@ def base_covariances(fit: SceneFit) -> tuple[Array, Array]:
     """Of the second base, without and with smooth errors."""
     where = scene_columns(fit.views, fit.state.lenses).bases[1]
     without = scene_covariance(fit)
-    within = without + smooth_covariance(fit, 0) + smooth_covariance(fit, 1)
+    within = without + shared_covariance(fit, 0) + shared_covariance(fit, 1)
     return without[where, where], within[where, where]
 
 

@@ -274,7 +274,9 @@ def test_what_was_left_out_is_judged_again_by_other_sigmas(monkeypatch):
 def test_a_state_that_contradicts_each_point_is_wrong_itself(monkeypatch):
     """Where no point would be left, all stay, and samples are judged."""
     monkeypatch.setattr(
-        robust_solve, "agreeing_points", lambda problem, *_: tuple(np.zeros_like(m) for m in all_inliers(problem).points)
+        robust_solve,
+        "agreeing_points",
+        lambda problem, *_: [np.zeros_like(m) for m in all_inliers(problem).points],
     )
     s = simulate(Scenario(robot_noise=NOISY), seed=12)
     ours = solved(s.cell, [bumped(x) if x.sample in BAD else x for x in s.recording.samples])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from basecal.estimation.scene.adjust import SceneFit, Task, adjust
 from basecal.estimation.scene.spread import scene_covariance
@@ -24,14 +23,14 @@ def fitted(pull_px: float) -> SceneFit:
     return adjust(Task(scene.views, tracks, PIXEL, np.tile(NOISE, (12, 1)), (LENS,)), scene.truth)
 
 
-def test_sigmas_are_those_of_the_model_and_a_fifth_at_least():
-    """Of sound data every sigma is 1.2 to 3 times that of the model."""
+def test_sigmas_of_sound_data_are_nearly_those_of_the_model():
+    """Every sigma is that of the model or larger, by half at most."""
     fit = fitted(0.0)
     own = len(scene_covariance(fit))
     model = np.sqrt(np.diag(np.linalg.inv(fit.information))[:own])
     ratio = np.sqrt(np.diag(scene_covariance(fit))) / model
-    assert ratio.min() == pytest.approx(1.2, abs=0.01) or ratio.min() > 1.2
-    assert ratio.max() < 3.0
+    assert ratio.min() > 1 - 1e-9
+    assert ratio.max() < 1.5
 
 
 def test_contradicting_parts_widen_sigmas():

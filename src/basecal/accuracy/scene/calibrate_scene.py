@@ -18,7 +18,7 @@ from basecal.accuracy.scene.find_scene import Report, find_scene
 from basecal.accuracy.scene.fingerprint import scene_fingerprint
 from basecal.accuracy.scene.motion import scene_motion
 from basecal.accuracy.scene.pictures import read_pictures
-from basecal.accuracy.scene.shared_errors import smooth_covariance
+from basecal.accuracy.scene.shared_errors import shared_covariance
 from basecal.accuracy.verdicts import judge_findings
 from basecal.cell import Calibration, Cell, Finding, Recording, Residuals, SampleResidual, Unknown
 from basecal.errors import InputError
@@ -88,11 +88,11 @@ def _places(cell: Cell, fit: SceneFit, columns: Columns) -> list[_Place]:
 
 
 def _covariance(cell: Cell, fit: SceneFit, columns: Columns) -> Array:
-    """Covariance of all columns but errors of stops, with smooth errors of arms and views of one spot."""
+    """Covariance of all columns but errors of stops, with what stops of arms share and views of one spot."""
     covariance = scene_covariance(fit)
     for k, robot in enumerate(fit.views.robots):
         if not cell.robots[robot].is_total_noise:
-            covariance += smooth_covariance(fit, k)
+            covariance += shared_covariance(fit, k)
     for k, where in enumerate(columns.mounts):
         if where is not None and fit.views.cameras[k].robot is not None:
             covariance[where, where] += aim_covariance(fit, k)

@@ -12,9 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from basecal.effects import smooth_by_place
+from basecal.effects.faces.expected_size import SigmaPrior
+from basecal.effects.length_scale import LENGTHS, outward
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.estimation.scene.state import scene_columns
-from basecal.geometry import Array
+from basecal.geometry import Array, IntArray
 
 _NODES = np.arange(-2.0, 3.0)  # of the logarithm of a sigma, in standard deviations
 
@@ -55,29 +57,40 @@ def respond(fit: SceneFit, by_stop: Array) -> Response:
     return Response(gradient, np.asarray((information + information.T) / 2), np.asarray(-follows[: errors.start]))
 
 
-def smooth_covariance(fit: SceneFit, robot: int) -> Array:
-    """Covariance of all columns but stops' errors by a robot's errors that are smooth by place, and their shift.
-
-    Their sigma is one of five, as likely as the data have it.
-    """
+def shared_covariance(fit: SceneFit, robot: int) -> Array:
+    """Covariance of all columns but stops' errors by what a robot's stops share: smooth errors, and its lengths."""
     mine = np.flatnonzero(fit.views.robot == robot)
     poses = fit.views.base_from_flange[mine]
-    shared = smooth_by_place.errors(poses, poses)
-    own = scene_columns(fit.views, fit.state.lenses).errors.start
-    if shared is None:
-        return np.zeros((own, own))
-    by_stop = np.zeros((len(fit.stop_sigma), *shared.by_stop.shape[1:]))
-    by_stop[fit.views.stop[mine]] = shared.by_stop
-    response = respond(fit, by_stop)
+    covariance = _second_moment(
+        respond(fit, _move_stops(fit, mine, outward(poses))), SigmaPrior.single_value(LENGTHS.sigma)
+    )
+    smooth = smooth_by_place.errors(poses, poses)
+    if smooth is None:
+        return covariance
     assert smooth_by_place.EFFECT.random is not None
     middle, factor = smooth_by_place.EFFECT.random.expected.turn
     reach_m = float(np.sqrt(np.mean(np.sum(poses.translation**2, 1))))
-    lever = np.where(shared.is_turn, 1.0, reach_m)
-    variances = [(middle * factor**node * lever) ** 2 for node in _NODES]
-    evidence = np.array([response.log_evidence(each) for each in variances])
-    share = np.exp(evidence - evidence.max())
+    lever = np.where(smooth.is_turn, 1.0, reach_m)
+    prior = SigmaPrior.as_often_as_not(middle * factor**_NODES)
+    return covariance + _second_moment(respond(fit, _move_stops(fit, mine, smooth.by_stop * lever)), prior)
+
+
+def _move_stops(fit: SceneFit, views: IntArray, moves: Array) -> Array:
+    """How each stop moves by what the stops of some views share, (n, 6, k) to (s, 6, k)."""
+    found = np.zeros((len(fit.stop_sigma), *moves.shape[1:]))
+    found[fit.views.stop[views]] = moves
+    return found
+
+
+def _second_moment(response: Response, prior: SigmaPrior) -> Array:
+    """Second moment of what errors of one sigma move, as likely as the data have it, (q, q)."""
+    count = len(response.gradient)
+    variances = [np.full(count, sigma**2) for sigma in prior.sigmas if sigma]
+    likely = np.exp([response.log_evidence(each) for each in variances])
+    of_none = float(prior.shares[prior.sigmas == 0].sum())
+    share = prior.shares[prior.sigmas > 0] * likely / (of_none + prior.shares[prior.sigmas > 0] @ likely)
     spread = sum(
         weight * (covariance + np.outer(mean, mean))
-        for weight, (mean, covariance) in zip(share / share.sum(), map(response.posterior, variances), strict=True)
+        for weight, (mean, covariance) in zip(share, map(response.posterior, variances), strict=True)
     )
     return np.asarray(response.moves @ spread @ response.moves.T)

@@ -1,7 +1,9 @@
 """The covariance of a scene: that of the model, or where parts of the data contradict one another more, of these.
 
 Errors of features are correlated: between neighbouring points, and with the direction of view. So points are left
-out by clusters and views by folds, each to first order about the optimum. Source: Efron 1982 (jackknife).
+out by clusters and views by folds, to first order about the optimum. Ten parts determine the mean of all variances,
+and hardly that of a direction. Their covariance in sigmas of the model is shrunk to its mean, as far as chance goes.
+Sources: Efron 1982 (jackknife); Ledoit & Wolf 2004 (shrinkage).
 """
 
 from __future__ import annotations
@@ -18,7 +20,6 @@ from basecal.geometry import Array, BoolArray
 
 _CLUSTERS = 10  # of points
 _FOLDS = 10  # of views
-_LEAST_FACTOR = 1.2  # of sigmas: features move with the direction of view, by rendered pairs of arms
 _SEED = 1
 
 
@@ -27,21 +28,12 @@ def scene_covariance(fit: SceneFit) -> Array:
     columns = scene_columns(fit.views, fit.state.lenses)
     own = columns.errors.start
     of_model = np.linalg.inv(fit.information)[:own, :own]
-    steps = [
-        _jackknife([_jackknife_step(fit, part) for part in parts], own)
-        for parts in (_point_clusters(fit), _view_folds(fit))
-    ]
-    values, vectors = np.linalg.eigh(of_model)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    inverse = (vectors / np.sqrt(np.maximum(values, 1e-300))).T
-    for spread in steps:
-        share, axes = np.linalg.eigh(inverse @ spread @ inverse.T)
-        root = root @ (axes * np.sqrt(np.maximum(share, 1.0)))
-        inverse = (axes / np.sqrt(np.maximum(share, 1.0))).T @ inverse
-    widened = root @ root.T
-    factor = np.maximum(_LEAST_FACTOR**2 * np.diag(of_model) / np.diag(widened), 1.0)
-    scale = np.sqrt(factor)
-    return np.asarray(widened * scale * scale[:, None])
+    root = np.linalg.cholesky(of_model)
+    for parts in (_point_clusters(fit), _view_folds(fit)):
+        moves = np.linalg.solve(root, np.array([_jackknife_step(fit, part)[:own] for part in parts]).T)
+        share, axes = np.linalg.eigh(_jackknife(moves.T))
+        root = root @ axes * np.sqrt(np.maximum(share, 1.0))
+    return np.asarray(root @ root.T)
 
 
 def widening(fit: SceneFit) -> float:
@@ -78,8 +70,12 @@ def _jackknife_step(fit: SceneFit, left_out: BoolArray) -> Array:
     return np.asarray(-np.linalg.solve(information, moves.T @ reduced.gradient + prior.gradient))
 
 
-def _jackknife(steps: list[Array], count: int) -> Array:
-    """Covariance of the first so many columns by what they move if each part is left out."""
-    moved = np.array(steps)[:, :count]
-    about = moved - moved.mean(0)
-    return np.asarray((len(moved) - 1) / len(moved) * about.T @ about)
+def _jackknife(moves: Array) -> Array:
+    """Covariance (q, q) by what q unknowns move if each of n parts is left out, (n, q), shrunk to its mean variance."""
+    count, width = moves.shape
+    about = (moves - moves.mean(0)) * np.sqrt(count - 1)
+    found = about.T @ about / count
+    equal = np.trace(found) / width * np.eye(width)
+    by_chance = np.mean(np.sum(about**2, 1) ** 2) / count - np.sum(found**2) / count
+    share = min(by_chance / max(np.sum((found - equal) ** 2), 1e-300), 1.0)
+    return np.asarray(share * equal + (1 - share) * found)
