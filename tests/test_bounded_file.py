@@ -12,6 +12,7 @@ import pytest
 from basecal.bounded_file import read_bounded
 from basecal.cell.files import read_calibration, read_cell, read_recording, read_truth
 from basecal.errors import DatasetError
+from basecal.exchange.colmap_images import read_colmap_images
 from basecal.exchange.lens_files.camera_info import read_camera_info
 from basecal.exchange.lens_files.colmap import read_colmap
 from basecal.exchange.lens_files.mrcal import read_cameramodel
@@ -75,6 +76,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "fields": ("a.yaml", read_camera_info),
     "file storage": ("a.yml", read_opencv),
     "cameras of COLMAP": ("cameras.bin", read_colmap),
+    "images of COLMAP": ("images.bin", read_colmap_images),
     "cameramodel": ("a.cameramodel", read_cameramodel),
 }
 

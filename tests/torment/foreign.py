@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from basecal.exchange.colmap_images import read_colmap_images
 from basecal.exchange.hand_eye.arrays import read_record_of_arrays
 from basecal.exchange.hand_eye.easy_handeye import read_easy_handeye
 from basecal.exchange.hand_eye.industrial import read_data_set
@@ -26,6 +27,7 @@ from basecal.exchange.lens_files.mrcal import read_cameramodel
 from basecal.exchange.lens_files.opencv import read_opencv
 from basecal.exchange.lerobot import read_episode
 from basecal.kinematics import read_chain
+from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes
 from torment.outcome import of_reader
 
@@ -197,6 +199,9 @@ FOREIGN: dict[str, Trial] = {
     "opencv storage": _of_texts({"a.xml": _XML.encode(), "a.yml": _YAML.encode()}, read_opencv),
     "colmap": _of_texts(
         {"cameras.bin": _COLMAP, "cameras.txt": b"1 OPENCV 640 480 600 601 320 240 0.1 0 0 0\n"}, read_colmap
+    ),
+    "colmap images": _of_texts(
+        {"images.bin": binary_images(IMAGES), "images.txt": text_images(IMAGES).encode()}, read_colmap_images
     ),
     "mrcal": _of_texts({"a.cameramodel": _MODEL.encode()}, read_cameramodel),
 }

@@ -33,6 +33,7 @@ READING_STAGES = (
     Stage(None, reading.place_task),
     Stage(None, reading.calibrate_from_scene),
     Stage("clocks", reading.estimate_clocks),
+    Stage("start", reading.measure_units),
     Stage("problem", reading.screen_units),
     Stage("problem", reading.pack_problem),
     Stage("problem", reading.check_input),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -196,7 +197,8 @@ class CellTarget:
         on: The robot whose flange carries it, or `world`.
         mount: `<robot>_flange_from_<target>`, or `<reference>_base_from_<target>`.
         target: Its shape; None if it is seen only as poses.
-        size_sigma: Sigma of its size as a share, 0 if shape and size are exact; None if unstated.
+        size_sigma: Sigma of its size as a share, 0 if shape and size are exact, infinite of poses up
+            to scale; None if unstated.
         contact: What a tip or a clamp meets in it, if that is no point: a plane z = 0, an edge or a hinge along z.
     """
 
@@ -206,6 +208,11 @@ class CellTarget:
     target: Target | None = None
     size_sigma: float | None = None
     contact: Contact | None = None
+
+    @property
+    def has_free_scale(self) -> bool:
+        """Whether its poses are up to scale."""
+        return self.size_sigma == math.inf
 
     @property
     def is_touched(self) -> bool:

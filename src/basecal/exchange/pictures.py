@@ -66,7 +66,7 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
         raise DatasetError(str(folder), f"holds no pictures that are read, but {there}; {expected}")
     if len(found) > _MOST_PICTURES:
         raise DatasetError(str(folder), f"{len(found)} pictures, expected at most {_MOST_PICTURES}")
-    return tuple(sorted(found, key=_natural))
+    return tuple(sorted(found, key=natural_order))
 
 
 def is_picture(path: Path) -> bool:
@@ -135,7 +135,7 @@ def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{gap:0{min(numbers.values())}d}" for gap in gaps)
 
 
-def _natural(path: Path) -> tuple[tuple[int | str, ...], str]:
+def natural_order(path: Path) -> tuple[tuple[int | str, ...], str]:
     """A key by which numbers in names count as numbers."""
     parts = _PARTS.split(path.stem.lower())
     return tuple(int(part) if i % 2 else part for i, part in enumerate(parts)), path.name

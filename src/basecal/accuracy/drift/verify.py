@@ -11,6 +11,7 @@ from basecal.accuracy.drift.shared_errors import FEWEST_SAMPLES, with_shared_err
 from basecal.accuracy.drift.shifts import Shift, detectable_m, frame_shifts, joint_shifts
 from basecal.accuracy.model_comparison.nested_models import MOVED, equally_likely
 from basecal.cell import Calibration, Cell, Recording
+from basecal.errors import InputError, list_names
 from basecal.estimation.streams.streams import synchronous
 from basecal.numerics.threads import limit_threads
 
@@ -59,8 +60,11 @@ def verify(cell: Cell, calibration: Calibration, recording: Recording) -> Verifi
         recording: The new samples, one or more.
 
     Raises:
-        InputError: if the cell contradicts the recording.
+        InputError: if the cell contradicts the recording, or poses of a target are up to scale.
     """
+    free = [name for name, target in cell.targets.items() if target.has_free_scale]
+    if free:
+        raise InputError(f"poses of {list_names(free)} are up to scale: verify needs a target whose size is known")
     of = innovations(cell, calibration, synchronous(cell, recording, calibration))
     found = _verify(cell, of)
     if found.shift is not None and len(found.samples) >= FEWEST_SAMPLES:

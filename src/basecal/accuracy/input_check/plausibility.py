@@ -36,7 +36,7 @@ def impossible_input(cell: Cell, recording: Recording) -> tuple[str, ...]:
     """Implausible input: distances of flanges, joints, sizes and places of targets."""
     seen = [o for sample in recording.samples for o in sample.observations]
     as_points = {o.target for o in seen if isinstance(o, PixelObservation | PointObservation)}
-    return (*_robot_faults(cell, recording), *_size_faults(cell, as_points), *_view_faults(recording))
+    return (*_robot_faults(cell, recording), *_size_faults(cell, as_points), *_view_faults(cell, recording))
 
 
 def impossible_reading(reading: Reading) -> tuple[str, ...]:
@@ -109,13 +109,14 @@ def _size_faults(cell: Cell, targets: set[str]) -> list[str]:
     return found
 
 
-def _view_faults(recording: Recording) -> list[str]:
-    """Targets seen as poses or 3-D points: before the camera, and not too near or far."""
+def _view_faults(cell: Cell, recording: Recording) -> list[str]:
+    """Targets seen as poses or 3-D points: before the camera, and not too near or far, if their unit is a metre."""
+    metric = {name for name, target in cell.targets.items() if not target.has_free_scale}
     places = [
         o.camera_from_target.translation if isinstance(o, PoseObservation) else o.points_in_camera.mean(0)
         for s in recording.samples
         for o in s.observations
-        if isinstance(o, PoseObservation | PointObservation)
+        if isinstance(o, PoseObservation | PointObservation) and o.target in metric
     ]
     return _place_faults(np.array(places)) if places else []
 

@@ -10,6 +10,7 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
+from basecal.accuracy.input_screening.scales import estimate_units, in_metres
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
@@ -71,9 +72,13 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         recording: What `preview_samples` took of it, with what its images show.
         is_whole: Whether that is all of it, so that doubts will not be dispelled by the rest.
     """
-    if units := impossible_units(cell, recording):
-        return QuickLook(len(recording.samples), tuple(units))
     try:
+        units_m, unseen = estimate_units(cell, recording)
+        if unseen:
+            return QuickLook(len(recording.samples), tuple(unseen) if is_whole else (), untold=unseen[0].what)
+        recording = in_metres(recording, units_m)
+        if units := impossible_units(cell, recording):
+            return QuickLook(len(recording.samples), tuple(units))
         streams = recording_streams(cell, recording)
         lenses = [camera.intrinsics for camera in cell.cameras.values() if camera.intrinsics is not None]
         if streams is not None and any(lens.status == "free" for lens in lenses):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from basecal.accuracy.clocks.search import Clocked
@@ -27,6 +27,7 @@ class Case:
         recording: Samples as they were read; by clocks that were estimated, if any were.
         settings: How to solve.
         findings: Made so far.
+        units_m: The length of a unit of poses that are up to scale [m], by target.
         clocked: The recording by estimated clocks; None if no stream was recorded.
         packed: Cell and recording as arrays, outliers among them.
         plain: The solution with the noise as stated.
@@ -44,6 +45,7 @@ class Case:
     recording: Recording
     settings: Settings
     findings: tuple[Finding, ...] = ()
+    units_m: Mapping[str, float] = field(default_factory=dict)
     clocked: Clocked | None = None
     packed: Problem | None = None
     plain: Solution | None = None

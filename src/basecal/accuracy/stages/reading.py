@@ -9,6 +9,7 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.registry import INPUT_CHECKS
 from basecal.accuracy.input_screening.repeated_views import repeated_views
+from basecal.accuracy.input_screening.scales import estimate_units, in_metres
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.task.task import base_transforms
@@ -51,6 +52,14 @@ def estimate_clocks(case: Case) -> Case:
         return case
     found = search_offsets(streams, case.settings)
     return replace(case, clocked=found, recording=found.recording)
+
+
+def measure_units(case: Case) -> Case:
+    """Find how long the unit of poses is that are up to scale, and take them in metres."""
+    units_m, findings = estimate_units(case.cell, case.recording)
+    if findings:
+        return case.refuse((*findings, *case.recording.findings))
+    return case if not units_m else replace(case, units_m=units_m, recording=in_metres(case.recording, units_m))
 
 
 def screen_units(case: Case) -> Case:

@@ -30,15 +30,17 @@ from basecal.estimation.solve import Solution
 from basecal.geometry import Array, BoolArray
 
 _MOST_ARMS = 2  # with fields: of more, each goes alone
+_FREE_SIGMA = 0.3  # of a unit's length about what loops say: far more than is left open
 _MOST_TOGETHER = 60  # sizes: of more, those of each mount and target go alone, which bounds the time
 
 
 class Expected(NamedTuple):
-    """A candidate, and what the sigma of its sizes may be."""
+    """A candidate, what the sigma of its sizes may be, and whether the answer contains the sizes or is that of none."""
 
     effect: str
     candidate: Candidates
     prior: SigmaPrior
+    is_contained: bool = True
 
 
 class Gaussian(NamedTuple):
@@ -166,7 +168,7 @@ def _joint_prior(effects: Sequence[Expected]) -> SigmaPrior:
 
 def _is_stated(effects: Sequence[Expected]) -> BoolArray:
     """Mask of the sizes whose answer is that of zero, (q,)."""
-    return np.repeat([each.effect not in CONTAINED for each in effects], [each.candidate.sizes for each in effects])
+    return np.repeat([not each.is_contained for each in effects], [each.candidate.sizes for each in effects])
 
 
 def _split_effects(
@@ -192,7 +194,15 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])
         if sigma and candidate.about[0] not in counted:
-            yield Expected(target_size.NAME, candidate, SigmaPrior.single_value(sigma))
+            is_free = cell.targets[candidate.about[0]].has_free_scale
+            yield Expected(target_size.NAME, candidate, SigmaPrior.single_value(sigma), is_free)
+
+
+def unit_error(situation: Situation, target: str) -> tuple[float, float]:
+    """By which share of its length the unit of a target's poses is longer than it was taken for, and its sigma."""
+    (candidate,) = (each for each in target_size.candidates(situation) if each.about == (target,))
+    known = size_posterior(situation, (), [Expected(target_size.NAME, candidate, SigmaPrior.single_value(_FREE_SIGMA))])
+    return float(known.mean[0]), float(np.sqrt(known.covariance[0, 0]))
 
 
 def _tool_mounts(cell: Cell) -> frozenset[str]:
@@ -206,7 +216,7 @@ def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float
     """Sigma of a target's size as a share: as stated, else as usual; 0 of one whose views all state their noise."""
     stated = cell.targets[target].size_sigma
     if stated is not None:
-        return stated
+        return min(stated, _FREE_SIGMA)
     counts = (g.measurement.counts() for g in groups if g.target == target)
     is_open = any(count.get("pixel_px", 0) or count.get("pose_m", 0) for count in counts)
     return target_size.EXPECTED.sigma if is_open else 0.0

@@ -87,6 +87,8 @@ def _intrinsics(lens: Intrinsics, terms: int) -> dict[str, Any]:
 def _target(entry: CellTarget) -> dict[str, Any]:
     point = entry.target is not None and entry.target.is_point
     data: dict[str, Any] = {"on": entry.on, "mount": _unknown(entry.mount, point)}
-    if entry.size_sigma is not None:
+    if entry.has_free_scale:
+        data |= {"scale": "free"}
+    elif entry.size_sigma is not None:
         data |= {"size_sigma": entry.size_sigma} if entry.size_sigma else {"exact": True}
     return data if entry.target is None else data | {"kind": entry.target.kind, **entry.target.options}

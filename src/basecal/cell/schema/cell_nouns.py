@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -42,7 +43,7 @@ def cell_noun(entry: CellEntry, chains: Mapping[str, SerialChain]) -> Cell:
 
 
 def _target(name: str, entry: TargetEntry) -> CellTarget:
-    size_sigma = 0.0 if entry.exact else entry.size_sigma
+    size_sigma = 0.0 if entry.exact else math.inf if entry.scale else entry.size_sigma
     return CellTarget(name, entry.on, _unknown(entry.mount), entry.shape(), size_sigma)
 
 

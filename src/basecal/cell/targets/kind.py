@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import model_validator
@@ -24,11 +24,14 @@ class TargetEntry(Entry):
     mount: Mount = UnknownEntry()
     size_sigma: Sigma | None = None
     exact: bool = False
+    scale: Literal["free"] | None = None
 
     @model_validator(mode="after")
     def _size(self) -> Self:
         if self.exact and self.size_sigma is not None:
             raise ValueError("exact takes no size_sigma: leave one of them away")
+        if self.scale and (self.exact or self.size_sigma is not None or type(self) is not TargetEntry):
+            raise ValueError("scale is of a target that is seen only as poses: leave kind, exact and size_sigma away")
         return self
 
     def shape(self) -> Target | None:

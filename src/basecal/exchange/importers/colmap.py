@@ -1,13 +1,18 @@
-"""A lens from a reconstruction of COLMAP."""
+"""A lens from a reconstruction of COLMAP, or the poses of its cameras."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from basecal.errors import InputError, list_names
-from basecal.exchange.importing.imported import Imported
+from basecal.exchange.colmap_images import ReconstructedImage, read_colmap_images
+from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
+from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.lens_files import colmap
+from basecal.geometry import SE3
 
 
 def read_colmap(
@@ -19,8 +24,17 @@ def read_colmap(
     on: str | None = None,
     status: LensStatus = "fixed",
     camera_id: int | None = None,
+    target: str | None = None,
+    target_on: str | None = None,
 ) -> Imported:
-    """The lens of a camera from a reconstruction of COLMAP.
+    """The lens of a camera from a reconstruction of COLMAP; with --target, how it stood to what it saw.
+
+    With --target the reconstruction is a target that stands still, and is seen
+    only as poses: images.txt or images.bin says from where each picture was taken.
+    Their unit is not known (`scale: free` in cell.yaml); `basecal calibrate` finds
+    it by how the arms moved. Pictures are paired with samples by their names, or in
+    the order of their names. Two arms whose pictures are in one reconstruction are
+    two cameras of it and one target.
 
     Reads cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL,
     RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and
@@ -31,6 +45,7 @@ def read_colmap(
     For example:
 
         basecal import colmap mycell sparse/0 --camera wrist
+        basecal import colmap mycell sparse/0 --camera wrist --target room
 
     Args:
         cell: Folder of the cell.
@@ -39,12 +54,56 @@ def read_colmap(
         on: The robot that carries it, or world, where the cell does not have it yet.
         status: Whether the intrinsics are fixed, or free with these for a start.
         camera_id: Which one, where the file has several.
+        target: Name of what was reconstructed, whose poses are read in place of the lens.
+        target_on: What carries it: the world, unless a robot shows it to a camera that is still.
 
     Raises:
         InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
     """
+    if target is not None:
+        return _poses(cell, str(file), camera, on, camera_id, Target(target, target_on))
     lenses = colmap.read_colmap(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
         raise InputError(f"{file} has cameras {list_names(list(map(str, lenses)))}: say which one by --camera-id")
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)
+
+
+class Target(NamedTuple):
+    """The name of what was reconstructed, and what carries it if that is said."""
+
+    name: str
+    on: str | None
+
+
+def _poses(
+    folder: str | Path, file: str, camera: str | None, on: str | None, camera_id: int | None, target: Target
+) -> Imported:
+    """Poses of the reconstruction in the frames of a camera's pictures."""
+    cell, images = known_cell(folder), _images_of(file, camera_id)
+    cameras = [] if cell is None else list(cell.cameras)
+    name = cameras[0] if camera is None and len(cameras) == 1 else camera
+    if name is None:
+        raise InputError(f"which camera took the pictures of {file}? Say it by --camera; of {list_names(cameras)}")
+    sight = Sight(name, target.name, on, target.on)
+    entry = sight_entry(cell, sight)
+    if cell is None or target.name not in cell.targets:
+        entry["targets"][target.name]["scale"] = "free"
+    rows = tuple(Row(image=image.name) for image in images)
+    poses = SE3.stack([image.camera_from_world for image in images])
+    what = f"{len(images)} poses {name}_from_{target.name}, up to scale"
+    return Imported(file, what, seen_rows(rows, poses, sight), entry, advice="check that pictures belong to samples")
+
+
+def _images_of(file: str, camera_id: int | None) -> list[ReconstructedImage]:
+    """The images of one camera.
+
+    Raises:
+        InputError: if several cameras took them and none is chosen, or the chosen one took none.
+    """
+    images = read_colmap_images(file)
+    numbers = list_names([str(number) for number in sorted({image.camera for image in images})])
+    chosen = [image for image in images if camera_id in (None, image.camera)]
+    if len({image.camera for image in chosen}) != 1:
+        raise InputError(f"{file} has images of cameras {numbers}: say which one by --camera-id")
+    return chosen

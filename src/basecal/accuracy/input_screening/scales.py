@@ -1,0 +1,166 @@
+"""Poses up to scale, as of a reconstruction from pictures: the length of their unit, by how arms moved.
+
+Rotations do not depend on the unit. With them the loop of each view is linear in the unit's inverse and in the
+translations, in units, of all transforms that are to be found.
+Source: Andreff, Horaud & Espiau 2001, "Robot hand-eye calibration using structure-from-motion".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from basecal.cell import Cell, Finding, PoseObservation, Recording
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.problem.problem import Problem, State
+from basecal.estimation.problem.view_group import End, ViewGroup
+from basecal.estimation.start.first_state import first_state
+from basecal.estimation.view.poses import PoseMeasurement
+from basecal.geometry import SE3, Array
+
+CODE = "scale-unobservable"
+_ROUNDS = 6  # of rotations and lengths in turn: from a unit a third off two or three do
+_SETTLED_LOG = 1e-4  # of the unit: below any that is estimated
+_REWEIGHTED = 20  # rounds of weights
+_UNDETERMINED = 1e-4  # share of a column's length that the others leave, below which the unit is not determined
+
+
+def in_metres(recording: Recording, units_m: Mapping[str, float]) -> Recording:
+    """The recording with poses of targets, and their sigmas, in metres.
+
+    Args:
+        recording: As it was read.
+        units_m: The length of a unit by target [m].
+    """
+
+    def scaled(seen: PoseObservation, unit_m: float) -> PoseObservation:
+        """A pose in metres."""
+        pose = SE3(seen.camera_from_target.rotation, unit_m * seen.camera_from_target.translation)
+        sigma = None if seen.sigma is None else seen.sigma * np.repeat([unit_m, 1.0], 3)
+        return replace(seen, camera_from_target=pose, sigma=sigma)
+
+    samples = (
+        replace(
+            sample,
+            observations=tuple(
+                scaled(seen, units_m[seen.target])
+                if isinstance(seen, PoseObservation) and seen.target in units_m
+                else seen
+                for seen in sample.observations
+            ),
+        )
+        for sample in recording.samples
+    )
+    return replace(recording, samples=tuple(samples))
+
+
+def estimate_units(cell: Cell, recording: Recording) -> tuple[dict[str, float], list[Finding]]:
+    """The length of a unit of each target's poses that are up to scale [m], and errors where it is not determined.
+
+    Args:
+        cell: What exists and what is known.
+        recording: As it was read.
+
+    Raises:
+        NotObservable: if no rotation can be found.
+    """
+    names = [name for name, target in cell.targets.items() if target.has_free_scale]
+    if not names:
+        return {}, []
+    problem = build_problem(cell, recording)[0]
+    units_m = {name: _first_unit(problem, name) for name in names}
+    for _ in range(_ROUNDS):
+        problem = build_problem(cell, in_metres(recording, units_m))[0]
+        state = first_state(problem, cell, thorough=False)
+        factors = {name: _linear_factor(problem, state, name) for name in names}
+        units_m = {name: unit * (factors[name] or 1.0) for name, unit in units_m.items()}
+        if all(factor is None or abs(np.log(factor)) < _SETTLED_LOG for factor in factors.values()):
+            break
+    return units_m, [_refusal(name) for name, factor in factors.items() if factor is None]
+
+
+def _refusal(name: str) -> Finding:
+    what = f"How long a unit of {name}'s poses is cannot be seen, or its poses and the arms' do not agree."
+    do = (
+        "Record samples between which the camera moves by some decimetres, not only turns.",
+        "Check that the poses belong to these samples.",
+    )
+    return Finding(CODE, "error", (name,), what, do)
+
+
+def _groups(problem: Problem, target: str) -> Iterator[tuple[ViewGroup, SE3]]:
+    """Views of a target, and its poses."""
+    for group in problem.groups:
+        if group.target == target and isinstance(group.measurement, PoseMeasurement):
+            yield group, group.measurement.measured_camera_from_target
+
+
+def _first_unit(problem: Problem, target: str) -> float:
+    """The spread of the flanges over that of the poses [m]: right to a factor of a few."""
+    of_arms = of_poses = 0.0
+    for group, poses in _groups(problem, target):
+        of_arms += sum(len(group) * _variance(end.base_from_flange) for end in group.ends)
+        of_poses += len(group) * max(_variance(poses), _variance(poses.inverse()))
+    return float(np.sqrt(of_arms / of_poses)) if of_arms and of_poses else 1.0
+
+
+def _variance(poses: SE3) -> float:
+    return float(poses.translation.var(0).sum())
+
+
+def _linear_factor(problem: Problem, state: State, target: str) -> float | None:
+    """By how much a unit is longer than it is taken for; None if that is not determined.
+
+    Poses have errors of their own, and arms have little: what the poses are is regressed on how arms stood.
+    """
+    free = [name for name, unknown in problem.unknowns.items() if unknown.status != "fixed"]
+    columns = {name: 3 * k for k, name in enumerate(free)}
+    rows, right = [], []
+    for group, poses in _groups(problem, target):
+        block, arms = np.zeros((len(group), 3, 3 * len(free))), np.zeros((len(group), 3))
+        to_camera = _add_end(block, arms, group.eye, state, columns, 1)
+        _add_end(block, arms, group.hand, state, columns, -1)
+        rows.append(np.concatenate([block, arms[:, :, None]], 2).reshape(-1, 3 * len(free) + 1))
+        right.append(-(to_camera @ poses.translation[..., None]).ravel())
+    if not rows:
+        return 1.0
+    matrix = np.concatenate(rows)
+    shorter = float(_robust_least_squares(matrix, np.concatenate(right))[-1])
+    return 1 / shorter if shorter > 0 and _left_share(matrix, matrix.shape[1] - 1) >= _UNDETERMINED else None
+
+
+def _add_end(block: Array, constant: Array, end: End, state: State, columns: Mapping[str, int], sign: int) -> Array:
+    """Add one end of a loop to its equations; rotations from the world to what is mounted there, (n, 3, 3)."""
+    base = SE3.identity() if end.base is None else state.transforms.get(end.base, SE3.identity())
+    mount, flange = state.transforms[end.mount], end.base_from_flange
+    to_flange = np.broadcast_to(base.rotation @ flange.rotation, (len(block), 3, 3))
+    constant += sign * (base.rotation @ flange.translation[..., None])[..., 0]
+    for name, place, turn in ((end.base or "", base, np.eye(3)), (end.mount, mount, to_flange)):
+        at = columns.get(name)
+        if at is None:
+            constant += sign * (turn @ place.translation)
+        else:
+            block[:, :, at : at + 3] += sign * turn
+    return np.asarray(to_flange @ mount.rotation)
+
+
+def _robust_least_squares(matrix: Array, right: Array) -> Array:
+    """Unknowns by Cauchy's weights of points in space, of least norm if they are not determined."""
+    lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    scaled, weight = matrix / lengths, np.ones(len(right))
+    found = np.zeros(matrix.shape[1])
+    for _ in range(_REWEIGHTED):
+        found = np.linalg.lstsq(weight[:, None] * scaled, weight * right, rcond=None)[0]
+        off_m = np.linalg.norm((scaled @ found - right).reshape(-1, 3), axis=1)
+        usual_m = 2 * float(np.median(off_m)) + 1e-12
+        weight = np.repeat(1 / np.hypot(1.0, off_m / usual_m), 3)
+    return np.asarray(found / lengths)
+
+
+def _left_share(matrix: Array, column: int) -> float:
+    """Share of a column's length that all others do not explain."""
+    own, others = matrix[:, column], np.delete(matrix, column, axis=1)
+    explained = others @ np.linalg.lstsq(others, own, rcond=None)[0]
+    return float(np.linalg.norm(own - explained)) / max(float(np.linalg.norm(own)), 1e-300)
