@@ -25,7 +25,7 @@ from basecal.geometry import SE3
 _LARGEST = 2**30  # bytes: points of images, of which a binary holds all
 _POINT_BYTES = 24
 _LINE = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
-_HEAD = struct.Struct("<I7dI")
+_POSE_FIELDS = struct.Struct("<I7dI")
 _UNIT_ERROR = 1e-3  # of a quaternion's length
 
 
@@ -89,21 +89,21 @@ def _binary(path: Path) -> Iterator[ReconstructedImage]:
         raise cut from None
     for i in range(count):
         try:
-            _, *numbers, camera = _HEAD.unpack_from(data, at)
-            end = data.find(b"\0", at + _HEAD.size)
+            _, *numbers, camera = _POSE_FIELDS.unpack_from(data, at)
+            end = data.find(b"\0", at + _POSE_FIELDS.size)
             (points,) = struct.unpack_from("<Q", data, end + 1)
         except struct.error:
             raise cut from None
-        name, at = data[at + _HEAD.size : end], end + 9 + _POINT_BYTES * points
+        name, at = data[at + _POSE_FIELDS.size : end], end + 9 + _POINT_BYTES * points
         if end < 0 or at > len(data):
             raise cut
         yield _image(Field(str(path), None, {}, (f"image {i}",)), name.decode("utf-8", "replace"), camera, numbers)
 
 
-def _image(where: Field, name: str, camera: int, numbers: Sequence[float]) -> ReconstructedImage:
+def _image(place: Field, name: str, camera: int, numbers: Sequence[float]) -> ReconstructedImage:
     values = np.array(numbers)
     if not np.isfinite(values).all():
-        raise where.error("holds a number that is not finite")
+        raise place.error("holds a number that is not finite")
     if abs(np.linalg.norm(values[:4]) - 1) > _UNIT_ERROR:
-        raise where.error(f"QW QX QY QZ has length {np.linalg.norm(values[:4]):.4g}, expected 1")
+        raise place.error(f"QW QX QY QZ has length {np.linalg.norm(values[:4]):.4g}, expected 1")
     return ReconstructedImage(name, camera, SE3.from_quaternion(values[[1, 2, 3, 0]], values[4:]))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from basecal.accuracy.findings.unit_length import describe_units
+from types import SimpleNamespace
+
+from basecal.accuracy.findings.unit_length import unit_lengths
 from basecal.estimation.solve import solve
 from basecal.simulation import Scenario, simulate
 
@@ -11,8 +13,8 @@ def test_the_length_and_its_sigma() -> None:
     """A board whose poses were taken for metres has a unit of a metre, to half a percent."""
     made = simulate(Scenario(target="pose", layout="eye_in_hand", robot_noise=(1e-4, 2e-4)), 1)
     solution = solve(made.cell, made.recording)
-    assert describe_units({}, solution) == []
-    (found,) = describe_units({"board": 1.0}, solution)
+    assert unit_lengths(SimpleNamespace(solution=solution, units_m={})) == []
+    (found,) = unit_lengths(SimpleNamespace(solution=solution, units_m={"board": 1.0}))
     assert (found.code, found.severity, found.about) == ("unit-length", "info", ("board",))
     words = found.what.split()
     length, sigma = float(words[words.index("is") + 1]), float(words[words.index("+/-") + 1])

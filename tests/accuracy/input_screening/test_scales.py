@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from basecal.accuracy.calibrate import calibrate
-from basecal.accuracy.input_screening.scales import in_metres
+from basecal.accuracy.input_screening.scales import convert_units
 from basecal.cell import Cell, Recording, RobotState
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, SimulatedCell, simulate
@@ -22,7 +22,7 @@ def up_to_scale(made: SimulatedCell, recording: Recording, unit_m: float) -> tup
     """The cell that does not know the unit, and what was recorded in it."""
     (name,) = made.cell.targets
     cell = replace(made.cell, targets={name: replace(made.cell.targets[name], size_sigma=np.inf)})
-    return cell, in_metres(recording, {name: 1 / unit_m})
+    return cell, convert_units(recording, {name: 1 / unit_m})
 
 
 @pytest.mark.slow

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from basecal.accuracy.cross_validation.held_out_places import PlaceError
@@ -52,6 +52,7 @@ class Evidence:
         lens_structures: Cameras whose residuals go by their place in the image.
         held_out_places: What remains at places of touches that were held out.
         robot_model: What held-out samples say of the robots' kinematics; None if there was nothing to choose.
+        units_m: The assumed length of a unit of poses that are up to scale [m], by target.
     """
 
     cell: Cell
@@ -66,6 +67,7 @@ class Evidence:
     systematic_error: FoundEffect | None = None
     lens_structures: Sequence[LensStructure] = ()
     held_out_places: tuple[PlaceError, ...] = ()
+    units_m: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def residuals(self) -> Residuals:

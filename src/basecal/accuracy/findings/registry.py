@@ -34,6 +34,7 @@ from basecal.accuracy.findings.systematic_error import systematic_error
 from basecal.accuracy.findings.too_few_samples import too_few_samples
 from basecal.accuracy.findings.touch_noise import touch_noise
 from basecal.accuracy.findings.two_mounts import two_mounts
+from basecal.accuracy.findings.unit_length import unit_lengths
 from basecal.accuracy.findings.unobservable_direction import unobservable_directions
 from basecal.accuracy.findings.weak_direction import weak_directions
 
@@ -53,6 +54,7 @@ ANSWER_CHECKS: tuple[AnswerCheck, ...] = (
     noise_not_identifiable,
     unobservable_directions,
     weak_directions,
+    unit_lengths,
     prior_dominated,
     not_converged,
     outlier_samples,

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
+from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.systematic_errors.expected_sizes import unit_error
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Finding
 from basecal.effects.faces.found_effect import format_with_sigma
-from basecal.estimation.solve import Solution
 
 
-def describe_units(units_m: Mapping[str, float], solution: Solution) -> list[Finding]:
+def unit_lengths(evidence: Evidence) -> list[Finding]:
     """An info about each target whose poses are up to scale, with the length of their unit."""
-    if not units_m or not solution.converged:
+    solution = evidence.solution
+    if not evidence.units_m or not solution.converged:
         return []
     problem = solution.noise.hold_sigmas(solution.problem)
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     found = []
-    for name, unit_m in units_m.items():
+    for name, unit_m in evidence.units_m.items():
         longer, sigma = unit_error(situation, name)
         length = format_with_sigma(1e3 * unit_m * (1 + longer), 1e3 * unit_m * sigma)
         found.append(Finding("unit-length", "info", (name,), f"A unit of {name}'s poses is {length} mm long."))

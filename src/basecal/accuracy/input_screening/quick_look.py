@@ -10,7 +10,7 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.input_check.conventions import check_conventions
 from basecal.accuracy.input_check.hypothesis_fit import HypothesisFit, fit_hypothesis, plausible
 from basecal.accuracy.input_check.unexplained_motion import hopeless, is_hopeless
-from basecal.accuracy.input_screening.scales import estimate_units, in_metres
+from basecal.accuracy.input_screening.scales import convert_units, estimate_units
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import BasecalError
@@ -76,7 +76,7 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
         units_m, unseen = estimate_units(cell, recording)
         if unseen:
             return QuickLook(len(recording.samples), tuple(unseen) if is_whole else (), untold=unseen[0].what)
-        recording = in_metres(recording, units_m)
+        recording = convert_units(recording, units_m)
         if units := impossible_units(cell, recording):
             return QuickLook(len(recording.samples), tuple(units))
         streams = recording_streams(cell, recording)

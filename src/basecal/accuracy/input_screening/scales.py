@@ -1,7 +1,7 @@
 """Poses up to scale, as of a reconstruction from pictures: the length of their unit, by how arms moved.
 
-Rotations do not depend on the unit. With them the loop of each view is linear in the unit's inverse and in the
-translations, in units, of all transforms that are to be found.
+Rotations do not depend on the unit. With them each loop is linear in the unit's inverse, and in
+translations over the unit.
 Source: Andreff, Horaud & Espiau 2001, "Robot hand-eye calibration using structure-from-motion".
 """
 
@@ -19,15 +19,16 @@ from basecal.estimation.problem.view_group import End, ViewGroup
 from basecal.estimation.start.first_state import first_state
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
+from basecal.numerics.spectral import spectrum
 
-CODE = "scale-unobservable"
-_ROUNDS = 6  # of rotations and lengths in turn: from a unit a third off two or three do
+_MOST_ALTERNATIONS = 6  # of rotations and lengths in turn: from a unit a third off two or three do
 _SETTLED_LOG = 1e-4  # of the unit: below any that is estimated
 _REWEIGHTED = 20  # rounds of weights
+_LEAST_USUAL = 1e-12  # [m] of residuals: exact data have no scatter
 _UNDETERMINED = 1e-4  # share of a column's length that the others leave, below which the unit is not determined
 
 
-def in_metres(recording: Recording, units_m: Mapping[str, float]) -> Recording:
+def convert_units(recording: Recording, units_m: Mapping[str, float]) -> Recording:
     """The recording with poses of targets, and their sigmas, in metres.
 
     Args:
@@ -35,17 +36,17 @@ def in_metres(recording: Recording, units_m: Mapping[str, float]) -> Recording:
         units_m: The length of a unit by target [m].
     """
 
-    def scaled(seen: PoseObservation, unit_m: float) -> PoseObservation:
+    def convert(view: PoseObservation, unit_m: float) -> PoseObservation:
         """A pose in metres."""
-        pose = SE3(seen.camera_from_target.rotation, unit_m * seen.camera_from_target.translation)
-        sigma = None if seen.sigma is None else seen.sigma * np.repeat([unit_m, 1.0], 3)
-        return replace(seen, camera_from_target=pose, sigma=sigma)
+        pose = SE3(view.camera_from_target.rotation, unit_m * view.camera_from_target.translation)
+        sigma = None if view.sigma is None else view.sigma * np.repeat([unit_m, 1.0], 3)
+        return replace(view, camera_from_target=pose, sigma=sigma)
 
     samples = (
         replace(
             sample,
             observations=tuple(
-                scaled(seen, units_m[seen.target])
+                convert(seen, units_m[seen.target])
                 if isinstance(seen, PoseObservation) and seen.target in units_m
                 else seen
                 for seen in sample.observations
@@ -71,8 +72,8 @@ def estimate_units(cell: Cell, recording: Recording) -> tuple[dict[str, float], 
         return {}, []
     problem = build_problem(cell, recording)[0]
     units_m = {name: _first_unit(problem, name) for name in names}
-    for _ in range(_ROUNDS):
-        problem = build_problem(cell, in_metres(recording, units_m))[0]
+    for _ in range(_MOST_ALTERNATIONS):
+        problem = build_problem(cell, convert_units(recording, units_m))[0]
         state = first_state(problem, cell, thorough=False)
         factors = {name: _linear_factor(problem, state, name) for name in names}
         units_m = {name: unit * (factors[name] or 1.0) for name, unit in units_m.items()}
@@ -87,7 +88,7 @@ def _refusal(name: str) -> Finding:
         "Record samples between which the camera moves by some decimetres, not only turns.",
         "Check that the poses belong to these samples.",
     )
-    return Finding(CODE, "error", (name,), what, do)
+    return Finding("scale-unobservable", "error", (name,), what, do)
 
 
 def _groups(problem: Problem, target: str) -> Iterator[tuple[ViewGroup, SE3]]:
@@ -111,7 +112,7 @@ def _variance(poses: SE3) -> float:
 
 
 def _linear_factor(problem: Problem, state: State, target: str) -> float | None:
-    """By how much a unit is longer than it is taken for; None if that is not determined.
+    """The true length of a unit over the assumed one; None if it is not determined.
 
     Poses have errors of their own, and arms have little: what the poses are is regressed on how arms stood.
     """
@@ -128,7 +129,7 @@ def _linear_factor(problem: Problem, state: State, target: str) -> float | None:
         return 1.0
     matrix = np.concatenate(rows)
     shorter = float(_robust_least_squares(matrix, np.concatenate(right))[-1])
-    return 1 / shorter if shorter > 0 and _left_share(matrix, matrix.shape[1] - 1) >= _UNDETERMINED else None
+    return 1 / shorter if shorter > 0 and _left_share(matrix) >= _UNDETERMINED else None
 
 
 def _add_end(block: Array, constant: Array, end: End, state: State, columns: Mapping[str, int], sign: int) -> Array:
@@ -148,19 +149,19 @@ def _add_end(block: Array, constant: Array, end: End, state: State, columns: Map
 
 def _robust_least_squares(matrix: Array, right: Array) -> Array:
     """Unknowns by Cauchy's weights of points in space, of least norm if they are not determined."""
-    lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    scaled, weight = matrix / lengths, np.ones(len(right))
-    found = np.zeros(matrix.shape[1])
+    weight, found = np.ones(len(right)), np.zeros(matrix.shape[1])
     for _ in range(_REWEIGHTED):
-        found = np.linalg.lstsq(weight[:, None] * scaled, weight * right, rcond=None)[0]
-        off_m = np.linalg.norm((scaled @ found - right).reshape(-1, 3), axis=1)
-        usual_m = 2 * float(np.median(off_m)) + 1e-12
-        weight = np.repeat(1 / np.hypot(1.0, off_m / usual_m), 3)
-    return np.asarray(found / lengths)
+        weighed = weight[:, None] * matrix
+        found = spectrum(weighed.T @ weighed).inverse @ weighed.T @ (weight * right)
+        off = np.linalg.norm((matrix @ found - right).reshape(-1, 3), axis=1)
+        usual = 2 * float(np.median(off)) + _LEAST_USUAL
+        weight = np.repeat(1 / np.hypot(1.0, off / usual), 3)
+    return found
 
 
-def _left_share(matrix: Array, column: int) -> float:
-    """Share of a column's length that all others do not explain."""
-    own, others = matrix[:, column], np.delete(matrix, column, axis=1)
-    explained = others @ np.linalg.lstsq(others, own, rcond=None)[0]
-    return float(np.linalg.norm(own - explained)) / max(float(np.linalg.norm(own)), 1e-300)
+def _left_share(matrix: Array) -> float:
+    """Share of the last column's length that the others do not explain."""
+    squares = matrix.T @ matrix
+    others, across, own = squares[:-1, :-1], squares[:-1, -1], float(squares[-1, -1])
+    left = own - float(across @ spectrum(others).inverse @ across)
+    return float(np.sqrt(max(left, 0.0) / own)) if own else 0.0

@@ -15,7 +15,6 @@ from basecal.accuracy.cross_validation.some_views import thin_solution
 from basecal.accuracy.cross_validation.validation import cross_validate
 from basecal.accuracy.findings.evidence import Evidence
 from basecal.accuracy.findings.registry import ANSWER_CHECKS
-from basecal.accuracy.findings.unit_length import describe_units
 from basecal.accuracy.lens_structure import LensStructure, lens_structures
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.stated_sigmas import contradicted_sigmas, unlikely_sigmas, without_contradicted
@@ -44,6 +43,7 @@ def screen_stated_sigmas(case: Case) -> Case:
         robust.solution,
         contradicted_sigmas=contradicted,
         refuted=refuted,
+        units_m=case.units_m,
     )
     return replace(case, robust=robust, weighed=evidence)
 
@@ -82,8 +82,7 @@ def predict_held_out_samples(case: Case) -> Case:
 def list_findings(case: Case) -> Case:
     """Put into words what the evidence shows."""
     found = (finding for check in ANSWER_CHECKS for finding in check(case.evidence))
-    units = describe_units(case.units_m, case.evidence.solution)
-    findings = deduplicate_size_findings(case.cell, [*case.findings, *found, *units], case.evidence.systematic_error)
+    findings = deduplicate_size_findings(case.cell, [*case.findings, *found], case.evidence.systematic_error)
     first = {(each.code, each.about): each for each in reversed(findings) if each.code == fixed_transform.CODE}
     kept = (each for each in findings if first.get((each.code, each.about), each) is each)  # by either test, once
     return replace(case, findings=tuple(kept))

@@ -9,7 +9,7 @@ from basecal.accuracy.clocks.search import search_offsets
 from basecal.accuracy.findings.evidence import Input
 from basecal.accuracy.findings.registry import INPUT_CHECKS
 from basecal.accuracy.input_screening.repeated_views import repeated_views
-from basecal.accuracy.input_screening.scales import estimate_units, in_metres
+from basecal.accuracy.input_screening.scales import convert_units, estimate_units
 from basecal.accuracy.input_screening.units import impossible_units
 from basecal.accuracy.stages.case import Case
 from basecal.accuracy.task.task import base_transforms
@@ -59,7 +59,7 @@ def measure_units(case: Case) -> Case:
     units_m, findings = estimate_units(case.cell, case.recording)
     if findings:
         return case.refuse((*findings, *case.recording.findings))
-    return case if not units_m else replace(case, units_m=units_m, recording=in_metres(case.recording, units_m))
+    return case if not units_m else replace(case, units_m=units_m, recording=convert_units(case.recording, units_m))
 
 
 def screen_units(case: Case) -> Case:

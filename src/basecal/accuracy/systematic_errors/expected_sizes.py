@@ -199,7 +199,7 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
 
 
 def unit_error(situation: Situation, target: str) -> tuple[float, float]:
-    """By which share of its length the unit of a target's poses is longer than it was taken for, and its sigma."""
+    """The error of the assumed unit of a target's poses, as a share of its length, and its sigma."""
     (candidate,) = (each for each in target_size.candidates(situation) if each.about == (target,))
     known = size_posterior(situation, (), [Expected(target_size.NAME, candidate, SigmaPrior.single_value(_FREE_SIGMA))])
     return float(known.mean[0]), float(np.sqrt(known.covariance[0, 0]))

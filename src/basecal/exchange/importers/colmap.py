@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 from basecal.errors import InputError, list_names
 from basecal.exchange.colmap_images import ReconstructedImage, read_colmap_images
@@ -61,7 +60,8 @@ def read_colmap(
         InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
     """
     if target is not None:
-        return _poses(cell, str(file), camera, on, camera_id, Target(target, target_on))
+        sight = Sight(_choose_camera(cell, camera), target, on, target_on)
+        return _poses(cell, str(file), camera_id, sight)
     lenses = colmap.read_colmap(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
@@ -69,33 +69,32 @@ def read_colmap(
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)
 
 
-class Target(NamedTuple):
-    """The name of what was reconstructed, and what carries it if that is said."""
-
-    name: str
-    on: str | None
-
-
-def _poses(
-    folder: str | Path, file: str, camera: str | None, on: str | None, camera_id: int | None, target: Target
-) -> Imported:
+def _poses(folder: str | Path, file: str, camera_id: int | None, sight: Sight) -> Imported:
     """Poses of the reconstruction in the frames of a camera's pictures."""
-    cell, images = known_cell(folder), _images_of(file, camera_id)
-    cameras = [] if cell is None else list(cell.cameras)
-    name = cameras[0] if camera is None and len(cameras) == 1 else camera
-    if name is None:
-        raise InputError(f"which camera took the pictures of {file}? Say it by --camera; of {list_names(cameras)}")
-    sight = Sight(name, target.name, on, target.on)
+    cell, images = known_cell(folder), _select_images(file, camera_id)
     entry = sight_entry(cell, sight)
-    if cell is None or target.name not in cell.targets:
-        entry["targets"][target.name]["scale"] = "free"
+    if cell is None or sight.target not in cell.targets:
+        entry["targets"][sight.target]["scale"] = "free"
     rows = tuple(Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])
-    what = f"{len(images)} poses {name}_from_{target.name}, up to scale"
+    what = f"{len(images)} poses {sight.camera}_from_{sight.target}, up to scale"
     return Imported(file, what, seen_rows(rows, poses, sight), entry, advice="check that pictures belong to samples")
 
 
-def _images_of(file: str, camera_id: int | None) -> list[ReconstructedImage]:
+def _choose_camera(folder: str | Path, camera: str | None) -> str:
+    """The camera as named, or the only one.
+
+    Raises:
+        InputError: if it is not clear which.
+    """
+    cell = known_cell(folder)
+    names = [] if cell is None else list(cell.cameras)
+    if camera is None and len(names) != 1:
+        raise InputError(f"which camera took the pictures? Add --camera NAME; there are: {list_names(names)}")
+    return camera or names[0]
+
+
+def _select_images(file: str, camera_id: int | None) -> list[ReconstructedImage]:
     """The images of one camera.
 
     Raises:
