@@ -18,7 +18,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from tests.shared.real_recordings import data_folder
+from tests.shared.real_recordings import EXAMPLES, data_folder
 
 from basecal.accuracy.calibrate import calibrate
 from basecal.accuracy.scene import pictures
@@ -31,7 +31,8 @@ from basecal.geometry import SE3, Array, PoseEstimate
 from basecal.vision.detect import detect
 from benchmarks.common import Kept, cpu_seconds, on_one_core, table, write
 
-RECORDINGS = "kuka_1_chessboard", "rct_10x10", "ur3e_88_images", "visp_franka_in_hand"
+UR5E = "ur5e_dual_charuco_2023"
+RECORDINGS = "kuka_1_chessboard", UR5E, "rct_10x10", "ur3e_88_images", "visp_franka_in_hand"
 HALVES = "kuka_1_chessboard"
 HEAD = "recording", "what", "verdict", "mm", "deg", "M2", "own sigma [mm]", "[deg]", "refused as", "CPU [s]"
 
@@ -91,12 +92,26 @@ def as_two_arms(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
     return cell_from_dict(data), replace(recording, samples=tuple(samples))
 
 
+def read(name: str, home: Path) -> tuple[Cell, Recording]:
+    """A copy of a recording, its boards seen; that of two UR5e is the example, with the published pictures."""
+    folder = Path(copytree(EXAMPLES / "ur5e_dual" if name == UR5E else data_folder() / name, home / name))
+    cell = read_cell(folder)
+    recording = read_recording(folder, cell)
+    if name != UR5E:
+        return cell, detect(cell, recording)
+    copytree(data_folder() / UR5E / "images", folder / "recording" / "images")
+    camera = next(iter(cell.cameras))
+    samples = [
+        replace(sample, images={camera: f"recording/images/{sample.sample:03d}_image.jpg"})
+        for sample in recording.samples
+    ]
+    return cell, replace(recording, samples=tuple(samples))
+
+
 def tried(name: str) -> list[dict[str, Any]]:
     """What comes of a recording."""
     with tempfile.TemporaryDirectory() as home:
-        folder = Path(copytree(data_folder() / name, Path(home) / name))
-        cell = read_cell(folder)
-        seen = detect(cell, read_recording(folder, cell))
+        cell, seen = read(name, Path(home))
         mount = cell.mount_name(next(iter(cell.cameras)))
         board = calibrate(cell, seen)
         answer, cpu_s = from_scene(cell, seen)

@@ -193,6 +193,26 @@ MISTAKES: dict[str, Mistake] = {
     "the other arm's poses": of_second(lambda own, other: other),
     "swapped cameras": lambda poses: (poses[1], poses[0]),
 }
-KINDS = [*ROOMS, *MISTAKES]
+
+
+def lengthened(own: Poses) -> Poses:
+    """Poses of an arm that is 0.2 % longer than its controller assumes."""
+    return [SE3(pose.rotation, pose.translation * (1 + LENGTH_ERROR)) for pose in own]
+
+
+def wrist_turned(own: Poses) -> Poses:
+    """Poses of an arm whose last axis is off by up to 2 mrad, twice each turn."""
+    yaws = [np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]) for pose in own]
+    turns = [np.array([0, 0, 0, 0, 0, WRIST_RAD * np.sin(2 * yaw)]) for yaw in yaws]
+    return [pose @ SE3.exp(turn) for pose, turn in zip(own, turns, strict=True)]
+
+
+LENGTH_ERROR, WRIST_RAD = 2e-3, 2e-3
+ARM_ERRORS: dict[str, Mistake] = {
+    "an arm 0.2 % too long": lambda poses: (lengthened(poses[0]), poses[1]),
+    "both arms 0.2 % too long": lambda poses: (lengthened(poses[0]), lengthened(poses[1])),
+    "wrists off by 2 mrad": lambda poses: (wrist_turned(poses[0]), wrist_turned(poses[1])),
+}
+KINDS = [*ROOMS, *MISTAKES, *ARM_ERRORS]
 RIGHT = KINDS[:6]
 AMBIGUOUS = "two equal groups on a bare table", "all boxes moved together, table bare"

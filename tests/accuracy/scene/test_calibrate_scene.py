@@ -15,7 +15,7 @@ from basecal.accuracy.scene import calibrate_scene as room
 from basecal.accuracy.scene import find_scene
 from basecal.accuracy.scene.calibrate_scene import calibrate_scene
 from basecal.accuracy.scene.pictures import Pictures
-from basecal.cell import Calibration, Recording, Unknown
+from basecal.cell import Calibration, Finding, Recording, Unknown
 from basecal.cell.files import read_truth
 from basecal.cell.schema.cell_file import cell_from_dict
 from basecal.cli import main
@@ -185,8 +185,11 @@ def test_a_recording_without_pictures_is_an_error(monkeypatch: pytest.MonkeyPatc
     """There is nothing to answer."""
     pictures = pictures_of_scene(made_scene(1, count=3, points=20))
     empty = replace(pictures, views=pictures.views.take(np.zeros(0, dtype=np.int64)), features=())
-    with pytest.raises(InputError, match="pictures"):
+    with pytest.raises(InputError, match="no camera on a robot has pictures"):
         calibrated(monkeypatch, empty)
+    lost = Finding("dropped-sample", "info", (), "The picture of eye in sample 0 is not used: is missing.")
+    with pytest.raises(InputError, match="sample 0 is not used: is missing"):
+        calibrated(monkeypatch, replace(empty, lost=(lost,)))
 
 
 @pytest.mark.slow

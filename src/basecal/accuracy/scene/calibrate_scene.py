@@ -46,7 +46,8 @@ def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Cal
     with settings.stage("features"):
         pictures = read_pictures(cell, recording)
     if not len(pictures.views):
-        raise InputError("no camera on a robot has pictures or tracks with poses: a scene is calibrated from these")
+        lost = " ".join(finding.what for finding in pictures.lost[:1])
+        raise InputError(lost or "no camera on a robot has pictures or tracks with poses, which a scene needs")
     if cell.reference not in pictures.views.robots:
         raise InputError(
             f"robot {cell.reference!r}, the reference, has no camera with pictures: name another reference"
