@@ -43,7 +43,8 @@ def alone(solution, module, *sigmas):
     situation = Situation(problem, solution.state, problem, {}, solution.noise)
     candidates = module.candidates(situation)
     prior = SigmaPrior(np.array(sigmas), np.full(len(sigmas), 1 / len(sigmas)))
-    effects = [Expected(module.EFFECT.name, each, prior) for each in candidates]
+    is_contained = not module.EFFECT.expected.is_stated
+    effects = [Expected(module.EFFECT.name, each, prior, is_contained) for each in candidates]
     known = size_posterior(situation, (), effects)
     return SimpleNamespace(
         mean=known.by_sizes @ known.mean, covariance=known.by_sizes @ known.covariance @ known.by_sizes.T

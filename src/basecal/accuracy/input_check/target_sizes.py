@@ -28,13 +28,14 @@ _WORTHWHILE = 0.25
 
 
 def size_hypotheses(baseline: Reading, state: State) -> list[ConventionHypothesis]:
-    """The size of each target that fits best, if the reading shows one and it fits better by some.
+    """The size of each target that fits best, if the reading shows one, it fits better by some, and a size is stated.
 
     Args:
         baseline: As it was declared.
         state: Its fit.
     """
-    names = dict.fromkeys(group.target for group in baseline.problem.groups)
+    seen = dict.fromkeys(group.target for group in baseline.problem.groups)
+    names = [name for name in seen if not baseline.cell.targets[name].has_free_scale]
     factors = {name: _factor(baseline, name, state) for name in names}
     return [target_size(name, factor, baseline.cell) for name, factor in factors.items() if factor is not None]
 

@@ -75,7 +75,9 @@ def quick_look(cell: Cell, recording: Recording, is_whole: bool = True) -> Quick
     try:
         units_m, unseen = estimate_units(cell, recording)
         if unseen:
-            return QuickLook(len(recording.samples), tuple(unseen) if is_whole else (), untold=unseen[0].what)
+            count = len(recording.samples)
+            is_certain = is_whole and count >= _FEWEST_SAMPLES
+            return QuickLook(count, tuple(unseen) if is_certain else (), untold=unseen[0].what)
         recording = convert_units(recording, units_m)
         if units := impossible_units(cell, recording):
             return QuickLook(len(recording.samples), tuple(units))

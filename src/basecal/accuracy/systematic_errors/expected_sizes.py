@@ -193,8 +193,8 @@ def _cell_effects(cell: Cell, situation: Situation, error: FoundEffect | None) -
     counted = () if error is None else {e.about for e in (error, *error.alternatives) if e.effect == target_size.NAME}
     for candidate in target_size.candidates(situation):
         sigma = _size_sigma(cell, situation.groups, candidate.about[0])
-        if sigma and candidate.about[0] not in counted:
-            is_free = cell.targets[candidate.about[0]].has_free_scale
+        is_free = cell.targets[candidate.about[0]].has_free_scale
+        if sigma and (is_free or candidate.about[0] not in counted):
             yield Expected(target_size.NAME, candidate, SigmaPrior.single_value(sigma), is_free)
 
 
@@ -214,9 +214,11 @@ def _tool_mounts(cell: Cell) -> frozenset[str]:
 
 def _size_sigma(cell: Cell, groups: tuple[ViewGroup, ...], target: str) -> float:
     """Sigma of a target's size as a share: as stated, else as usual; 0 of one whose views all state their noise."""
+    if cell.targets[target].has_free_scale:
+        return _FREE_SIGMA
     stated = cell.targets[target].size_sigma
     if stated is not None:
-        return min(stated, _FREE_SIGMA)
+        return stated
     counts = (g.measurement.counts() for g in groups if g.target == target)
     is_open = any(count.get("pixel_px", 0) or count.get("pose_m", 0) for count in counts)
     return target_size.EXPECTED.sigma if is_open else 0.0
