@@ -9,6 +9,7 @@ import numpy as np
 from basecal.cell import Cell, Finding, Recording
 from basecal.errors import InputError
 from basecal.estimation.axis_shift.stations import find_stations, fuse_bases
+from basecal.estimation.joint_state import joint_state
 from basecal.estimation.least_squares.bundle_adjustment import bundle_adjust
 from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.estimate import NoiseEstimate, degrees_of_freedom, estimate_noise, residual_counts
@@ -196,7 +197,7 @@ def _start(problem: Problem, cell: Cell, settings: Settings) -> tuple[Problem, S
     first = _settle_readings(problem, first_state(problem, cell, thorough=settings.start == "thorough"), settings)
     if settings.start == "thorough" or _is_plausible(problem, first[2]):
         return *first[:2], False
-    others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell)]
+    others = [first_state(problem, cell, thorough=True), guessed_state(problem, cell), joint_state(problem, cell)]
     ends = [first, *(_settle_readings(problem, state, settings) for state in others if state is not None)]
     costs = [end[2] for end in ends]
     return *min(ends, key=lambda end: end[2])[:2], max(costs) > min(costs) * (1 + _SAME_COST)

@@ -24,6 +24,7 @@ from basecal.numerics.spectral import dimension, floored_inverse
 _AMBIGUOUS_CHI2 = 25.0  # five sigmas: below, a plane's second pose fits as well
 _AMBIGUOUS_WEIGHT = 0.2  # weight of such a view, whose pose may be the wrong one of two
 _UNSURE_RAD = 0.02  # [rad] sigma of a view's rotation that halves its weight
+_FEWEST_POSES = 3  # of many views: fewer tell less than all as of a light
 _RIDGE = 1e-9  # [1/m^2, 1/rad^2] of views that hold no pose: next to no weight, not none
 _START_SIGMA_PX = 0.5  # sigma of a pixel where none is stated [px]
 
@@ -124,7 +125,7 @@ def _pixel_views(
         return PairViews(group, None, np.ones(len(group)), total)
     poses = estimate_poses(measurement.points_in_target, chords.bearings_in_camera, seen, chords)
     found = np.flatnonzero(poses.has_pose)
-    if len(found) < 3:
+    if len(found) < min(_FEWEST_POSES, len(group)):
         return PairViews(group, None, np.ones(len(group)), total)
     # Not the inverse of the sum with a ridge: of points in a line it is singular, or negative, by rounding.
     if len(found) < len(group):

@@ -1,0 +1,42 @@
+"""Several pairs together determine what none of them does alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from basecal.estimation.joint_state import joint_state
+from basecal.estimation.problem.build import build_problem
+from basecal.estimation.solve import solve
+from basecal.simulation import Scenario, SimulatedCell, simulate
+
+
+def ring(seed: int) -> SimulatedCell:
+    """Three arms, each of six pairs of which saw one another two or three times."""
+    return simulate(Scenario(layout="ring", robots=3, samples=16, robot_noise=(1e-4, 2e-4)), seed)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_ring_of_few_views_begins_near_the_truth(seed: int) -> None:
+    """All transforms are within 5 deg."""
+    made = ring(seed)
+    problem, _ = build_problem(made.cell, made.recording)
+    state = joint_state(problem, made.cell)
+    assert state is not None
+    off = [(made.truth[name].inverse() @ state.transforms[name]).log()[3:] for name in problem.unknowns]
+    assert np.degrees(np.abs(off).max()) < 5
+
+
+def test_it_is_solved_from_there() -> None:
+    """The plain starts of this ring end 51 px off; the solution explains the views."""
+    made = ring(4)
+    found = solve(made.cell, made.recording)
+    assert found.converged
+    assert found.cost < 2 * found.dof
+
+
+def test_one_pair_is_left_to_its_own_search() -> None:
+    """Of one pair, and of a light, there is none."""
+    for scenario in (Scenario(), Scenario(target="led")):
+        made = simulate(scenario, 1)
+        assert joint_state(build_problem(made.cell, made.recording)[0], made.cell) is None
