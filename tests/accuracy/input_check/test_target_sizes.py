@@ -111,6 +111,6 @@ def test_a_size_that_cannot_be_solved_for_is_none(monkeypatch, error):
         raise error
 
     monkeypatch.setattr(target_sizes, "_step", fails)
-    assert (
-        size_hypotheses(SimpleNamespace(problem=SimpleNamespace(groups=[SimpleNamespace(target="board")])), None) == []
-    )
+    cell = SimpleNamespace(targets={"board": SimpleNamespace(has_free_scale=False)})
+    problem = SimpleNamespace(groups=[SimpleNamespace(target="board")])
+    assert size_hypotheses(SimpleNamespace(cell=cell, problem=problem), None) == []
