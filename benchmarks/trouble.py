@@ -495,8 +495,8 @@ def section(result: Mapping[str, Any]) -> str:
     about = f"""\
 {len(rows)} cells of a generator that shares no code with the package, each with one trouble of 0.3 to 3 times a
 realistic size. Of {len(at_base)} good answers of arms in order {beyond} are beyond 99.9 % at the base.
-Of {len(by_map)} whose arms err by place {beyond_map} are beyond 1.68 times the 95 % length somewhere on the map. "Over bound" is the claimed
-sigma over Cramer-Rao's of the clean cell (median)."""
+Of {len(by_map)} whose arms err by place {beyond_map} are beyond 1.68 times the 95 % length
+somewhere on the map. "Over bound" is the claimed sigma over Cramer-Rao's of the clean cell (median)."""
     return f"{about}\n\n{shown(rows).partition(chr(10) * 2)[0]}"
 
 
