@@ -118,12 +118,12 @@ def test_it_captures_until_a_task_is_known(tmp_path: Path, capsys: pytest.Captur
     ]
     with running(tmp_path):
         assert main(words) == 0
-        assert "1.5 mm at the task needs" in capsys.readouterr().out
+        assert "1.5 mm at the task point needs" in capsys.readouterr().out
         assert main([*words, "--samples", "2", "--go", "--json"]) == 5
         answer = json.loads(capsys.readouterr().out)
         assert (len(answer["captured"]), answer["reached"]) == (2, False)
         assert main([*words, "--go"]) == 0
-        assert "1.5 mm at the task reached" in capsys.readouterr().out
+        assert "1.5 mm at the task point reached" in capsys.readouterr().out
 
 
 def test_a_cell_that_is_not_ready(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

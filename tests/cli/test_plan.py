@@ -46,7 +46,7 @@ def test_what_is_reached_already(cell, capsys):
     """Without a sample more, with what is recorded."""
     assert main(["plan", str(cell), "--tolerance", "10cm", "--task-point", "-0.3", "0.7", "0.1"]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith("100 mm at the task is already reached (95 %: ")
+    assert first.startswith("100 mm at the task point is already reached (95 %: ")
 
 
 def test_without_a_place_it_plans_for_where_the_arms_worked(tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -82,7 +83,10 @@ def test_cells_are_calibrated(
     assert told["cells"] == 2
     assert told["verdicts"]["unreadable"] == 1
     assert Path(told["table"]).parent == Path("line_calibrated")
-    assert "unreadable" in Path(told["page"]).read_text()
+    shown = Path(told["page"]).read_text()
+    assert "unreadable" in shown
+    (linked,) = re.findall(r'href="(cells/[^"]*)"', shown)
+    assert "<h1" in (Path(told["page"]).parent / linked).read_text()
     assert main(["study", "--cells", "line", "--workers", "1"]) == 0
     said = capsys.readouterr().out
     assert "b: unreadable" in said

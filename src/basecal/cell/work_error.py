@@ -29,6 +29,9 @@ _BETTER_VERDICT = as_written(
     Literal["local", "global"], lambda best: best == "local", lambda is_better: "local" if is_better else "global"
 )
 
+PlaceKind = Literal["task point", "task box", "recorded places"]
+"""The places at which an error is expected: those of the task that is named, or where the arms worked."""
+
 
 @dataclass(frozen=True)
 class BudgetEntry:
@@ -101,7 +104,7 @@ class MeetingError:
     """
 
     expected_95_m: Length
-    where: Literal["task point", "task box", "recorded places"]
+    where: PlaceKind
     sigma_m: Length
 
     @property

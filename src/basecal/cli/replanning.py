@@ -117,7 +117,9 @@ class Replanner:
 
     def words(self) -> str:
         """State of the tolerance, in words."""
-        asked = f"{1e3 * self._tolerance_m:.3g} mm at the task"
+        from basecal.reporting.statement.verdict import PLACE_WORDS
+
+        asked = f"{1e3 * self._tolerance_m:.3g} mm {PLACE_WORDS[self._latest.place]}"
         if self.is_reached:
             return f"{asked} reached: 95 % of errors are expected below {1e3 * (self._latest.expected_m or 0):.2g} mm"
         if self._latest.reachable:

@@ -13,6 +13,7 @@ from basecal.cli.terminal import print_json, progress, say
 from basecal.errors import UsageError
 
 if TYPE_CHECKING:
+    from basecal.cell import Calibration, Cell, Recording
     from basecal.studies.jobs import WorkerPool
     from basecal.studies.study import Study
 
@@ -105,12 +106,22 @@ def _fleet(cells: Path, output: Path | None, workers: WorkerPool) -> dict[str, A
 
     fleet = make_fleet(cells, Path(f"{cells.resolve().name}_calibrated") if output is None else output)
     with counting("calibrating") as step:
-        run_fleet(fleet, workers, step)
+        run_fleet(fleet, workers, step, cell_page)
     with progress("writing"):
         rows = fleet_rows(fleet)
         table, summary = write_fleet_table(rows, fleet.output), summarise_fleet(fleet, rows)
         paths = _write_results(summary, table, fleet_page(summary, rows))
     return {**summary, **paths, "words": fleet_text(summary, rows)}
+
+
+def cell_page(cell: Cell, recording: Recording, calibration: Calibration, title: str) -> str:
+    """The page of a cell of a fleet, as `basecal calibrate` writes it."""
+    from basecal.accuracy.fit_details import fit_details
+    from basecal.estimation.streams.streams import synchronous
+    from basecal.reporting.page import page
+
+    read = synchronous(cell, recording, calibration)
+    return page(cell, read, calibration, fit_details(cell, read, calibration), title=title)
 
 
 def _write_results(summary: dict[str, Any], table: Path, page: str) -> dict[str, str]:

@@ -12,8 +12,9 @@ import numpy as np
 from basecal.accuracy.task.budget import budget
 from basecal.accuracy.task.expected_error import pooled_quantile
 from basecal.accuracy.task.meeting import Meeting, make_meeting, meeting_places, worst_meeting
-from basecal.accuracy.task.task import base_transforms, task_places
+from basecal.accuracy.task.task import base_transforms, place_kind, task_places
 from basecal.cell import BudgetEntry, Calibration, Cell, MeetingError, Recording, RobotState, Sample, TouchObservation
+from basecal.cell.work_error import PlaceKind
 from basecal.errors import InputError
 from basecal.estimation.solve import Solution
 from basecal.estimation.streams.streams import synchronous
@@ -56,6 +57,7 @@ class Plan:
         budget: The error at the task by source, with the samples taken.
         marks: Where marks are to be made, (3,) in the reference's base, by name.
         steps: (count, error [m]) with so many of the samples, those first that lower it the most; none comes first.
+        place: At which places the error is expected.
     """
 
     samples: tuple[Sample, ...]
@@ -66,6 +68,7 @@ class Plan:
     budget: tuple[BudgetEntry, ...]
     marks: Mapping[str, Array] = field(default_factory=dict)
     steps: tuple[tuple[int, float], ...] = ()
+    place: PlaceKind = "recorded places"
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,15 +170,7 @@ def plan_for_task(
     prospect = prospects(cell, recording, calibration, offered)
     roots = prospect.roots if group_size == 1 else prospect.group_roots(group_size)
     goal = _make_goal(prospect, cell, calibration, points_m, tolerance_m)
-    chosen, reached = list[int](), None
-    if tolerance_m is not None:
-        chosen, reached = choose_fewest(
-            roots,
-            prospect.covariance,
-            goal.weight,
-            MOST_SAMPLES // group_size,
-            lambda covariance, groups: goal.expected_m(covariance, group_size * groups) <= goal.tolerance_m,
-        )
+    chosen, reached = ([], None) if tolerance_m is None else _choose_for_tolerance(prospect, roots, goal, group_size)
     needed = group_size * len(chosen) if reached else None
     if count is not None and -(-count // group_size) != len(chosen):
         chosen = choose_best(prospect, roots, goal.weight, -(-count // group_size))
@@ -189,6 +184,18 @@ def plan_for_task(
         len(prospect.recorded),
         _budget(solution, goal, len(rows)),
         steps=_steps(goal, prospect.covariance, roots[chosen], group_size),
+        place=place_kind(points_m),
+    )
+
+
+def _choose_for_tolerance(prospect: Prospects, roots: Array, goal: _Goal, group_size: int) -> tuple[list[int], bool]:
+    """The fewest groups of samples that reach the tolerance, of U of each, (n, p, q); and whether they do."""
+    return choose_fewest(
+        roots,
+        prospect.covariance,
+        goal.weight,
+        MOST_SAMPLES // group_size,
+        lambda covariance, groups: goal.expected_m(covariance, group_size * groups) <= goal.tolerance_m,
     )
 
 

@@ -27,7 +27,7 @@ def test_a_row_shows_its_status_and_leads_to_its_answer() -> None:
     page = fleet_page(summarise_fleet(Fleet(Path(), (), Path()), rows), rows)
     assert '<header class="verdict unreadable">' in page
     assert "4 of 5" in page
-    assert '<a href="cells/line%201/e/calibration.json">line 1/e</a>' in page
-    assert page.count("/calibration.json") == 4
+    assert '<a href="cells/line%201/e/report.html">line 1/e</a>' in page
+    assert page.count("/report.html") == 4
     assert "x" * 300 in page
     assert page.count('<tr class="doubtful">') == 3

@@ -34,6 +34,18 @@ def test_a_good_cell_has_numbers(folder) -> None:
     assert found["fault"] == ""
 
 
+def test_a_page_is_made_of_the_calibration(folder) -> None:
+    """Of cell, recording and calibration with its hashes, under the cell's path."""
+
+    def make_page(cell, recording, made, title):
+        """Words of what it is given."""
+        return f"{title} {cell.reference} {len(recording.samples)} {sorted(made.inputs)}"
+
+    found = json.loads(calibrate_row(str(folder), "a", make_page))
+    assert found["page"] == "a eye 10 ['cell.yaml', 'recording/samples.jsonl']"
+    assert json.loads(calibrate_row(str(folder), "a"))["page"] == ""
+
+
 def test_a_cell_that_cannot_be_read_is_a_row(folder) -> None:
     """With what `calibrate` says of it, on one line."""
     (folder / "a" / "cell.yaml").write_text("gossip: 1\n")

@@ -33,7 +33,7 @@ def test_what_has_not_changed_is_not_done_again(tmp_path, monkeypatch) -> None:
     folder, done = make(tmp_path / "cells", ["a", "b", "line/c"]), []
     fleet = make_fleet(folder, tmp_path / "out")
 
-    def once(of, cell):
+    def once(of, cell, make_page):
         """A row of nothing, until one was made."""
         if len(done) == 1:
             raise KeyboardInterrupt
@@ -44,7 +44,7 @@ def test_what_has_not_changed_is_not_done_again(tmp_path, monkeypatch) -> None:
     with pytest.raises(KeyboardInterrupt):
         run_fleet(fleet, WorkerPool(1))
     monkeypatch.setattr(
-        module, "calibrate_row", lambda of, cell: done.append(cell) or module.killed_row(cell, "not tried")
+        module, "calibrate_row", lambda of, cell, make_page: done.append(cell) or module.killed_row(cell, "not tried")
     )
     told: list[tuple[int, int]] = []
     run_fleet(fleet, WorkerPool(1), lambda *at: told.append(at))

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 
 from basecal.cell import Cell
+from basecal.cell.work_error import PlaceKind
 from basecal.errors import InputError
 from basecal.geometry import Array
 
@@ -39,6 +40,13 @@ def box_points(box: Box) -> list[Point]:
     edges = [(low, high) for low, high in zip(box[:3], box[3:], strict=True)]
     x, y, z = ((low, (low + high) / 2, high) for low, high in edges)
     return [(x[1], y[1], z[1]), *product(x[::2], y[::2], z[::2])]
+
+
+def place_kind(points_m: Array) -> PlaceKind:
+    """The kind of `task_places`, (n, 3)."""
+    if not len(points_m):
+        return "recorded places"
+    return "task point" if len(points_m) == 1 else "task box"
 
 
 def task_places(point: Point | None, box: Box | None) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from basecal.accuracy.task.expected_error import pooled_quantile
 from basecal.accuracy.task.local_fits import local_fits
 from basecal.accuracy.task.meeting import make_meeting, meeting_places, worst_meeting
 from basecal.accuracy.task.meeting_errors import meeting_errors
-from basecal.accuracy.task.task import base_transforms, placed_transforms, task_places
+from basecal.accuracy.task.task import base_transforms, place_kind, placed_transforms, task_places
 from basecal.cell import Calibration, Cell, MeetingError
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution
@@ -81,10 +80,4 @@ def meeting_error(
     mean, covariance = meeting_errors(meeting, solution, calibration.noise, widening)
     at, off = covariance[:, :3, :3], mean[:, :3]
     variance = float(np.mean(np.trace(at, axis1=1, axis2=2) + np.sum(off**2, -1)))
-    return MeetingError(pooled_quantile(at, off), _place_kind(settings), float(np.sqrt(variance / 3)))
-
-
-def _place_kind(settings: Settings) -> Literal["task point", "task box", "recorded places"]:
-    if settings.task_box is not None:
-        return "task box"
-    return "recorded places" if settings.task_point is None else "task point"
+    return MeetingError(pooled_quantile(at, off), place_kind(task), float(np.sqrt(variance / 3)))

@@ -41,5 +41,5 @@ def fleet_page(summary: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) ->
 
 
 def _link(row: Mapping[str, Any]) -> str:
-    """Where the calibration of a cell is, from the page; empty if there is none."""
-    return "" if row["verdict"] in ("failed", "unreadable") else f"cells/{quote(row['cell'])}/calibration.json"
+    """Where the page of a cell is, from that of the fleet; empty if there is none."""
+    return "" if row["verdict"] in ("failed", "unreadable") else f"cells/{quote(row['cell'])}/report.html"

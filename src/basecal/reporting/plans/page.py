@@ -19,7 +19,7 @@ from basecal.reporting.decision.outlook import outlook_figure
 from basecal.reporting.decision.tiles import Tile, tolerance_bar
 from basecal.reporting.plans.words import plan_headline, touch_lines
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import COLOURS, error_text
+from basecal.reporting.statement.verdict import COLOURS, PLACE_WORDS, error_text
 from basecal.reporting.templates.environment import fill_page
 
 
@@ -57,6 +57,7 @@ def plan_page(
         steps=[*steps, *touch_lines(plan)] if plan.samples else (),
         outlook=outlook_figure(plan.steps, plan.recorded, tolerance_m) if len(plan.steps) > 1 else None,
         budget=plan.budget,
+        place=PLACE_WORDS[plan.place],
         budget_figure=budget_bar(plan.budget),
         movers=() if sketch is None else sketch.movers,
         ways=() if sketch is None else list(_ways(sketch, plan.samples)),

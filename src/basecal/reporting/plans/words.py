@@ -10,7 +10,7 @@ from basecal.cell import TouchObservation
 from basecal.geometry.euler import rpy_of_rotation
 from basecal.planning.plan import Plan
 from basecal.reporting.statement.digits import two_digits
-from basecal.reporting.statement.verdict import Headline
+from basecal.reporting.statement.verdict import PLACE_WORDS, Headline
 
 
 def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
@@ -18,21 +18,21 @@ def plan_headline(plan: Plan, tolerance_m: float | None) -> Headline:
     expected = _error_words(plan)
     if tolerance_m is None:
         return Headline("GOOD", outcome(plan))
-    needed = f"{1e3 * tolerance_m:.3g} mm"
+    needed = f"{1e3 * tolerance_m:.3g} mm {PLACE_WORDS[plan.place]}"
     if plan.reachable is False:
         source = f" {plan.budget[0].source} forbids it." if plan.budget else ""
-        return Headline("FAIL", f"{needed} at the task cannot be reached.{source}")
+        return Headline("FAIL", f"{needed} cannot be reached.{source}")
     if plan.needed == 0:
         with_recorded = f"{expected} with {plan.recorded} samples"
-        return Headline("PASS", f"{needed} at the task is already reached (95 %: {with_recorded}).")
-    return Headline("PASS", f"{needed} at the task: {plan.needed} samples reach it.")
+        return Headline("PASS", f"{needed} is already reached (95 %: {with_recorded}).")
+    return Headline("PASS", f"{needed}: {plan.needed} samples reach it.")
 
 
 def outcome(plan: Plan) -> str:
     """Words of the planned samples' outcome."""
     count = len(plan.samples)
     many = f"{count} more samples" if plan.recorded else f"{count} samples"
-    return f"Expected error with {many}: {_error_words(plan)} (95 %)."
+    return f"Expected error with {many}: {_error_words(plan)} (95 %) {PLACE_WORDS[plan.place]}."
 
 
 def plan_lines(plan: Plan, tolerance_m: float | None) -> Iterator[str]:

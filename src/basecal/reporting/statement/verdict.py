@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from basecal.cell import Calibration, Cell, Finding, Tolerance, Validation
+from basecal.cell.work_error import PlaceKind
 from basecal.geometry import PoseEstimate
 from basecal.reporting.statement.digits import two_digits
 
@@ -17,11 +18,13 @@ Word = Literal["PASS", "FAIL", "GOOD", "DOUBTFUL", "REFUSED"]
 COLOURS = {"PASS": "good", "GOOD": "good", "DOUBTFUL": "doubtful", "FAIL": "refused", "REFUSED": "refused"}
 """Of words: the colour of the verdict that they are shown in."""
 
-_PLACES = {
+PLACE_WORDS: Mapping[PlaceKind, str] = {
     "task point": "at the task point",
     "task box": "in the task box",
     "recorded places": "where the arms worked",
 }
+"""Of the places at which an error is expected."""
+
 _SEVERITY_RANK = {"error": 0, "warning": 1, "info": 2}
 # What follows from something else is listed after it.
 _CONSEQUENCE_CODES = ("poor-fit", "inconsistent-folds", "overfit", "weak-direction", "not-converged", "too-few-samples")
@@ -153,7 +156,7 @@ def work_sentences(calibration: Calibration) -> list[str]:
     meeting = calibration.meeting
     if meeting is None:
         return []
-    return [f"expected error {two_digits(1e3 * meeting.expected_95_m)} mm (95 %) {_PLACES[meeting.where]}"]
+    return [f"expected error {two_digits(1e3 * meeting.expected_95_m)} mm (95 %) {PLACE_WORDS[meeting.where]}"]
 
 
 def _first_reason(findings: Iterable[Finding]) -> str:

@@ -1,11 +1,12 @@
-"""The row of a cell of a fleet, and its calibration if there is one."""
+"""The row of a cell of a fleet, with its calibration and its page if there is one."""
 
 from __future__ import annotations
 
 import json
 import time
 import traceback
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ from basecal.errors import BasecalError, printable
 
 VERDICTS = ("good", "doubtful", "refused", "unreadable", "failed")
 """Of a row: those of a calibration; then files that cannot be read as written, and faults of this program."""
+
+PageMaker = Callable[[Cell, Recording, Calibration, str], str]
+"""Makes the page of a calibration, under a title; workers import it."""
 
 _WORST_FIRST = {"error": 0, "warning": 1, "info": 2}
 
@@ -74,16 +78,17 @@ class Row:
 COLUMNS = tuple(f.name for f in fields(Row))
 
 
-def calibrate_row(folder: str, cell: str) -> bytes:
-    """The row of a cell, its calibration, and the traceback of a fault of this program, as JSON.
+def calibrate_row(folder: str, cell: str, make_page: PageMaker | None = None) -> bytes:
+    """The row of a cell, its calibration, its page, and the traceback of a fault of this program, as JSON.
 
     Args:
         folder: Of the fleet.
         cell: The cell's path in it.
+        make_page: What makes the page; none is made where None.
     """
-    begin, row, calibration, fault = time.perf_counter(), Row(cell, "failed"), None, ""
+    begin, row, calibration, page, fault = time.perf_counter(), Row(cell, "failed"), None, "", ""
     try:
-        row, calibration = _calibrate_cell(Path(folder, cell), cell)
+        row, calibration, page = _calibrate_cell(Path(folder, cell), cell, make_page)
     except BasecalError as error:
         row = Row(cell, "unreadable", said=_one_line(error).replace(f"{Path(folder, cell)}/", ""))
     except MemoryError:
@@ -92,16 +97,16 @@ def calibrate_row(folder: str, cell: str) -> bytes:
         fault = printable(traceback.format_exc())
         row = Row(cell, "failed", said=_one_line(f"a fault of basecal itself ({type(error).__name__}: {error})"))
     took = asdict(row) | {"time_s": time.perf_counter() - begin}
-    return _pack_row(took, calibration, fault)
+    return _pack_row(took, calibration, page, fault)
 
 
 def killed_row(cell: str, cause: str) -> bytes:
     """The row of a cell that kills its worker, as `calibrate_row`."""
-    return _pack_row(asdict(Row(cell, "failed", said=cause)), None, "")
+    return _pack_row(asdict(Row(cell, "failed", said=cause)), None, "", "")
 
 
-def _pack_row(row: dict[str, Any], calibration: dict[str, Any] | None, fault: str) -> bytes:
-    found = {"row": row, "calibration": calibration, "fault": fault}
+def _pack_row(row: dict[str, Any], calibration: dict[str, Any] | None, page: str, fault: str) -> bytes:
+    found = {"row": row, "calibration": calibration, "page": page, "fault": fault}
     return json.dumps(found, allow_nan=False).encode("utf-8", "backslashreplace")
 
 
@@ -109,7 +114,7 @@ def _one_line(error: object) -> str:
     return " ".join(printable(str(error)).split())
 
 
-def _calibrate_cell(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
+def _calibrate_cell(folder: Path, name: str, make_page: PageMaker | None) -> tuple[Row, dict[str, Any], str]:
     cell = read_cell(folder)
     hashes = input_hashes(folder, cell)
     recording = read_recording(folder, cell)
@@ -117,9 +122,9 @@ def _calibrate_cell(folder: Path, name: str) -> tuple[Row, dict[str, Any]]:
         from basecal.vision.detect import detect
 
         recording = detect(cell, recording)
-    made = calibrate(cell, recording)
-    written = calibration_to_dict(made) | {"inputs": hashes, "versions": used_versions()}
-    return _row(name, cell, recording, made), written
+    made = replace(calibrate(cell, recording), inputs=hashes)
+    page = "" if make_page is None else make_page(cell, recording, made, name)
+    return _row(name, cell, recording, made), calibration_to_dict(made) | {"versions": used_versions()}, page
 
 
 def _row(name: str, cell: Cell, recording: Recording, calibration: Calibration) -> Row:

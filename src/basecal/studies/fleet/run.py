@@ -18,10 +18,10 @@ from basecal.bounded_file import read_bounded
 from basecal.cell.format.writing import is_unused, make_folder, write_atomically
 from basecal.errors import DatasetError, InputError
 from basecal.studies.fleet.folder import find_cells, fingerprint
-from basecal.studies.fleet.row import COLUMNS, calibrate_row, killed_row
+from basecal.studies.fleet.row import COLUMNS, PageMaker, calibrate_row, killed_row
 from basecal.studies.jobs import Job, WorkerPool, done_jobs
 
-ROW, CALIBRATION, FAULT = "row.json", "calibration.json", "fault.txt"
+ROW, CALIBRATION, PAGE, FAULT = "row.json", "calibration.json", "report.html", "fault.txt"
 FLEET = "fleet.json"
 SCHEMA = "basecal/fleet/1"
 _CELLS = "cells"
@@ -68,7 +68,8 @@ class Fleet:
             InputError: if it cannot be written.
         """
         found = json.loads(content)
-        for name, text in ((CALIBRATION, _as_text(found["calibration"])), (FAULT, found["fault"])):
+        files = {CALIBRATION: _as_text(found["calibration"]), PAGE: found["page"], FAULT: found["fault"]}
+        for name, text in files.items():
             if text:
                 write_atomically(self.file(cell, name), text, base_folder=self.output, durable=False)
             else:
@@ -98,13 +99,14 @@ def make_fleet(folder: Path, output: Path) -> Fleet:
     return Fleet(folder, cells, output)
 
 
-def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None) -> None:
+def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None, make_page: PageMaker | None = None) -> None:
     """Calibrate each cell that has changed since it was, or never was; its row stands in the output folder then.
 
     Args:
         fleet: The cells.
         workers: Who works; workers of a cluster see the folder of the cells under the same path.
         step: Called with the cells done and all.
+        make_page: What makes the page of a cell; none is made where None.
 
     Raises:
         InputError: if something cannot be written, or the cluster is not there.
@@ -115,7 +117,10 @@ def run_fleet(fleet: Fleet, workers: WorkerPool, step: Step | None = None) -> No
     done, total = len(now) - len(left), len(now)
     notify(done, total)
     folder = str(fleet.folder.resolve())
-    jobs = [Job(k, 1, partial(calibrate_row, folder, cell), partial(killed_row, cell)) for k, cell in enumerate(left)]
+    jobs = [
+        Job(k, 1, partial(calibrate_row, folder, cell, make_page), partial(killed_row, cell))
+        for k, cell in enumerate(left)
+    ]
     for job, content in done_jobs(jobs, workers):
         cell = left[job.number]
         fleet.keep(cell, now[cell], content)
