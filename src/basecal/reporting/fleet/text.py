@@ -9,8 +9,8 @@ from basecal.reporting.statement.digits import two_digits
 from basecal.reporting.summary import wrap_text
 
 COLUMN_TITLES = (
-    *("cell", "verdict", "why", "findings", "transform"),
-    *("sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "s"),
+    *("cell", "verdict", "why", "transform"),
+    *("sigma mm", "sigma deg", "held out mm", "held out deg", "samples", "time s"),
 )
 """Of the columns of a cell's row."""
 
@@ -36,7 +36,7 @@ def number_text(value: float) -> str:
 def row_texts(row: Row) -> list[str]:
     """Texts of a cell's row under `COLUMN_TITLES`; empty if it was not computed."""
     numbers = ["" if row[name] is None else number_text(row[name]) for name in _NUMBER_COLUMNS]
-    return [row["cell"], row["verdict"], row["said"], row["findings"], row["transform"] or "", *numbers]
+    return [row["cell"], row["verdict"], row["said"], row["transform"] or "", *numbers]
 
 
 def verdict_counts(summary: Mapping[str, Any]) -> str:
