@@ -38,7 +38,7 @@ def played(slip: Slip, draw: int) -> dict[str, Any]:
             fixed = _fixed(desk, slip) if slip.fix else {}
         finally:
             os.chdir(here)
-    is_right = verdict == "good" and square < chi2.ppf(HOLD, 6)
+    is_right = bool(verdict == "good" and square < chi2.ppf(HOLD, 6))
     named = {part: _is_said(pattern, said) for part, pattern in (("cause", slip.cause), ("cure", slip.cure))}
     is_named = all(named.values()) if slip.cause else is_right
     is_silent = verdict == "good" and not is_right and not is_named

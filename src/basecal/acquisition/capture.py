@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from basecal.acquisition.coverage import Coverage, measure_coverage
+from basecal.acquisition.coverage import Coverage
 from basecal.acquisition.freedrive import Key, Led, wait_for_led_arms
 from basecal.acquisition.running.background import BackgroundCheck
 from basecal.acquisition.running.check import Doubt
@@ -173,12 +174,13 @@ class _Captured:
     def add(self, sample: Sample) -> None:
         """Count a sample among those taken, and have it checked."""
         self.taken.append(sample)
-        self._check.add(sample)
+        if self._by.scene is None:
+            self._check.add(sample)
 
     def step(self, sample: int, reason: str = "", is_last: bool = False) -> Step:
         """The step to report once a sample is taken, or the reason why it is not."""
         waits = is_last or self._by.settings.waits_for_check
-        covered, checked = measure_coverage(self._by.sketch, self.taken), self._check.collect(waits)
+        covered, checked = self._by.coverage(self.taken), self._check.collect(waits)
         return Step(sample, reason, len(self.taken), self.planned, covered, checked.sigma, checked.doubts)
 
     def repeat_doubtful(self, step: Step, plan: Sequence[Sample], remaining_samples: Sequence[Sample]) -> list[Sample]:
@@ -196,6 +198,10 @@ def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> 
         raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
     recording = Recording(_recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
     planned_count += len(recording.samples)
+    if taker.scene is not None:
+        for sample in recording.samples:
+            with suppress(Unfit):
+                taker.scene.check(sample)
     return _Captured(taker, planned_count, detect(taker.sketch.cell, recording).samples, check)
 
 

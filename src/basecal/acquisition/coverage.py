@@ -14,6 +14,9 @@ from basecal.planning.sketch import Sketch
 COVERAGE_GRID = (4, 6)
 """Rows and columns into which a picture is divided."""
 
+EQUAL_M, EQUAL_RAD = 2e-3, 2e-3
+"""Between arms of samples that say nearly the same."""
+
 _ENOUGH_TURN_RAD = np.radians(
     15.0
 )  # of turn between samples about an axis, below which a person is told to turn further
@@ -59,28 +62,45 @@ def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
                 and isinstance(seen, PixelObservation | CandidateObservation)
                 and seen.camera == sketch.view[0]
             ):
-                at = seen.pixels[:, ::-1] / np.array(size[::-1]) * COVERAGE_GRID
-                rows, columns = np.clip(at.astype(int), 0, np.array(COVERAGE_GRID) - 1).T
-                cells[rows, columns] = True
+                cells |= covered_cells(seen.pixels, size)
+    return Coverage(cells, turned_angles(sketch, samples))
+
+
+def covered_cells(pixels: Array, size_px: tuple[int, int]) -> BoolArray:
+    """Where pixels, (n, 2), are in a picture, of `COVERAGE_GRID`."""
+    cells = np.zeros(COVERAGE_GRID, dtype=bool)
+    at = pixels[:, ::-1] / np.array(size_px[::-1]) * COVERAGE_GRID
+    rows, columns = np.clip(at.astype(int), 0, np.array(COVERAGE_GRID) - 1).T
+    cells[rows, columns] = True
+    return cells
+
+
+def turned_angles(sketch: Sketch, samples: Sequence[Sample]) -> dict[str, Array]:
+    """Between which angles each arm was turned about its flange's axes, (3,) by robot [rad]."""
     turned = {}
     for robot in sketch.movers:
         poses = [sketch.base_from_flange(robot, sample.robots[robot]) for sample in samples if robot in sample.robots]
         angles = [(poses[0].inverse() @ pose).rotvec for pose in poses]
         turned[robot] = np.asarray(np.ptp(angles, axis=0)) if len(poses) > 1 else np.zeros(3)
-    return Coverage(cells, turned)
+    return turned
 
 
-def find_equal_sample(sketch: Sketch, sample: Sample, samples: Sequence[Sample], m: float, rad: float) -> int | None:
+def find_equal_sample(
+    sketch: Sketch, sample: Sample, samples: Sequence[Sample], m: float = EQUAL_M, rad: float = EQUAL_RAD
+) -> int | None:
     """The number of another sample with all arms within so much of this one; None if there is none."""
     for other in samples:
-        away = []
-        for robot in sketch.movers:
-            if robot not in other.robots:
-                break
-            here, there = (sketch.base_from_flange(robot, each.robots[robot]) for each in (sample, other))
-            away.append((here.inverse() @ there).log())
-        if len(away) == len(sketch.movers) and all(
-            np.linalg.norm(each[:3]) < m and np.linalg.norm(each[3:]) < rad for each in away
-        ):
+        if all(is_same_place(sketch, robot, sample, other, m, rad) for robot in sketch.movers):
             return other.sample
     return None
+
+
+def is_same_place(
+    sketch: Sketch, robot: str, first: Sample, second: Sample, m: float = EQUAL_M, rad: float = EQUAL_RAD
+) -> bool:
+    """Whether an arm is within so much of one place in both samples."""
+    if robot not in second.robots:
+        return False
+    here, there = (sketch.base_from_flange(robot, each.robots[robot]) for each in (first, second))
+    away = (here.inverse() @ there).log()
+    return bool(np.linalg.norm(away[:3]) < m and np.linalg.norm(away[3:]) < rad)

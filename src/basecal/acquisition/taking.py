@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from basecal.acquisition.coverage import find_equal_sample
+from basecal.acquisition.coverage import Coverage, find_equal_sample, measure_coverage, turned_angles
 from basecal.acquisition.driver import Grey, Moves, Switches
+from basecal.acquisition.pictures.scene_pictures import ScenePictures
 from basecal.acquisition.pictures.sharpness import Sharpness
 from basecal.acquisition.rig import Rig, goal_checks, movers
 from basecal.acquisition.stillness import Moving, Report, Unfit, wait_for_arms, wait_for_picture, wait_for_picture_after
@@ -26,7 +27,6 @@ from basecal.vision.image_file import png_bytes
 Notify = Callable[[str], None]
 """Receives what is done now, in words."""
 
-_EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # between samples that say nearly the same
 TOOL_M_S = 0.25
 """Speed of the fastest point of an arm unless somebody states another: that of collaborative and of manual operation.
 
@@ -67,6 +67,7 @@ class Taker:
         notify: Receives what is done.
         report: Receives what a person should know of pictures.
         sharpness: Of the views so far.
+        scene: Pictures of the scene so far; None where targets are seen.
     """
 
     rig: Rig
@@ -76,6 +77,13 @@ class Taker:
     notify: Notify = lambda words: None
     report: Report = lambda words: None
     sharpness: Sharpness = field(default_factory=Sharpness)
+    scene: ScenePictures | None = None
+
+    def coverage(self, samples: Sequence[Sample]) -> Coverage:
+        """The coverage of samples."""
+        if self.scene is None:
+            return measure_coverage(self.sketch, samples)
+        return Coverage(self.scene.cells.copy(), turned_angles(self.sketch, samples))
 
     def take(self, target_sample: Sample, samples: Sequence[Sample]) -> Sample:
         """A sample with its pictures on the disk, and what is seen in them.
@@ -143,9 +151,16 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
     stamp_s = next(iter(shots.values())).stamp_s
+    if taker.scene is not None:
+        taker.notify(f"sample {target_sample.sample}: looking at the scene")
+        here = Sample(target_sample.sample, stamp_s, states)
+        new = {name: shots[name] for name in taker.scene.moved_cameras(sketch, here, samples)}
+        sample = replace(here, images=_write_shots(folder, target_sample.sample, new)[0])
+        taker.scene.check(sample)
+        return sample
     taker.notify(f"sample {target_sample.sample}: looking for the target")
     sample = Sample(target_sample.sample, stamp_s, states, (), *_write_shots(folder, target_sample.sample, shots))
-    like = find_equal_sample(sketch, sample, samples, _EQUAL_M, _EQUAL_RAD)
+    like = find_equal_sample(sketch, sample, samples)
     if like is not None:
         raise Unfit(f"too like sample {like}")
     seen = detect(sketch.cell, Recording((sample,), folder=str(folder))).samples[0]

@@ -111,6 +111,8 @@ def capture(
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
+    A cell with `target: scene` is captured so; pictures that show too little
+    of the scene are refused at once.
     With --touch you lead tips to marks, and type which mark it is.
 
     From the fourth sample on each is compared with those before it. One that
@@ -156,7 +158,7 @@ def capture(
     if moving.touch:
         return capture_touches(cell, connecting, json, has_others=go or dry_run or freedrive or web)
     task = _checked_task(task_point, task_box, tolerance, pattern, plan, go, dry_run, freedrive, web, port)
-    sketch, count, limits = _sketch(cell), samples or _SAMPLES, moving.limits
+    sketch, count, limits = _sketch(cell, freedrive), samples or _SAMPLES, moving.limits
     with ExitStack() as shown, allowed_rig(sketch.cell, cell, connecting) as rig:  # an error stops the arms first
         wanted: Sequence[Sample] = ()
         replanner, shifts = _planners(rig, sketch, cell, task, pattern, plan, samples, seed)
@@ -210,11 +212,11 @@ def _planners(
     return replanner, ShiftsForTask(task, samples) if task and replanner is None else None
 
 
-def _sketch(cell: Path) -> Sketch:
+def _sketch(cell: Path, is_led: bool = False) -> Sketch:
     from basecal.cell.files import read_cell
-    from basecal.planning.sketch import sketch_cell
+    from basecal.planning.sketch import led_sketch, sketch_cell
 
-    return sketch_cell(read_cell(cell))
+    return (led_sketch if is_led else sketch_cell)(read_cell(cell))
 
 
 def _check_capture(
@@ -316,10 +318,13 @@ def _taker(
     rig: Rig, sketch: Sketch, folder: Path, limits: SpeedLimits, view: CaptureView | None, waits_for_check: bool = False
 ) -> Taker:
     """A taker of samples; without a view nothing is reported."""
+    from basecal.acquisition.pictures.scene_pictures import ScenePictures
     from basecal.acquisition.taking import CaptureSettings, Taker
+    from basecal.planning.sketch import SceneSketch
 
     settings = CaptureSettings(limits.joint_rad_s, limits.tool_m_s, waits_for_check=waits_for_check)
-    taker = Taker(rig, sketch, folder, settings)
+    scene = ScenePictures(sketch.cell, folder) if isinstance(sketch, SceneSketch) else None
+    taker = Taker(rig, sketch, folder, settings, scene=scene)
     return taker if view is None else replace(taker, notify=view.notify, report=view.report)
 
 

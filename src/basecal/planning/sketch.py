@@ -95,6 +95,29 @@ class Sketch:
         return self.body_pose(camera, sample.robots).inverse() @ self.body_pose(target, sample.robots)
 
 
+@dataclass(frozen=True, eq=False)
+class SceneSketch(Sketch):
+    """A cell whose cameras see the scene alone: nothing of its transforms is known, and nothing can be planned."""
+
+    @property
+    def movers(self) -> tuple[str, ...]:
+        """Robots that carry a camera."""
+        return tuple(dict.fromkeys(each.on for each in self.cell.cameras.values() if each.on != WORLD))
+
+
+def led_sketch(cell: Cell) -> Sketch:
+    """The sketch of a cell whose arms a person leads: also of one that sees the scene alone.
+
+    Raises:
+        InputError: as `sketch_cell`; or if there is no camera.
+    """
+    if not cell.sees_scene:
+        return sketch_cell(cell)
+    if not cell.cameras:
+        raise InputError("the cell has no camera: add one to cell.yaml")
+    return SceneSketch(cell, {}, (next(iter(cell.cameras)), ""))
+
+
 def sketch_cell(cell: Cell) -> Sketch:
     """The sketch of a cell: of its first camera, and the first target that does not hang on the same body.
 
@@ -104,9 +127,9 @@ def sketch_cell(cell: Cell) -> Sketch:
     views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
     if not views and cell.sees_scene:
         raise InputError(
-            "pictures of a scene are not planned: take 15 with each arm, five of them of one spot from similar "
-            "directions; rotate the flange by 20 deg about two axes, and do not aim all at one spot; "
-            "then import them by `basecal import poses` and `basecal import images`"
+            "pictures of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "
+            "with each arm, five of them of one spot from similar directions; rotate the flange by 20 deg about two "
+            "axes, and do not aim all at one spot"
         )
     if not views:
         raise InputError("the cell has no camera with a target to look at: add one of each to cell.yaml")
