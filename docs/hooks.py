@@ -11,6 +11,7 @@ from mkdocs.exceptions import PluginError
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.+?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\s*\\\[(.+?)\\\]\s*</div>', re.DOTALL)
 _TAG = re.compile(r"\\tag\{(\d+\.\d+)\}")
+_BAR = '<mo stretchy="false">&#x0007C;</mo>'  # of a norm, and no operator between others
 _CITED = re.compile(r"\((\d+\.\d+)\)(?![^<]*</a>)")
 
 
@@ -50,4 +51,4 @@ def _mathml(latex: str, display: str) -> str:
     made = convert(latex.strip(), display=display)
     if "\\" in made or re.search(r"&(?!#x[0-9A-F]+;|[a-z]+;)", made):
         raise PluginError(f"a formula that latex2mathml does not understand: {latex.strip()}")
-    return made
+    return made.replace(_BAR, _BAR.replace("<mo", '<mo lspace="0" rspace="0"'))
