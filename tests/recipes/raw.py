@@ -11,7 +11,7 @@ from shutil import copytree, ignore_patterns
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from basecal.cell import Recording
+from basecal.cell import Recording, Sample
 from basecal.cell.files import read_recording
 from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3
@@ -152,6 +152,23 @@ def scene(folder: Path) -> None:
         written(folder / f"{robot}.txt", teach_pendant(poses.translation, Rotation.from_matrix(poses.rotation)))
         for i, sample in enumerate(mine):
             (made / sample.images[f"{robot}_eye"]).rename(folder / f"photos_{robot}" / f"{i + 1}.png")
+    scene_bag(folder, {robot: [s for s in samples if robot in s.robots] for robot in ("left", "right")})
+
+
+def scene_bag(folder: Path, samples: dict[str, list[Sample]]) -> None:
+    """A bag of the same: both arms stop for each picture at once, and go on."""
+    from tests.bag_of_cell import Wrote, between, journey, middles
+
+    bag = Wrote("mcap", folder / "recording")
+    for robot, mine in samples.items():
+        poses = SE3.stack([sample.robots[robot].base_from_flange for sample in mine])
+        for time, stop, share in journey(len(mine)):
+            bag.pose(f"/{robot}/pose", time, between(poses, stop, share))
+        for k, time in enumerate(middles(len(mine))):
+            picture = (folder / f"photos_{robot}" / f"{k + 1}.png").read_bytes()
+            for late in (-0.2, 0.0, 0.2):
+                bag.compressed(f"/{robot}_eye/image/compressed", float(time) + late, picture, "png")
+    bag.close()
 
 
 def nothing(folder: Path) -> None:

@@ -17,7 +17,7 @@ LISTED = {
     path.stem: path for path in (*sorted((ROOT / "docs" / "recipes").glob("*.md")), ROOT / "docs" / "tutorial.md")
 }
 PAGES = {**LISTED, "README": ROOT / "README.md"}
-NEEDED = {"lerobot": "pyarrow"}
+NEEDED = {"lerobot": "pyarrow", "scene": "rosbags"}
 QUICK = {"camera_beside", "touches", "tracker"}
 """Pages that run with the fast tests."""
 

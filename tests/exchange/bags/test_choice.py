@@ -60,6 +60,8 @@ def test_no_usual_name() -> None:
         InputError, match=r"give --robot NAME=BASE,FLANGE or NAME=/TOPIC; frames of tf are: gripper, root"
     ):
         choose_sources(bag_of(), Survey(tree(("root", "gripper"))), Asked(), None)
+    with pytest.raises(InputError, match=r"topics of poses are: /left/pose$"):
+        choose_sources(bag_of(Topic("/left/pose", POSE, 3), Topic("/x", JOINTS, 3)), Survey(tree()), Asked(), None)
 
 
 def test_a_cell_says_its_frames() -> None:

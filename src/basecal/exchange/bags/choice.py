@@ -31,7 +31,7 @@ def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) 
         FrameNotFound: if a topic or frame that is requested is not there.
         InputError: if no robot is found, or it is not clear what carries a camera.
     """
-    frames = _frames_of_robots(survey.tree, request, cell)
+    frames = _frames_of_robots(bag, survey.tree, request, cell)
     robots = {name: _robot(bag, survey, name, words, request, cell) for name, words in frames.items()}
     topics = _topics_of_cameras(survey, request, cell)
     cameras = {name: _camera(survey, robots, name, topic, request, cell) for name, topic in topics.items()}
@@ -39,7 +39,7 @@ def choose_sources(bag: Bag, survey: Survey, request: Asked, cell: Cell | None) 
     return Taken(robots, cameras, views)
 
 
-def _frames_of_robots(tree: Tree, request: Asked, cell: Cell | None) -> dict[str, str]:
+def _frames_of_robots(bag: Bag, tree: Tree, request: Asked, cell: Cell | None) -> dict[str, str]:
     """`BASE,FLANGE`, or a topic, by robot."""
     if request.robots:
         return dict(request.robots)
@@ -57,8 +57,11 @@ def _frames_of_robots(tree: Tree, request: Asked, cell: Cell | None) -> dict[str
             f"which frames are {list_names(list(known))}? give --robot NAME=BASE,FLANGE for each; {hint(tree)}"
         )
     if not found:
+        topics = [topic.name for topic in bag.topics.values() if topic.kind == POSE]
+        said = f"; topics of poses are: {list_names(topics)}" if topics else ""
         raise InputError(
-            f"no robot is found by the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; {hint(tree)}"
+            f"no robot is found by the names of frames: give --robot NAME=BASE,FLANGE or NAME=/TOPIC; "
+            f"{hint(tree)}{said}"
         )
     return found
 
