@@ -13,12 +13,15 @@ from basecal.accuracy.scene.checks import (
     camera_findings,
     direction_findings,
     join_findings,
+    joint_findings,
     kept_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import OneCamera
+from basecal.cell import Cell, Robot
+from basecal.fields.parameters import Parameters
 from basecal.geometry import SE3
 from scene_pictures import pictures_of_scene, solved_camera
 from scene_points import ARM_M, MOUNT, made_scene
@@ -130,3 +133,14 @@ def test_views_that_aim_at_one_point_leave_the_distance_unknown() -> None:
     assert tied > 0.05
     axis = np.linalg.eigh(aim_covariance(aimed, 0)[:3, :3])[1][:, -1]
     assert abs(axis @ centre) / np.linalg.norm(centre) > 0.999
+
+
+def test_joints_that_are_to_be_estimated_are_not() -> None:
+    """A scene takes recorded poses with their noise: the robot and what is open of it are named."""
+    arms = {
+        "left": Robot("left", parameters={"joint_offsets": Parameters(status="free")}),
+        "right": Robot("right", parameters={"joint_offsets": Parameters()}),
+    }
+    (found,) = joint_findings(Cell("left", arms, {}, {}, {}), ["left", "right"])
+    assert (found.code, found.severity, found.about) == ("scene-joints", "info", ("left",))
+    assert found.what.startswith("The joint offsets of left are not estimated from a scene")

@@ -12,6 +12,7 @@ from basecal.accuracy.scene.checks import (
     base_findings,
     count_points,
     direction_findings,
+    joint_findings,
     motion_findings,
 )
 from basecal.accuracy.scene.find_scene import Report, find_scene
@@ -119,6 +120,7 @@ def _conclude(cell: Cell, fit: SceneFit, report: Report, settings: Settings) -> 
     if report.is_refused:
         return _refuse(report, settings)
     report.findings += [count_points(fit), Finding("scene-scale", "info", (), _UNIT)]
+    report.findings += joint_findings(cell, fit.views.robots)
     rows = {each.name: each.columns for each in places if each.columns is not None}
     at = [row for where in rows.values() for row in range(where.start, where.stop)]
     verdict = judge_findings(report.findings)

@@ -7,7 +7,7 @@ other evidence of the base, however coarse, would not be so near to it by chance
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,7 @@ from basecal.accuracy.model_comparison.independent import compare_contradiction,
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.motion import SceneMotion
 from basecal.accuracy.scene.one_camera import MOST_PX, OneCamera
-from basecal.cell import Finding
+from basecal.cell import Cell, Finding
 from basecal.estimation.scene.adjust import SceneFit
 from basecal.geometry import Array
 
@@ -193,3 +193,14 @@ def aim_covariance(fit: SceneFit, camera: int) -> Array:
     spread = np.zeros((6, 6))
     spread[:3, :3] = np.outer(still, still) * (arm_m / max(left, 1e-6)) ** 2
     return spread
+
+
+def joint_findings(cell: Cell, robots: Sequence[str]) -> Iterator[Finding]:
+    """Whether parameters of robots are to be estimated, which a scene alone does not."""
+    for robot in robots:
+        kinds = [name for name, each in cell.robots[robot].parameters.items() if each.status != "fixed"]
+        if kinds:
+            words = " and ".join(kind.replace("_", " ") for kind in kinds)
+            what = f"The {words} of {robot} are not estimated from a scene: they are in the noise of its poses."
+            do = ("Calibrate the arm with a board first, and import poses of the corrected URDF.",)
+            yield Finding("scene-joints", "info", (robot,), what, do)
