@@ -1,6 +1,6 @@
 """From which size on a recording can tell that arms are built otherwise than stated, and what the answer says then.
 
-The cells, plans and noise of `benchmarks.capture`, without its pictures: corners have the detector's errors, joints
+The cells, plans and noise of `benchmarks.capture`, without its images: corners have the detector's errors, joints
 stop up to 30 microradians from where they were sent. Arms then have an error of a size at which an answer that knows
 nothing of it moves by 5, 10 and 20 of its sigmas in that very cell, all noise known. A perfect test knows all noise and
 looks for nothing but the parameters of that kind of error: it finds it as often as a non-central chi-square beats
@@ -36,7 +36,7 @@ from benchmarks.common import RESULTS, table, write
 
 BASE = "eye_base_from_hand_base"
 CELLS, SAMPLES = 40, 25
-PIXEL_PX, STOP_RAD = 0.0075, 3e-5  # of the detector on such pictures, and of each joint at each stop
+PIXEL_PX, STOP_RAD = 0.0075, 3e-5  # of the detector on such images, and of each joint at each stop
 SIGMAS = (5.0, 10.0, 20.0)
 CHANCE = 1e-3
 # Parameters of two arms that a recording tells beside three free frames: a chain of twelve joints has 4 * 12 + 6, of

@@ -1,7 +1,7 @@
 """What memory an import of a long bag takes: of a tenth of it and of all, by stops and as streams.
 
-An arm goes from stop to stop for minutes; its pose 50 times and a picture of 1280 x 720 30 times a second are written
-by rosbags, the pictures noise, and `basecal import bag` reads them in a process of its own.
+An arm goes from stop to stop for minutes; its pose 50 times and an image of 1280 x 720 30 times a second are written
+by rosbags, the images noise, and `basecal import bag` reads them in a process of its own.
 
     python -m benchmarks.bag --gigabytes 2
 """

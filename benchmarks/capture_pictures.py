@@ -1,9 +1,9 @@
-"""Pictures of captures: reflections told from a light, its error beside the photon bound, stillness, and speed.
+"""Images of captures: reflections told from a light, its error beside the photon bound, stillness, and speed.
 
 Reflections: cells of two UR5e with a light, whose arms stand at random about their first places; a tray below shows
-the light again with 0.4 of its brightness. A picture counts where the tray's image of the light is in it; it is told
+the light again with 0.4 of its brightness. An image counts where the tray's image of the light is in it; it is told
 right where the answer rests on the light itself, within a pixel. Stillness: joints swing by 2 mrad for half a second
-after they arrive. Speed: time of one process for a picture of 1280x720; whatever else the machine does slows it, so the
+after they arrive. Speed: time of one process for an image of 1280x720; whatever else the machine does slows it, so the
 load is told beside it.
 """
 
@@ -42,8 +42,8 @@ from benchmarks.common import Kept, table, write
 from benchmarks.detectors import CAMERA, KINDS, Light, _poses, lights
 from benchmarks.direct_rig import direct_rig
 
-WANTED = 2000  # pictures with a reflection
-A_CELL = 60  # pictures of one cell
+WANTED = 2000  # images with a reflection
+A_CELL = 60  # images of one cell
 WANDER_RAD = 0.1  # of each joint about where it begins, one sigma
 RIGHT_PX = 1.0
 PHOTONS, SPOTS = (3e3, 3e4), (0.8, 1.5)  # where nothing is saturated
@@ -51,7 +51,7 @@ GOALS = {"reflections": 0.99, "bound": 1.15, "lost_s": 0.3, "pictures_a_second":
 
 
 def reflections(wanted: int, has_dark: bool, kept: Kept, minutes: float) -> dict[str, Any]:
-    """How many of so many pictures with a reflection are told right; of fewer where the time is up, a cell at least."""
+    """How many of so many images with a reflection are told right; of fewer where the time is up, a cell at least."""
     total = right = left_out = 0
     findings = cells = 0
     until = time.monotonic() + 60 * minutes
@@ -65,7 +65,7 @@ def reflections(wanted: int, has_dark: bool, kept: Kept, minutes: float) -> dict
 
 
 def _cell(seed: int, has_dark: bool) -> tuple[int, int, int, int]:
-    """Pictures of a cell that have a reflection, those told right, those left out, and whether it was named."""
+    """Images of a cell that have a reflection, those told right, those left out, and whether it was named."""
     world = two_arms("led", seed, read_faults(["reflection"]))
     plant, rng = Plant(world, Clock(0)), np.random.default_rng([seed, 31])
     light = world.cell.targets["light"].target
@@ -119,7 +119,7 @@ def _observation(found: Detection) -> CandidateObservation | PixelObservation:
 
 
 def stillness(cells: int, stops: int) -> dict[str, Any]:
-    """When pictures are taken after arms arrive that then ring for half a second [s]."""
+    """When images are taken after arms arrive that then ring for half a second [s]."""
     after: list[float] = []
     for seed in range(cells):
         world = two_arms("charuco", seed, read_faults(["ringing"]))
@@ -147,7 +147,7 @@ def stillness(cells: int, stops: int) -> dict[str, Any]:
 
 
 def speeds(pictures: int) -> dict[str, Any]:
-    """Median time of a picture [ms] by what is sought in it, and of what else the machine did."""
+    """Median time of an image [ms] by what is sought in it, and of what else the machine did."""
     rng, milliseconds = np.random.default_rng(0), {}
     boards: dict[str, Target] = {
         "charuco, 24 corners": charuco_target((5, 7), 0.04, 0.03, "DICT_4X4_50"),
@@ -162,7 +162,7 @@ def speeds(pictures: int) -> dict[str, Any]:
         render_light(CAMERA, place, replace(LightSettings(), photons=0.0), 2 * k + 1) for k, place in enumerate(places)
     ]
     milliseconds["light"] = _median_ms(on, led_target())
-    milliseconds["light, with a picture without it"] = _median_ms(on, led_target(), off)
+    milliseconds["light, with an image without it"] = _median_ms(on, led_target(), off)
     return {"milliseconds": milliseconds, "load": os.getloadavg()[0]}
 
 
@@ -187,7 +187,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--pictures", type=int, default=WANTED, help="with a reflection, each with and without a dark one"
     )
-    parser.add_argument("--lights", type=int, default=200, help="pictures for each condition")
+    parser.add_argument("--lights", type=int, default=200, help="images for each condition")
     parser.add_argument("--cells", type=int, default=2, help="whose arms ring")
     parser.add_argument("--stops", type=int, default=20, help="of each of them")
     parser.add_argument("--keep", type=Path, help="file in which cells with a reflection are kept, to go on from")
@@ -223,7 +223,7 @@ def section(result: dict[str, Any]) -> str:
     goals, speed, still = result["goals"], result["speed"], result["stillness"]
     most = 1e3 / goals["pictures_a_second"]
     rows: list[tuple[object, ...]] = [
-        (f"time of a picture: {name}", f"{each:.1f} ms", f"{most:g} ms") for name, each in speed["milliseconds"].items()
+        (f"time of an image: {name}", f"{each:.1f} ms", f"{most:g} ms") for name, each in speed["milliseconds"].items()
     ]
     rows.append((f"within half a second of ringing, of {still['samples']} samples", still["within_ring"], 0))
     rows.append(("time lost beyond it, at most", f"{still['most_lost_s']:.2f} s", f"{goals['lost_s']:g} s"))
@@ -241,9 +241,9 @@ def section(result: dict[str, Any]) -> str:
         )
     )
     about = f"""\
-What a capture sees in pictures of 1280 x 720: time of one process for each, with other programs beside it (the load
+What a capture sees in images of 1280 x 720: time of one process for each, with other programs beside it (the load
 was {speed["load"]:.1f}); arms that ring for half a second after they arrive; a tray that shows a light again, asked for
-in {WANTED} pictures, of which as many as the table says have been tried."""
+in {WANTED} images, of which as many as the table says have been tried."""
     return f"{about}\n\n{table(HEAD, rows)}"
 
 

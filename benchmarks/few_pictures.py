@@ -1,8 +1,8 @@
-"""Whether covariances are true from rendered pictures, thinned to few: nothing stated, robots with usual noise.
+"""Whether covariances are true from rendered images, thinned to few: nothing stated, robots with usual noise.
 
-Each cell has two arms, the camera on one, a ChArUco board on the other, both mounts unknown. Its 24 pictures are
+Each cell has two arms, the camera on one, a ChArUco board on the other, both mounts unknown. Its 24 images are
 rendered, what they show is detected, and random ones are left. NEES is the base's squared Mahalanobis distance from the
-truth. From ten pictures on its mean over six freedoms is to lie in a band; with fewer the truth in the 95 % ellipsoid.
+truth. From ten images on its mean over six freedoms is to lie in a band; with fewer the truth in the 95 % ellipsoid.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ HEAD = ("pictures", "cells", "refused", "doubtful", "good", "NEES/6, mean", "med
 
 
 class Outcome(NamedTuple):
-    """One cell of some of its pictures; errors are NaN where no base was given."""
+    """One cell of some of its images; errors are NaN where no base was given."""
 
     verdict: str
     nees: float
@@ -50,14 +50,14 @@ class Outcome(NamedTuple):
 
 
 def photographed(seed: int) -> tuple[SimulatedCell, Recording]:
-    """A cell and what its rendered pictures show."""
+    """A cell and what its rendered images show."""
     made = simulate(_SCENARIO, seed)
     with tempfile.TemporaryDirectory() as folder:
         return made, detect(made.cell, render_recording(made, Path(folder), seed=1000 * seed))
 
 
 def outcomes(seed: int, counts: Sequence[int]) -> list[Outcome]:
-    """A cell by so many of its pictures each: of a random order the first."""
+    """A cell by so many of its images each: of a random order the first."""
     made, recording = photographed(seed)
     order = np.random.default_rng([seed, 1]).permutation(len(recording.samples))
     return [_outcome(made, recording, np.sort(order[:count]).tolist()) for count in counts]
@@ -75,7 +75,7 @@ def _outcome(made: SimulatedCell, recording: Recording, rows: list[int]) -> Outc
 
 
 def summary(count: int, of: Sequence[Outcome]) -> dict[str, Any]:
-    """Of all cells by so many pictures."""
+    """Of all cells by so many images."""
     given = [o for o in of if not np.isnan(o.nees)]
     nees = np.array([o.nees for o in given]) / 6
     beyond = chi2.ppf(HELD, 6) / 6

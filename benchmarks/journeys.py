@@ -36,7 +36,7 @@ from benchmarks.common import Kept, on_one_core, table, write
 DRAWS, HOLD = 100, 0.99
 PERSONAS: dict[str, tuple[Callable[[Path, int], Persona], str]] = {
     "ros": (ros_sessions, "two arms, sessions of easy_handeye2, one arm still in each"),
-    "makers": (three_makers, "a UR, a KUKA and an ABB, pictures and pendant tables"),
+    "makers": (three_makers, "a UR, a KUKA and an ABB, images and pendant tables"),
     "hobby": (hobby_arms, "two LeRobot arms with joint offsets, a webcam"),
     "production": (production, "a KUKA and an ABB, a tolerance of 3 mm, a report"),
     "opencv": (opencv_arm, "OpenCV's arrays of one arm"),

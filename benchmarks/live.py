@@ -1,6 +1,6 @@
-"""A ROS 2 that runs, watched for minutes: whether states and pictures stand at their own stamps, and what it costs.
+"""A ROS 2 that runs, watched for minutes: whether states and images stand at their own stamps, and what it costs.
 
-A process of its own sends 500 joint states and 30 pictures of 1280 x 720 a second over DDS on this computer, each with
+A process of its own sends 500 joint states and 30 images of 1280 x 720 a second over DDS on this computer, each with
 its own stamp written into it. The drivers of this one take them as a capture does, two threads side by side.
 
     python -m benchmarks.live --minutes 5

@@ -1,4 +1,4 @@
-"""Whether each picture of a capture belongs to the pose beside it: cameras that buffer, streams, folders."""
+"""Whether each image of a capture belongs to the pose beside it: cameras that buffer, streams, folders."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def section(result: dict[str, Any]) -> str:
     sigma = np.median([row["sigma_px"] for row in result["rows"]])
     most = max(row["most_px"] for row in result["rows"])
     about = f"""\
-A picture belongs to its pose if the points found in it lie where the recorded pose puts them, within {SIGMAS:g} sigma
-of a point ({sigma:.3f} px). Moves take 0.3 s, pictures come 30 times a second (20 times into folders), and a sample
+An image belongs to its pose if the points found in it lie where the recorded pose puts them, within {SIGMAS:g} sigma
+of a point ({sigma:.3f} px). Moves take 0.3 s, images come 30 times a second (20 times into folders), and a sample
 follows the other at once or after half a second. Servers and programs that save run in processes of their own; streams
-are read by OpenCV. Of {taken} samples {wrong} had a picture of another pose; the largest difference was {most:.3f} px.
+are read by OpenCV. Of {taken} samples {wrong} had an image of another pose; the largest difference was {most:.3f} px.
 The version before took {before[0]} wrong ones of {before[1]}."""
     head = ("camera", "samples", "taken", "wrong", "largest difference", "latency (measured)", "wrong before")
     return f"{about}\n\n{table(head, rows)}"
@@ -43,7 +43,7 @@ def _rows(rows: list[dict[str, Any]], earlier: dict[str, dict[str, Any]]) -> Ite
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Measure, print and write; 1 where a picture of another pose was taken."""
+    """Measure, print and write; 1 where an image of another pose was taken."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, default=26, help="of each source")
     parser.add_argument("--only", default="", help="part of the names of sources that are tried; nothing is written")

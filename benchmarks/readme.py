@@ -152,8 +152,8 @@ FIGURES = (
     ),
     Figure(
         "few_pictures",
-        "4 to 8 rendered pictures of two arms, nothing stated, 40 draws each: within the 95 % ellipsoid, or "
-        "refused; 10 to 24 pictures: mean squared error of the base in its own covariance, 1 is right",
+        "4 to 8 rendered images of two arms, nothing stated, 40 draws each: within the 95 % ellipsoid, or "
+        "refused; 10 to 24 images: mean squared error of the base in its own covariance, 1 is right",
         _few_pictures,
     ),
     Figure(

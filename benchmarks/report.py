@@ -139,9 +139,9 @@ themselves need it: where rows hold more than asked, this is why."""
 def _few_pictures(result: Result) -> str:
     low, high = few_pictures.BAND
     about = f"""\
-Pictures of a board on one arm by a camera on another, rendered, detected and thinned to few; recorded poses of both
+Images of a board on one arm by a camera on another, rendered, detected and thinned to few; recorded poses of both
 arms off by {1e3 * few_pictures.NOISE[0]:g} mm and {1e3 * few_pictures.NOISE[1]:g} mrad per axis and stop, nothing
-stated of any noise, both mounts unknown. Asked of the base: from {few_pictures.ENOUGH} pictures on a mean NEES/6 in
+stated of any noise, both mounts unknown. Asked of the base: from {few_pictures.ENOUGH} images on a mean NEES/6 in
 [{low:g}, {high:g}]; with fewer the truth in the 95 % ellipsoid, or no answer, in
 {few_pictures.LEAST_HELD * 40:.0f} of 40. Findings: warnings and errors, with the number of cells."""
     return f"{about}\n\n{table(few_pictures.HEAD, map(few_pictures.row, result['rows']))}"
@@ -374,7 +374,7 @@ def _about_run(run: Result) -> str:
 
 
 def _bag(result: Result) -> str:
-    about = """Bags of a tenth of 2 GB and of 2 GB, pictures of 1280 x 720 at 30 and poses at 50 a second, imported by
+    about = """Bags of a tenth of 2 GB and of 2 GB, images of 1280 x 720 at 30 and poses at 50 a second, imported by
 stops and as streams: memory is not to grow with them."""
     return f"{about}\n\n{table(bag.HEAD, result['rows'])}"
 
@@ -399,9 +399,9 @@ off by up to {1e3 * result["offset_s"]:g} ms. The offset's 95 % interval is to h
 def _live(result: Result) -> str:
     memory, cores = result["memory_mb"], result["cores"]
     about = f"""\
-{result["minutes"]:g} minutes of {live.JOINTS_HZ} joint states and {live.PICTURES_HZ} pictures of {live.SIZE_PX[0]} x \
+{result["minutes"]:g} minutes of {live.JOINTS_HZ} joint states and {live.PICTURES_HZ} images of {live.SIZE_PX[0]} x \
 {live.SIZE_PX[1]} a second, sent by another process over DDS on
-this computer and taken by the driver `ros2`, each with its own stamp written into it. States and pictures that wait
+this computer and taken by the driver `ros2`, each with its own stamp written into it. States and images that wait
 while another is taken are passed over: a capture asks for the newest. The load of the machine was {result["load"]:g} \
 (both processes ran before others, at niceness {result["niceness"]}); the
 driver took {cores["this"]:.2f} of a core, the sender {cores["sender"]:.2f}; memory was {memory["after_warm_up"]:g} MB \
@@ -500,7 +500,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "held_out": ("Held-out error on real recordings", _held_out),
     "two_arms": ("Held-out loops of two real arms", _two_arms),
     "semi_synthetic": ("Truth put into real recordings", _semi_synthetic),
-    "few_pictures": ("Few pictures", _few_pictures),
+    "few_pictures": ("Few images", _few_pictures),
     "real": ("Real recordings", _real),
     "widths": ("What makes the width of a sigma", widths.section),
     "calibrate": ("Time of the whole command", _calibrate),
@@ -527,8 +527,8 @@ SECTIONS: dict[str, tuple[str, Callable[[Result], str]]] = {
     "scene_recordings": ("A scene in place of a board", scene_recordings.section),
     "running_check": ("The running check of a capture", running_check.section),
     "arm_errors": ("Errors of arms that can be told", arm_errors.section),
-    "capture_pictures": ("Pictures of captures", capture_pictures.section),
-    "pictures_and_poses": ("Pictures and their poses", pictures_and_poses.section),
+    "capture_pictures": ("Images of captures", capture_pictures.section),
+    "pictures_and_poses": ("Images and their poses", pictures_and_poses.section),
     "blurred_views": ("Blurred views", blurred_views.section),
     "clocks": ("Clocks", _clocks),
     "rolling_shutter": ("Rolling shutters", _rolling_shutter),

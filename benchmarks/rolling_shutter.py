@@ -82,7 +82,7 @@ def row_by_row(
     count = len(scene.shapes[view[1]].ids)
     which, point = np.repeat(np.arange(len(seen_s)), count), np.tile(np.arange(count), len(seen_s))
     rows = np.zeros(len(which))
-    for _ in range(4):  # rows and instants in turn: each round gains the share of a picture that a point moves in
+    for _ in range(4):  # rows and instants in turn: each round gains the share of an image that a point moves in
         there = {robot: _along(way, seen_s[which] + line_s * rows) @ noise[robot][which] for robot, way in ways.items()}
         pixels = scene.lenses[view[0]].project(points_in_camera(scene, view, there)[np.arange(len(which)), point])
         rows = pixels[:, 1]

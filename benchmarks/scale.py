@@ -87,7 +87,7 @@ put in your own price.
 {what}
 
 Cells, and the chunks of a study, know nothing of one another: twice the cores take half the time, until the disk is
-what is waited for. Pictures that no one has searched yet take longer than the calibration.
+what is waited for. Images that no one has searched yet take longer than the calibration.
 
 A ring of robots is one problem. {took}.
 The slopes of the logarithms are {", ".join(over)}: time over robots, each with as many samples,

@@ -1,13 +1,13 @@
 """Calibration from a scene: rendered rooms of two arms, right ones, and ones that are to be refused.
 
-Pictures are small and few, and so are points, so that hundreds of cells can be tried; sound cells are answered, too.
+Images are small and few, and so are points, so that hundreds of cells can be tried; sound cells are answered, too.
 Of a right room the base's error and its Mahalanobis distance are measured. Rooms that deceive have two equal boxes, a
 floor of equal tiles, little or nothing that both arms see, things that move, a gripper in view, or poses in another
 order, inverted or of the other arm. A refusal is free there; an answer whose base is beyond the
 99.996 % ellipsoid (M2 of 30) is false. In two rooms all that has texture is copied or moved as one:
 no camera can tell, which is why a base from a scene alone stays doubtful. Cells are drawn by number, kinds in turn.
 
-Mistaken poses and arms with errors are tried on the pictures of the plain room, whose features are found once. Arms
+Mistaken poses and arms with errors are tried on the images of the plain room, whose features are found once. Arms
 with errors are answered, and the base's Mahalanobis distance is measured; they count neither as sound nor as deceiving.
 """
 
@@ -56,7 +56,7 @@ SIZE, FOCAL = (320, 240), 256.0
 MOST_POINTS = 500  # of a camera's own scene: a third of the usual, for speed
 FALSE_M2 = 30.0
 OTHER_POSES = MISTAKES | ARM_ERRORS
-ORDER = ["plain", *OTHER_POSES, *(kind for kind in ROOMS if kind != "plain")]  # one after another of the same pictures
+ORDER = ["plain", *OTHER_POSES, *(kind for kind in ROOMS if kind != "plain")]  # one after another of the same images
 HEAD = (
     "room",
     "cells",
@@ -72,7 +72,7 @@ HEAD = (
 
 
 class Drawn:
-    """Pictures of a room in a folder of their own, the true base, and the true flange poses of both arms."""
+    """Images of a room in a folder of their own, the true base, and the true flange poses of both arms."""
 
     def __init__(self, kind: str, seed: int) -> None:
         self._home = tempfile.TemporaryDirectory()
@@ -107,7 +107,7 @@ def _centre() -> tuple[float, float]:
 
 
 def _render(folder: Path, room: Room, looks: Sequence[Poses], rng: np.random.Generator) -> None:
-    """Write the pictures of both arms, numbered through."""
+    """Write the images of both arms, numbered through."""
     lens = Camera("pinhole", np.array([FOCAL, FOCAL, *_centre(), *EXAMPLE.DISTORTION]), SIZE)
     width, height = (int(room.gripper * side) for side in SIZE)
     gripper = EXAMPLE.texture(rng, (height, width), 1.0) if room.gripper else None
@@ -124,7 +124,7 @@ def _render(folder: Path, room: Room, looks: Sequence[Poses], rng: np.random.Gen
 
 
 def _write_cell(folder: Path, poses: tuple[Poses, Poses]) -> None:
-    """Write cell and samples with these poses beside the pictures."""
+    """Write cell and samples with these poses beside the images."""
     pairs = [(name, pose) for name, own in zip(NAMES, poses, strict=True) for pose in own]
     lines = [
         {
@@ -145,7 +145,7 @@ def _write_cell(folder: Path, poses: tuple[Poses, Poses]) -> None:
 
 @lru_cache(maxsize=1)
 def drawn(kind: str, seed: int) -> Drawn:
-    """The pictures of a room, the last of which are kept."""
+    """The images of a room, the last of which are kept."""
     return Drawn(kind, seed)
 
 
@@ -153,7 +153,7 @@ _SOLVED: dict[str, OneCamera] = {}
 
 
 def solve_camera_once(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
-    """What `solve_camera` gives, kept for other cells of the same pictures and poses."""
+    """What `solve_camera` gives, kept for other cells of the same images and poses."""
     rows = pictures.camera_views(camera)
     poses = pictures.views.base_from_flange[np.array(rows)]
     seen = [poses.translation.tobytes(), *(pictures.features[row].pixels.tobytes() for row in rows)]
@@ -212,7 +212,7 @@ def section(result: dict[str, Any]) -> str:
     sound = [each for each in cells if each["kind"] in RIGHT]
     answered = sum("mm" in each for each in sound)
     about = f"""\
-Rendered rooms of two arms, {VIEWS} pictures of {SIZE[0]}x{SIZE[1]} each, poses off by 0.2 mm and 0.3 mrad. Of
+Rendered rooms of two arms, {VIEWS} images of {SIZE[0]}x{SIZE[1]} each, poses off by 0.2 mm and 0.3 mrad. Of
 {len(deceiving)} cells that deceive, {false} were answered falsely (M2 of the base above {FALSE_M2:g}, 6 is right).
 Not counted are "{AMBIGUOUS[0]}" and "{AMBIGUOUS[1]}": all that has
 texture is copied or moved as one, which no camera can tell.

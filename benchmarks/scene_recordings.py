@@ -38,7 +38,7 @@ HEAD = "recording", "what", "verdict", "mm", "deg", "M2", "own sigma [mm]", "[de
 
 
 def masked(cell: Cell, sample: Sample, camera: str) -> list[Array]:
-    """Pixels of each target that a picture shows."""
+    """Pixels of each target that an image shows."""
     seen = (each for each in sample.observations if isinstance(each, PixelObservation))
     return [each.pixels for each in seen if each.camera == camera]
 
@@ -93,7 +93,7 @@ def as_two_arms(cell: Cell, recording: Recording) -> tuple[Cell, Recording]:
 
 
 def read(name: str, home: Path) -> tuple[Cell, Recording]:
-    """A copy of a recording, its boards seen; that of two UR5e is the example, with the published pictures."""
+    """A copy of a recording, its boards seen; that of two UR5e is the example, with the published images."""
     folder = Path(copytree(EXAMPLES / "ur5e_dual" if name == UR5E else data_folder() / name, home / name))
     cell = read_cell(folder)
     recording = read_recording(folder, cell)

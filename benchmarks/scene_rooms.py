@@ -39,9 +39,9 @@ class Room:
     Attributes:
         faces: Of each arm's pictures: faces, and what is painted on them.
         middle: (2, 3) what each arm looks at [m].
-        views: Pictures of each arm.
-        gripper: Share of each picture's width and height that something covers which rides with the camera.
-        drift: (3,) motion of all that is seen between two pictures [m].
+        views: Images of each arm.
+        gripper: Share of each image's width and height that something covers which rides with the camera.
+        drift: (3,) motion of all that is seen between two images [m].
     """
 
     faces: tuple[tuple[list[Face], list[Array]], tuple[list[Face], list[Array]]]
@@ -147,7 +147,7 @@ def moved_boxes(rng: np.random.Generator, contrast: float, together: bool) -> Ro
 
 
 def drifting(rng: np.random.Generator) -> Room:
-    """A conveyor: all that is seen moves by 0.5 to 20 mm from picture to picture."""
+    """A conveyor: all that is seen moves by 0.5 to 20 mm from image to image."""
     way = rng.uniform(0, 2 * np.pi)
     step = 10 ** rng.uniform(-3.3, -1.7)
     return replace(plain(rng), drift=(step * np.cos(way), step * np.sin(way), 0.0))

@@ -1,4 +1,4 @@
-"""Draw the first picture of the README from a cell that `basecal demo` made: `python docs/draw_demo.py demo_cell`."""
+"""Draw the first image of the README from a cell that `basecal demo` made: `python docs/draw_demo.py demo_cell`."""
 
 from __future__ import annotations
 

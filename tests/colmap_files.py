@@ -11,7 +11,7 @@ from basecal.geometry import SE3
 
 
 class Image(NamedTuple):
-    """A picture, its camera, and its pose up to scale."""
+    """An image, its camera, and its pose up to scale."""
 
     name: str
     camera: int

@@ -1,4 +1,4 @@
-"""Pictures of a made-up scene: features with descriptors in place of rendered images."""
+"""Images of a made-up scene: features with descriptors in place of rendered images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from basecal.geometry import SE3, Array, BoolArray
 from basecal.vision.tracks.features import DESCRIPTOR, Descriptors, Features
 from scene_points import LENS, MIDDLE, MOUNT, PIXEL, Scene, made_scene
 
-CLUTTER = 30  # features of each picture that show no point
+CLUTTER = 30  # features of each image that show no point
 NOISE = 0.02  # of each number of a descriptor: two of one point are 0.1 apart, squared
 
 
@@ -64,7 +64,7 @@ def with_inverted_poses(views: SceneViews, camera: int) -> SceneViews:
 
 
 def solved_camera(scene: Scene, pictures: Pictures, camera: int) -> OneCamera:
-    """What a camera's pictures say if its mount and points are the true ones, without a search."""
+    """What a camera's images say if its mount and points are the true ones, without a search."""
     views, rows = own_views(scene.views, camera)
     mine = scene.views.camera[scene.tracks.view] == camera
     local = scene.tracks.view[mine] - rows[0]

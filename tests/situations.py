@@ -1,7 +1,7 @@
 """Pages of reports in some 24 situations, to be looked at.
 
     python -m tests.situations FOLDER             a page each
-    python -m tests.situations FOLDER --pictures  and pictures of it at three widths, light and dark, and as paper
+    python -m tests.situations FOLDER --pictures  and images of it at three widths, light and dark, and as paper
     python -m tests.situations FOLDER --look      and what is wrong with them as a browser shows them
 
 Simulated cells are calibrated; what is found of them besides is put in, with the words of the check that finds it.
@@ -74,7 +74,7 @@ def situations() -> Iterator[tuple[str, Made]]:
 
 
 def looked_at(paths: Sequence[Path], axe: Path | None, keeps_pictures: bool) -> Iterator[str]:
-    """What is wrong with pages at each size and scheme; their pictures, and they as paper, are put beside them."""
+    """What is wrong with pages at each size and scheme; their images, and they as paper, are put beside them."""
     with TemporaryDirectory() as profile, browsing(Path(profile)) as tab:
         for path in paths:
             for name in shown_sizes(tab, path.as_uri()):
@@ -89,7 +89,7 @@ def main() -> None:
     """Write the pages, and look at them in a browser if it is requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--pictures", action="store_true", help="and their pictures, and as paper")
+    parser.add_argument("--pictures", action="store_true", help="and their images, and as paper")
     parser.add_argument("--look", action="store_true", help="list text that is cut and errors of the console")
     parser.add_argument("--axe", type=Path, metavar="FILE", help="axe.min.js of axe-core, to list what it finds too")
     asked = parser.parse_args()

@@ -54,7 +54,7 @@ def test_the_picture_is_that_of_the_demo() -> None:
 
 
 def test_the_first_screen_has_the_commands_of_a_fresh_machine() -> None:
-    """Before any heading: the picture, and targets that the Makefile has."""
+    """Before any heading: the image, and targets that the Makefile has."""
     first = TEXT[: TEXT.index("\n## ")]
     targets = re.findall(r"^make (\w+)", first, re.MULTILINE)
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

@@ -126,7 +126,7 @@ def published(name: str) -> Path:
 
 @pytest.mark.slow
 def test_boards_of_even_light_are_found(tmp_path: Path) -> None:
-    """A board of 28 x 17 corners in thirty pictures, of which normalised ones show six: at least 29 are found."""
+    """A board of 28 x 17 corners in thirty images, of which normalised ones show six: at least 29 are found."""
     folder = tmp_path / "cell"
     shutil.copytree(published("kuka_1_chessboard"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
     seen = detect(read_cell(folder), read_recording(folder))
@@ -134,7 +134,7 @@ def test_boards_of_even_light_are_found(tmp_path: Path) -> None:
 
 
 def test_a_tag_of_another_number_is_named(tmp_path: Path) -> None:
-    """Told tag 0 where every picture shows tag 10, the first finding says so."""
+    """Told tag 0 where every image shows tag 10, the first finding says so."""
     folder = tmp_path / "cell"
     shutil.copytree(published("visp_franka_to_hand"), folder, ignore=shutil.ignore_patterns("derived", "runs"))
     text = (folder / "cell.yaml").read_text()

@@ -46,7 +46,7 @@ def as_chessboard(desk: Desk) -> None:
 
 
 def bild(desk: Desk) -> None:
-    """The table names its pictures, and has its rows in the order in which they were written down."""
+    """The table names its images, and has its rows in the order in which they were written down."""
     rows = [f"{path.name};{row}" for path, row in zip(desk.photos, _semicolons(desk), strict=True)]
     turned = np.random.default_rng(desk.draw).permutation(len(rows))
     desk.write("ur.csv", ["Bild;" + UR_HEADER.replace(",", ";"), *rows])

@@ -152,7 +152,7 @@ def _cell(text: str) -> str:
 
 
 def image_of_matrices(desk: Desk) -> None:
-    """Rows in another order, each beside the name of its picture."""
+    """Rows in another order, each beside the name of its image."""
     names = [path.name for path in desk.photos]
     rows = [f"{name},{row}" for name, row in zip(names, matrix_rows(*desk.ur), strict=True)]
     desk.write("ur.csv", [f"image,{MATRIX_HEADER}", *rows])

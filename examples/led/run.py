@@ -2,7 +2,7 @@
 
     python examples/led/run.py [FOLDER]
 
-Each sample has a picture with the light on and one with it off. Both mounts are unknown: the camera's on its flange and
+Each sample has an image with the light on and one with it off. Both mounts are unknown: the camera's on its flange and
 the light's on the other.
 """
 

@@ -1,7 +1,7 @@
 """A cell of two arms without a target: renders what their wrist cameras see of a table, a wall and boxes.
 
 Usage: python examples/scene/make.py FOLDER [--views 15] [--size 640x480] [--seed 1]. Writes cell.yaml, the recording
-with pictures, and truth.yaml.
+with images, and truth.yaml.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MOUNTS = SE3.from_rpy((0.05, -0.1, 0.3), (0.04, -0.02, 0.08)), SE3.from_rpy((-0.
 LEFT_BASE_FROM_RIGHT_BASE = SE3.from_rpy((0.01, 0.02, 2.9), (1.4, 0.1, 0.05))
 ARM_M, ARM_RAD = 2e-4, 3e-4  # pose errors of both arms, 1 sigma per axis
 DISTORTION = [-0.05, 0.02, 0, 0, 0]
-GREY_LEVELS = 1.5  # noise of pictures, 1 sigma
+GREY_LEVELS = 1.5  # noise of images, 1 sigma
 MIDDLE = np.array([0.7, 0.0, 0.0])
 # Faces of boxes, the table and a wall: a corner, two sides [m], all in the base of the left robot.
 FACES = [

@@ -32,7 +32,7 @@ def _ros2_process():
 
 @pytest.fixture
 def ros2_cell(_ros2_process):
-    """What drivers of ROS 2 send: 100 joint states and 30 small pictures a second, tf; silent between tests."""
+    """What drivers of ROS 2 send: 100 joint states and 30 small images a second, tf; silent between tests."""
     for words in (("rate", "joints", 100), ("rate", "pictures", 30), ("freeze", "off"), ("partial", "off")):
         _ros2_process.tell(*words)
     yield _ros2_process

@@ -33,7 +33,7 @@ def journal(folder):
 
 
 def test_a_plan_is_captured(tmp_path):
-    """Every sample is in the journal when it is told of, with its picture, states near its plan, and what was seen."""
+    """Every sample is in the journal when it is told of, with its image, states near its plan, and what was seen."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 5)
         for count, step in enumerate(capture(Taker(rig, sketch, tmp_path, FAST), plan), start=1):
@@ -51,7 +51,7 @@ def test_a_plan_is_captured(tmp_path):
 
 
 def test_a_light_is_seen_on_and_off(tmp_path):
-    """At each stop there is a picture with the light and one without, and the light is on again in the end."""
+    """At each stop there is an image with the light and one without, and the light is on again in the end."""
     with running(tmp_path, target="led") as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 7, shifts)
         assert [step.why_not for step in capture(Taker(rig, sketch, tmp_path, FAST), plan[:2])] == ["", ""]
@@ -127,7 +127,7 @@ def test_what_cannot_be_used_is_told_and_not_asked_again(tmp_path):
 
 
 def test_blurred_pictures_are_told(tmp_path, monkeypatch):
-    """A picture whose edges are wider across one direction than across another is too blurred, and not recorded."""
+    """An image whose edges are wider across one direction than across another is too blurred, and not recorded."""
     monkeypatch.setattr(module, "edge_width", lambda grey, pixels: EdgeWidth(3.0, 5.2))
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch, plan = planned(world, tmp_path, 1)

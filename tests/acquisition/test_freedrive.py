@@ -109,7 +109,7 @@ class Person:
 
 
 def test_a_cell_is_captured_by_hand(tmp_path):
-    """Each place at which the arms are held becomes a sample with its picture; nothing moves them but the person."""
+    """Each place at which the arms are held becomes a sample with its image; nothing moves them but the person."""
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sketch = sketch_cell(world.cell)
         plan = poses.plan(sketch, home(world), make_feasibility_check(sketch), 1, 0)

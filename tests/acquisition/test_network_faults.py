@@ -97,7 +97,7 @@ def test_a_controller_behind_a_network_with_faults():
 
 @pytest.mark.slow
 def test_ros2_over_a_network_that_loses_packets():
-    """Of five packets one is lost: every state and picture that comes is whole, with its own stamp, and newer."""
+    """Of five packets one is lost: every state and image that comes is whole, with its own stamp, and newer."""
     pytest.importorskip("cyclonedds")
     from basecal.acquisition.drivers.ros2 import open_camera as open_picture
     from basecal.acquisition.drivers.ros2 import open_robot as open_joints
@@ -120,7 +120,7 @@ def test_ros2_over_a_network_that_loses_packets():
 
 @pytest.mark.slow
 def test_ros2_over_a_network_that_reorders_packets():
-    """A tenth of the packets are overtaken: every state and picture is whole, with its own stamp, and newer."""
+    """A tenth of the packets are overtaken: every state and image is whole, with its own stamp, and newer."""
     pytest.importorskip("cyclonedds")
     from shared.ros2_domain import over
 

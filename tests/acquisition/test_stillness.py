@@ -1,4 +1,4 @@
-"""Waiting until arms and picture are still."""
+"""Waiting until arms and image are still."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_typed_pose_is_taken_as_it_is():
 
 
 class Film:
-    """A camera whose pictures show a bright square that swings to rest within a second, 30 pictures a second."""
+    """A camera whose images show a bright square that swings to rest within a second, 30 images a second."""
 
     is_live = True
 
@@ -92,12 +92,12 @@ def test_a_picture_that_swings_is_waited_for():
     """None is taken before the swing is below a tenth of a pixel, and none long after."""
     assert 0.9 < wait_for_picture(Film(5.0), [], 5.0).stamp_s < 1.3
     assert wait_for_picture(Film(0.0), [], 5.0).stamp_s == pytest.approx(3 / 30)
-    with pytest.raises(Unfit, match="picture still moving"):
+    with pytest.raises(Unfit, match="image still moving"):
         wait_for_picture(Film(50.0), [], 0.4)
 
 
 def test_a_camera_that_gives_one_picture():
-    """Of a folder the next picture is taken as it is: a person vouches that all was still."""
+    """Of a folder the next image is taken as it is: a person vouches that all was still."""
     film = Film(5.0)
     film.is_live = False
     assert wait_for_picture(film, [], 5.0).stamp_s == pytest.approx(1 / 30)
@@ -105,7 +105,7 @@ def test_a_camera_that_gives_one_picture():
 
 @pytest.mark.parametrize(("target", "places"), [pytest.param("charuco", 10, marks=pytest.mark.slow), ("led", 1)])
 def test_ringing_arms_are_outwaited(tmp_path, target, places):
-    """After arrival at a place, each picture was taken when the ringing was over, and at most 0.3 s later."""
+    """After arrival at a place, each image was taken when the ringing was over, and at most 0.3 s later."""
     with running(tmp_path, "ringing=4", target=target) as world, open_rig(world.cell, tmp_path) as rig:
         shape = next(iter(world.cell.targets.values())).target
         rng = np.random.default_rng(0)

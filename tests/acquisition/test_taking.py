@@ -28,7 +28,7 @@ def test_it_says_what_it_does(tmp_path):
     told = []
     with running(tmp_path) as world, open_rig(world.cell, tmp_path) as rig:
         sample = Taker(rig, sketch_cell(world.cell), tmp_path, FAST, told.append).take(Sample(4), [])
-    assert told == ["sample 4", "sample 4: waiting for a still picture", "sample 4: looking for the target"]
+    assert told == ["sample 4", "sample 4: waiting for a still image", "sample 4: looking for the target"]
     assert sample.observations[0].target == "board"
 
 
@@ -53,7 +53,7 @@ def test_a_camera_does_not_look_at_what_hangs_beside_it(tmp_path):
 
 
 class LateEye:
-    """A camera whose next picture was exposed before the light was switched."""
+    """A camera whose next image was exposed before the light was switched."""
 
     is_live = True
 

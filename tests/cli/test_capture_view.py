@@ -41,7 +41,7 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
     monkeypatch.setattr(sys, "stdout", stream)
     with capture_view(of, CELL, web=False, port=0, quiet=quiet) as view:
         view.notify("sample 4: arms move")
-        view.report("camera wrist: pictures arrive late")
+        view.report("camera wrist: images arrive late")
         view.note(step(), 1)
         view.end("GOOD", "9 of 9 samples taken", "basecal calibrate mycell")
     assert view.watch.snapshot.end.word == "GOOD"
@@ -50,8 +50,8 @@ def shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch, of: Rig, quiet: 
 
 def test_where_nobody_watches_a_sample_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what was covered and how well the base is known, after reports; nothing where a program reads."""
-    late = "camera wrist: pictures arrive late\n"
-    line = late + "   4/9 sample 3: taken, 100 % of the picture; base known to 1.0 mm and 0.057 deg (1 sigma)\n"
+    late = "camera wrist: images arrive late\n"
+    line = late + "   4/9 sample 3: taken, 100 % of the image; base known to 1.0 mm and 0.057 deg (1 sigma)\n"
     assert shown(io.StringIO(), monkeypatch, rig()) == line
     assert shown(io.StringIO(), monkeypatch, rig(), quiet=True) == ""
 

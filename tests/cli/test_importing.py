@@ -37,7 +37,7 @@ def test_it_says_what_was_read_and_what_comes_next(tmp_path: Path, capsys: pytes
     assert finish_import(tmp_path, poses("left", 3)) == 0
     first = capsys.readouterr().out.splitlines()
     assert first[0] == "read left.csv: 3 poses"
-    assert first[-1].startswith(f"wrote 3 samples and cell.yaml to {tmp_path}: next, its pictures: basecal import im")
+    assert first[-1].startswith(f"wrote 3 samples and cell.yaml to {tmp_path}: next, its images: basecal import im")
     assert finish_import(tmp_path, poses("right", 3)) == 0
     assert capsys.readouterr().out.splitlines()[1:3] == [
         "paired with 3 samples in order",

@@ -24,13 +24,13 @@ def without(**fields: object) -> Recording:
 
 
 def test_one_thing_after_the_other(tmp_path: Path) -> None:
-    """Robots, then pictures, then a target; nothing where all is there."""
+    """Robots, then images, then a target; nothing where all is there."""
     assert step(tmp_path) == ""
     silent = without(robots={})
     assert step(tmp_path, recording=silent).startswith("next, poses of eye, hand: basecal import poses ")
     blind = without(observations=())
     assert step(tmp_path, recording=blind).endswith(" DIR --camera wrist")
-    assert "which target the pictures show" in step(tmp_path, replace(MADE.cell, targets={}))
+    assert "which target the images show" in step(tmp_path, replace(MADE.cell, targets={}))
     assert "calibrate" in step(tmp_path, replace(MADE.cell, targets={}))
     assert step(tmp_path, replace(MADE.cell, targets={}, sees_scene=True)).startswith("next, what hand carries: ")
     assert "--camera NAME --on ROBOT" in step(tmp_path, replace(MADE.cell, cameras={}))

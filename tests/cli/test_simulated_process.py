@@ -1,4 +1,4 @@
-"""`basecal simulate --process`: what draws its pictures."""
+"""`basecal simulate --process`: what draws its images."""
 
 from __future__ import annotations
 

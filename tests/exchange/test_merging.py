@@ -63,7 +63,7 @@ def test_robots_are_joined_and_samples_numbered_on(tmp_path: Path) -> None:
 
 
 def test_pictures_of_one_name_both_come_along(tmp_path: Path) -> None:
-    """A picture whose path is taken gets the number of its sample before its name."""
+    """An image whose path is taken gets the number of its sample before its name."""
     parts = [with_pictures(cell(tmp_path / n, BASE + CAMERA, range(2)), n.encode()) for n in "ab"]
     merge_cells(parts, tmp_path / "c")
     last = read_recording(tmp_path / "c").samples[-1]
@@ -115,7 +115,7 @@ def test_cells_of_other_references(tmp_path: Path) -> None:
 
 
 def test_streams_at_one_time_are_not_mixed(tmp_path: Path) -> None:
-    """Lines of robots alone are joined by time with those of pictures: recordings must not overlap."""
+    """Lines of robots alone are joined by time with those of images: recordings must not overlap."""
     a, b = (cell(tmp_path / n, BASE, range(3), stamps) for n, stamps in (("a", 0.0), ("b", 1.5)))
     with pytest.raises(InputError, match=r"overlap in time \(1.5 to 2 s\)"):
         merge_cells([a, b], tmp_path / "c")

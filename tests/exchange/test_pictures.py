@@ -1,4 +1,4 @@
-"""Folders of pictures."""
+"""Folders of images."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def test_the_usual_size() -> None:
 
 
 def test_the_size_of_a_picture(tmp_path: Path) -> None:
-    """By its first bytes; of what is no picture, or not there, nothing is said."""
+    """By its first bytes; of what is no image, or not there, nothing is said."""
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((48, 64), np.uint8))
-    (tmp_path / "b.png").write_bytes(b"no picture")
+    (tmp_path / "b.png").write_bytes(b"no image")
     assert picture_size(tmp_path / "a.png") == (64, 48)
     assert picture_size(tmp_path / "b.png") is None
     assert picture_size(tmp_path / "c.png") is None

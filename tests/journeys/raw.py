@@ -1,4 +1,4 @@
-"""Raw files as users have them: pictures of a simulated cell, and its robots' poses in the words of other tools.
+"""Raw files as users have them: images of a simulated cell, and its robots' poses in the words of other tools.
 
 Poses are written with SciPy's rotations, not with the code that reads them.
 """
@@ -36,7 +36,7 @@ def cell(samples: int, seed: int, **kept: object) -> SimulatedCell:
 
 
 def photographs(made: SimulatedCell, folder: Path, name: Callable[[int], str]) -> None:
-    """Pictures of every sample in a folder, by the names that a camera's program gives them."""
+    """Images of every sample in a folder, by the names that a camera's program gives them."""
     recording = render_recording(made, folder / "rendered")
     (folder / "photos").mkdir()
     for i, sample in enumerate(recording.samples):

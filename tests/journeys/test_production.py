@@ -56,7 +56,7 @@ def pasted_frame(text: str) -> SE3:
 def test_from_pendants_to_a_base_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The lines of both programs and the camera's pictures; the answer is the frame of the ABB's base for the KUKA."""
+    """The lines of both programs and the camera's images; the answer is the frame of the ABB's base for the KUKA."""
     monkeypatch.chdir(tmp_path)
     made = cell(samples=18, seed=5)
     photographs(made, tmp_path, lambda i: f"cam0_{i + 1:04d}.png")

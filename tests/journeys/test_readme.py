@@ -77,7 +77,7 @@ def files(tmp_path: Path) -> SE3:
 
 def test_own_pictures_to_an_answer_in_a_controller(tmp_path: Path, typed: Typed, files: SE3) -> None:
     """The tolerance is met, and the pose for the controller is printed."""
-    *before, calibrate, export = commands("Your own pictures")
+    *before, calibrate, export = commands("Your own images")
     for line in before:
         typed(line)
     assert typed(calibrate).startswith("PASS: ")
@@ -91,7 +91,7 @@ def test_a_refused_recording_is_fixed(tmp_path: Path, typed: Typed, files: SE3) 
     turned = [Rotation.from_rotvec(numbers(line)[3:]).inv() for line in lines]
     places = [-turn.apply(numbers(line)[:3]) for turn, line in zip(turned, lines, strict=True)]
     written(tmp_path / "left.txt", teach_pendant(places, Rotation.concatenate(turned)))
-    for line in commands("Your own pictures")[:3]:
+    for line in commands("Your own images")[:3]:
         typed(line)
     calibrate, fix, export = commands("A recording that is refused")
     assert typed(calibrate, 4).startswith("REFUSED: ")

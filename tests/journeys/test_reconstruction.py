@@ -1,4 +1,4 @@
-"""Two arms whose pictures are in one reconstruction: from its files to a base, by the commands of docs/importing.md."""
+"""Two arms whose images are in one reconstruction: from its files to a base, by the commands of docs/importing.md."""
 
 from __future__ import annotations
 

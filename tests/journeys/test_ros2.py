@@ -1,4 +1,4 @@
-"""A ROS 2 lab: poses looked up from tf, pictures saved by their stamps, samples of easy_handeye2."""
+"""A ROS 2 lab: poses looked up from tf, images saved by their stamps, samples of easy_handeye2."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.journeys.raw import (
 pytestmark = pytest.mark.slow
 NAME = "left_base_from_right_base"
 PERIOD_NS = 3_000_000_000
-LATE_NS = 4_000_000  # of tf after a picture
+LATE_NS = 4_000_000  # of tf after an image
 
 
 def trajectory(positions: Array, turns: Rotation) -> list[str]:
@@ -49,12 +49,12 @@ def published(text: str) -> SE3:
 def test_from_tf_and_stamped_pictures_to_a_launch_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Trajectories and pictures are paired by time; the answer is published on /tf_static."""
+    """Trajectories and images are paired by time; the answer is published on /tf_static."""
     monkeypatch.chdir(tmp_path)
     made = cell(samples=15, seed=11)
     photographs(made, tmp_path, lambda i: f"{FIRST_STAMP_NS + i * PERIOD_NS}.png")
     written(tmp_path / "left.txt", trajectory(*recorded(made, "eye")))
-    # The other arm was recorded for longer: what no picture belongs to is left out.
+    # The other arm was recorded for longer: what no image belongs to is left out.
     more = recorded(cell(samples=16, seed=11), "hand")
     right = [*trajectory(*recorded(made, "hand")), *trajectory(*more)[-1:]]
     written(tmp_path / "right.txt", right)

@@ -69,7 +69,7 @@ def _stated_mount(folder: Path) -> None:
 
 
 def _rendered(folder: Path) -> None:
-    """Two arms and eight pictures of a board."""
+    """Two arms and eight images of a board."""
     scenario = Scenario(samples=8, camera=LENS, board=BOARD, distance_m=(0.4, 0.6), state_pixel_noise=False)
     made = simulate(scenario, 2)
     write_cell(made.cell, folder)

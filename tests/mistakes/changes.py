@@ -85,7 +85,7 @@ def in_line(number: int, old: str, new: str) -> Change:
 
 
 def each_picture(of: Callable[[Any], Any], every: int = 1) -> Change:
-    """Pictures drawn anew."""
+    """Images drawn anew."""
 
     def change(folder: Path) -> None:
         for path in pictures(folder)[::every]:

@@ -10,7 +10,7 @@ import pytest
 from mistakes.outcome import outcome
 from mistakes.table import MISTAKES, UNREADABLE, USAGE, Mistake
 
-# What is told at the door takes no time; what has to be fitted, or searched for in pictures, does.
+# What is told at the door takes no time; what has to be fitted, or searched for in images, does.
 QUICK = {UNREADABLE, USAGE, "length-unit", "angle-unit", "board-size", "too-few-samples", "intrinsics"}
 # Searched for among what is rare; joints of one robot that are turned twice are among the quick ones.
 LONG = {

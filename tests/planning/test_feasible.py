@@ -47,7 +47,7 @@ def test_home_is_feasible():
     ids=["aside", "from the side", "looking away"],
 )
 def test_what_is_out_of_view(tangents):
-    """A board that leaves the picture, or is seen too flat, is not in view."""
+    """A board that leaves the image, or is seen too flat, is not in view."""
     assert is_in_view(SKETCH, Sample(0, robots=HOME))
     assert not is_in_view(SKETCH, moved(**tangents))
 

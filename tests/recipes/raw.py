@@ -43,7 +43,7 @@ def readme(folder: Path) -> None:
 
 
 def kuka_abb(folder: Path) -> None:
-    """Lines of two pendants' programs, and pictures."""
+    """Lines of two pendants' programs, and images."""
     made = cell(samples=18, seed=5)
     photographs(made, folder, lambda i: f"cam0_{i + 1:04d}.png")
     written(folder / "calib.dat", krl(*recorded(made, "eye")))
@@ -51,7 +51,7 @@ def kuka_abb(folder: Path) -> None:
 
 
 def ros2(folder: Path) -> None:
-    """Trajectories, and pictures whose names are stamps."""
+    """Trajectories, and images whose names are stamps."""
     made = cell(samples=15, seed=11)
     photographs(made, folder, lambda i: f"{FIRST_STAMP_NS + i * PERIOD_NS}.png")
     for robot, name in OF_ARMS:
@@ -87,7 +87,7 @@ def camera_beside(folder: Path) -> None:
 
 
 def three_robots(folder: Path) -> None:
-    """Two cameras, each of which has pictures of samples of its own; tables name them."""
+    """Two cameras, each of which has images of samples of its own; tables name them."""
     made = _with_another_board(cell(samples=45, seed=7, layout="chain"), "r3")
     pairs = [("r1", "r2"), ("r2", "r3")]
     on = {name: camera.on for name, camera in made.cell.cameras.items()}
@@ -156,7 +156,7 @@ def scene(folder: Path) -> None:
 
 
 def scene_bag(folder: Path, samples: dict[str, list[Sample]]) -> None:
-    """A bag of the same: both arms stop for each picture at once, and go on."""
+    """A bag of the same: both arms stop for each image at once, and go on."""
     from tests.bag_of_cell import Wrote, between, journey, middles
 
     bag = Wrote("mcap", folder / "recording")

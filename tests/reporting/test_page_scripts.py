@@ -117,7 +117,7 @@ def test_picker_copy_button_and_slider(written: Path) -> None:
 
 
 def test_the_scene_is_unpacked_under_the_policy(written: Path, tmp_path: Path) -> None:
-    """It takes the place of the still picture, and the slider its sample; nothing is fetched, no error is told."""
+    """It takes the place of the still image, and the slider its sample; nothing is fetched, no error is told."""
     with browsing(tmp_path) as tab:
         tab.go(written.as_uri(), until=".live:not([hidden]) canvas")
         assert tab.value("document.querySelector('.live canvas') !== null && document.querySelector('.still').hidden")

@@ -1,4 +1,4 @@
-"""Pages in headless Chromium, watched through its own protocol: words, console, requests, pictures."""
+"""Pages in headless Chromium, watched through its own protocol: words, console, requests, images."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class KillTrial:
         lost: Samples that it had told were taken, and that were not in a journal that could be read then.
         twice: Samples that it told of more than once.
         is_equal: Whether the journal has in the end the samples and states of a capture that nobody killed.
-        other_noise: Pictures whose noise is another: of a stop where another number of them was looked at.
+        other_noise: Images whose noise is another: of a stop where another number of them was looked at.
     """
 
     kills: int
@@ -109,7 +109,7 @@ def _in_journal(folder: Path) -> set[int]:
 
 
 def _contents(folder: Path) -> list[tuple[object, ...]]:
-    """Of every sample its number, its states but for the rounding of a mean, and its pictures."""
+    """Of every sample its number, its states but for the rounding of a mean, and its images."""
     return [
         (
             sample.sample,

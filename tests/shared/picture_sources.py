@@ -1,6 +1,6 @@
-"""Cameras that hold pictures back, for `pose_trial`: every picture shows where the arm was at its exposure.
+"""Cameras that hold images back, for `pose_trial`: every image shows where the arm was at its exposure.
 
-An arm slides along two axes before a board; what the camera sees of it is the board's picture, shifted. The path is in
+An arm slides along two axes before a board; what the camera sees of it is the board's image, shifted. The path is in
 memory that processes share, and all processes read one monotonic clock.
 """
 
@@ -58,11 +58,11 @@ class Path2:
 
 
 class Scene:
-    """Pictures of a board by where the arm is.
+    """Images of a board by where the arm is.
 
     Args:
-        board: (h, w) picture from the origin.
-        pixels_m: How far the board moves in the picture as the arm moves by a metre [px].
+        board: (h, w) image from the origin.
+        pixels_m: How far the board moves in the image as the arm moves by a metre [px].
         path: Where the arm is.
         seed: Of the noise.
     """
@@ -73,7 +73,7 @@ class Scene:
         self._noise = self._rng.normal(0, NOISE_LEVELS, (2 * board.shape[0], 2 * board.shape[1])).astype(np.float32)
 
     def picture(self, exposed_s: float) -> Bytes:
-        """The picture of an instant, with fresh noise."""
+        """The image of an instant, with fresh noise."""
         u, v = -self.pixels_m * self.path.at(exposed_s)
         height, width = self.board.shape
         moved = cv2.warpAffine(
@@ -124,7 +124,7 @@ def ticks(hz: float, is_over: Callable[[], bool]) -> Iterator[float]:
 
 
 class Delay:
-    """What went in so many pictures ago; where `frames` grows, the oldest comes again meanwhile."""
+    """What went in so many images ago; where `frames` grows, the oldest comes again meanwhile."""
 
     def __init__(self, frames: Callable[[], int]) -> None:
         self._frames, self._held = frames, deque[Any]()
@@ -138,13 +138,13 @@ class Delay:
 
 
 class BufferingCapture:
-    """As `cv2.VideoCapture` of a device: a driver fills its buffers, and drops pictures while all of them are full.
+    """As `cv2.VideoCapture` of a device: a driver fills its buffers, and drops images while all of them are full.
 
     Attributes:
         scene: What is before the camera.
-        buffers: How many pictures wait until they are read.
-        delay: Pictures by which the camera itself is late.
-        backend: `V4L2`, whose pictures have the time of their exposure, or another.
+        buffers: How many images wait until they are read.
+        delay: Images by which the camera itself is late.
+        backend: `V4L2`, whose images have the time of their exposure, or another.
     """
 
     scene: Scene
@@ -172,15 +172,15 @@ class BufferingCapture:
     isOpened = open
 
     def getBackendName(self) -> str:
-        """What gives the pictures."""
+        """What gives the images."""
         return self.backend
 
     def get(self, of: int) -> float:
-        """The time of the last picture [ms]."""
+        """The time of the last image [ms]."""
         return 1e3 * self._stamp_s
 
     def read(self) -> tuple[bool, Bytes | None]:
-        """The oldest picture that waits."""
+        """The oldest image that waits."""
         try:
             self._stamp_s, picture = self._filled.get(timeout=2.0)
         except Empty:
@@ -188,7 +188,7 @@ class BufferingCapture:
         return True, picture
 
     def release(self) -> None:
-        """No more pictures."""
+        """No more images."""
         self._is_over.set()
 
 
@@ -232,7 +232,7 @@ def mjpeg_server(scene: Scene, delay: Any) -> Iterator[str]:
 
 
 def _save(scene: Scene, folder: Path, way: str, seed: int) -> None:
-    """Save pictures without pause: `at once`, by a program that is `slow`, or `shuffled` by a line that keeps times."""
+    """Save images without pause: `at once`, by a program that is `slow`, or `shuffled` by a line that keeps times."""
     cv2.setNumThreads(1)
     rng, waiting = np.random.default_rng(seed), list[tuple[float, float, Bytes]]()
     wall_s = time.time() - time.monotonic()
@@ -250,7 +250,7 @@ def _save(scene: Scene, folder: Path, way: str, seed: int) -> None:
 
 @contextmanager
 def saving(scene: Scene, folder: Path, way: str, seed: int) -> Iterator[None]:
-    """A process that saves pictures into a folder while this lasts."""
+    """A process that saves images into a folder while this lasts."""
     folder.mkdir(parents=True)
     process = PROCESSES.Process(target=_save, args=(scene, folder, way, seed), daemon=True)
     process.start()

@@ -1,6 +1,6 @@
-"""Samples of cameras that hold pictures back: whether each picture shows the pose beside it.
+"""Samples of cameras that hold images back: whether each image shows the pose beside it.
 
-Arms, cameras, threads and clocks are real in time; a move takes 0.3 s. What a picture shows says when it was exposed.
+Arms, cameras, threads and clocks are real in time; a move takes 0.3 s. What an image shows says when it was exposed.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from tests.shared.picture_sources import PROCESSES, Arm, BufferingCapture, Path2
 FOCAL_PX, AWAY_M, REACH_M = 600.0, 0.5, 0.05
 SIZE_PX = (640, 480)
 SIGMAS = 3.0
-STILLS = 6  # pictures of a standing arm, from which the sigma of a point is estimated
-TEXTURES = (0.0, 25.0)  # around the board, in turn: of the second all of the picture moves
+STILLS = 6  # images of a standing arm, from which the sigma of a point is estimated
+TEXTURES = (0.0, 25.0)  # around the board, in turn: of the second all of the image moves
 PAUSES_S = (0.0, 0.0, 0.5)  # before a move, as while a plan is made
 
 
@@ -45,8 +45,8 @@ class Source:
     Attributes:
         kind: Of the driver.
         way: Of a folder, how files come; of a device, its backend; empty for a stream.
-        held: Pictures that wait in buffers or in the server; of a stream that falls behind, the first and last.
-        late: Pictures by which a device itself is late.
+        held: Images that wait in buffers or in the server; of a stream that falls behind, the first and last.
+        late: Images by which a device itself is late.
     """
 
     kind: str
@@ -66,12 +66,12 @@ class Source:
             late = f", {self.late} late" if self.late else ""
             return f"device {stamps}, {self.held[0]} buffers{late}"
         if len(self.held) > 1:
-            return f"MJPEG over HTTP, {self.held[0]} and then {self.held[-1]} pictures behind"
-        return f"MJPEG over HTTP, {self.held[0]} pictures behind"
+            return f"MJPEG over HTTP, {self.held[0]} and then {self.held[-1]} images behind"
+        return f"MJPEG over HTTP, {self.held[0]} images behind"
 
 
 def sources() -> list[Source]:
-    """All that are tried: buffers of 1 to 10 pictures in the driver, in the camera, and in a server."""
+    """All that are tried: buffers of 1 to 10 images in the driver, in the camera, and in a server."""
     devices = [
         Source("opencv", way, (held,), late)
         for held in range(1, 11)
@@ -107,7 +107,7 @@ def _board(texture: float) -> tuple[Cell, np.ndarray[Any, Any]]:
 
 @contextmanager
 def _opened(source: Source, cell: Cell, scene: Scene, folder: Path, seed: int) -> Iterator[tuple[Rig, Any]]:
-    """The rig of a source, and how many pictures its server is behind."""
+    """The rig of a source, and how many images its server is behind."""
     behind = PROCESSES.Value("i", source.held[0])
     options: dict[str, Any] = {"source": 0}
     with ExitStack() as held:
@@ -139,7 +139,7 @@ def _known(name: str, kind: DriverKind) -> Iterator[None]:
 
 
 def sigma_px(cell: Cell, scene: Scene) -> float:
-    """Sigma of a point found in pictures of an arm that stands, per axis [px]."""
+    """Sigma of a point found in images of an arm that stands, per axis [px]."""
     rng, errors = np.random.default_rng(0), []
     for _ in range(STILLS):
         scene.path.go(rng.uniform(-REACH_M, REACH_M, 2), 0.0)
@@ -156,7 +156,7 @@ def _expected(cell: Cell, at_m: np.ndarray[Any, Any], ids: np.ndarray[Any, Any])
 
 
 def tried(source: Source, samples: int, seed: int) -> dict[str, Any]:
-    """Samples of a source: those taken, those whose picture is of another pose, and how far that was [px]."""
+    """Samples of a source: those taken, those whose image is of another pose, and how far that was [px]."""
     cell, board = _board(TEXTURES[seed % len(TEXTURES)])
     path = Path2()
     scene = Scene(board, FOCAL_PX / AWAY_M, path, seed)

@@ -44,5 +44,5 @@ def ros2(*words, cell=CELL, **environment):
 
 
 def watching(size_px):
-    """A cell whose camera has pictures of a size, and robots as in the simulated one."""
+    """A cell whose camera has images of a size, and robots as in the simulated one."""
     return Cell(CELL.reference, CELL.robots, cameras={"wrist": CellCamera("wrist", "eye", size_px=size_px)})

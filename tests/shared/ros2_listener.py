@@ -1,6 +1,6 @@
 """Who listens to `shared.ros2_publisher` from another host: `python -m shared.ros2_listener DOMAIN NUMBER W H`.
 
-It takes a number of states and pictures by the drivers of ROS 2, and prints as one line of JSON what became of each.
+It takes a number of states and images by the drivers of ROS 2, and prints as one line of JSON what became of each.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What drivers of ROS 2 send, in a process of its own: `python -m shared.ros2_publisher DOMAIN [HZ HZ W H]`.
 
-The rates are of joint states and of pictures, which have W x H pixels. Joint states hold their own stamp as positions,
-pictures as the values of their first pixels, so that whoever reads them can tell whether a stamp and what it stands at
+The rates are of joint states and of images, which have W x H pixels. Joint states hold their own stamp as positions,
+images as the values of their first pixels, so that whoever reads them can tell whether a stamp and what it stands at
 belong together. Lines on the standard input are faults.
 """
 

@@ -27,7 +27,7 @@ def cell_with_a_board() -> Cell:
 
 
 def captured(cell: Cell) -> Watch:
-    """A capture after three samples, with a picture of a board."""
+    """A capture after three samples, with an image of a board."""
     watch, cells = Watch(), np.zeros(COVERAGE_GRID, dtype=bool)
     cells[1, 2:4] = True
     for k in range(3):

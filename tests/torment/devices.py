@@ -37,7 +37,7 @@ Stage = Callable[[Random, Path], AbstractContextManager[list[str]]]
 _KEPT = ExitStack()  # processes of devices, until this one ends
 _UR_PORTS = (30004, 29999, 30001, 30002, 30003)
 _TOKEN = "token"
-_PICTURE_S = 0.04  # between pictures of a stream
+_PICTURE_S = 0.04  # between images of a stream
 _FILMS = {".avi": "MJPG", ".ts": "mpg2", ".mkv": "mp4v", ".mp4": "mp4v"}
 _DATAGRAM = 1316  # bytes: seven packets of a transport stream
 _RECONNECT_S = 1.0
@@ -118,7 +118,7 @@ def _kept_folder() -> Path:
 
 
 def _stream_pictures(chance: Random) -> Callable[[socket.socket], None]:
-    """A camera that answers HTTP with pictures, one after another."""
+    """A camera that answers HTTP with images, one after another."""
 
     def play(line: socket.socket) -> None:
         line.recv(4096)
@@ -154,7 +154,7 @@ def _answer_rtsp(chance: Random) -> Callable[[socket.socket], None]:
 
 @contextmanager
 def opencv_stage(chance: Random, folder: Path) -> Iterator[list[str]]:
-    """Pictures by HTTP, films by HTTP, RTSP and UDP, a film that is damaged, and a pipe."""
+    """Images by HTTP, films by HTTP, RTSP and UDP, a film that is damaged, and a pipe."""
     kind = chance.choice(["pictures", "pictures", "film", "rtsp", "udp", "file", "pipe"])
     if kind in ("file", "pipe"):
         words = _check(folder, "wrist", {"kind": "opencv", "source": kind})

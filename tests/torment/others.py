@@ -26,7 +26,7 @@ from torment.damage import HOSTILE_TEXTS, at, damaged, places, torn_bytes
 from torment.outcome import Fell, of_command, of_reader
 from torment.verbs import files
 
-_WAIT_S = 0.01  # for a picture that does not come
+_WAIT_S = 0.01  # for an image that does not come
 
 
 def merge_damaged(chance: Random, folder: Path) -> str:
@@ -123,7 +123,7 @@ def typed_damaged(chance: Random, folder: Path) -> str:
 
 
 def folder_damaged(chance: Random, folder: Path) -> str:
-    """Pictures in a folder, torn: a picture, or none in time."""
+    """Images in a folder, torn: an image, or none in time."""
     cell = example()
     camera: CellCamera = next(iter(cell.cameras.values()))
     grey = np.zeros((camera.size_px or (32, 24))[::-1], dtype=np.uint8)
@@ -137,7 +137,7 @@ def folder_damaged(chance: Random, folder: Path) -> str:
     def read() -> None:
         found = folder_driver.open_camera(Place(camera.name, cell, folder, options)).picture()
         if not np.isfinite(found.stamp_s) or found.grey.ndim != 2:
-            raise Fell(f"gives a picture of shape {found.grey.shape}")
+            raise Fell(f"gives an image of shape {found.grey.shape}")
 
     return of_reader(read)
 

@@ -30,7 +30,7 @@ from torment.record import Row, table
 from torment.warm import boxes, server
 
 MOST_BYTES = 2**30  # of address space
-PATIENCE_S = 90.0  # of any driver that is connected again for a second; a picture of a simulated cell may take 60 s
+PATIENCE_S = 90.0  # of any driver that is connected again for a second; an image of a simulated cell may take 60 s
 INTERRUPTED_S = 2.0
 _DELAYS_S = (0.1, 0.5, 1.0, 2.0, 5.0)  # from the report of a command to its interrupt, at most
 _LOOK_S = 0.01  # between looks whether it reports

@@ -93,7 +93,7 @@ def _inverted() -> Path:
 
 @cache
 def start_cell(kind: str) -> Path:
-    """A cell of a kind of `cells.KINDS`; `images` of one whose camera took pictures, `inverted` of one to fix."""
+    """A cell of a kind of `cells.KINDS`; `images` of one whose camera took images, `inverted` of one to fix."""
     if kind == "inverted":
         return _inverted()
     if kind != "images":

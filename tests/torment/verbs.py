@@ -22,7 +22,7 @@ class Verb(NamedTuple):
     """A verb to cut off.
 
     Attributes:
-        kind: Of the cell that it starts from, see `cells.KINDS`; `images` for one whose camera took pictures.
+        kind: Of the cell that it starts from, see `cells.KINDS`; `images` for one whose camera took images.
         words: Of its command line, of the folder that holds `cell`, and where `new` is made.
         right: Raises an error, or ends with False, where it did not do what it says.
         prepare: Puts what else it starts from into the folder.

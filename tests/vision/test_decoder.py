@@ -25,7 +25,7 @@ def test_nothing_amiss(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_every_damage_that_shows_is_told(capfd: pytest.CaptureFixture[str]) -> None:
-    """Of JPEGs with bytes lost or zeroed, no picture that differs visibly passes for sound, and nothing is printed."""
+    """Of JPEGs with bytes lost or zeroed, no image that differs visibly passes for sound, and nothing is printed."""
     rng, sound, silent = np.random.default_rng(0), decode(JPEG).pixels, 0
     assert sound is not None
     for k in range(40):

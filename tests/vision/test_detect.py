@@ -44,7 +44,7 @@ def image(depth: float) -> np.ndarray:
 
 
 def recording(folder: Path, *pictures: np.ndarray | None) -> Recording:
-    """A sample for each picture; None is written as no file."""
+    """A sample for each image; None is written as no file."""
     samples = []
     for index, picture in enumerate(pictures):
         if picture is not None:
@@ -77,7 +77,7 @@ def test_every_view_keeps_its_sample(tmp_path: Path) -> None:
 BAD = {
     "missing": (None, "is missing"),
     "empty": (b"", "is empty"),
-    "text": (b"not a picture", "is not an image"),
+    "text": (b"not an image", "is not an image"),
     "video": (b"\x00\x00\x00\x18ftypmp42" + bytes(1000), "is not an image"),
     "cut": (bytes(cv2.imencode(".png", image(0.5))[1])[:5000], "is truncated"),
     "small": (bytes(cv2.imencode(".png", image(0.5)[:400])[1]), "has 640 x 400 pixels, its camera 640 x 480"),

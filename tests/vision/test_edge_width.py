@@ -23,7 +23,7 @@ def width(way=(0.0, 0.0), **settings):
 
 
 def test_a_sharp_board_has_narrow_edges():
-    """Edges of a sharp picture, dark or bright, noisy or not, are 2 to 4 px wide."""
+    """Edges of a sharp image, dark or bright, noisy or not, are 2 to 4 px wide."""
     assert 2 < width().narrow_px <= width().wide_px < 4
     assert 2 < width(white=90.0, black=40.0, noise=1.0).wide_px < 4
 
@@ -47,7 +47,7 @@ def test_focus_widens_them():
 
 
 def test_nothing_to_measure():
-    """A plain picture, or points at its very border, have no edges."""
+    """A plain image, or points at its very border, have no edges."""
     plain = np.full((100, 100), 90, dtype=np.uint8)
     assert edge_width(plain, np.array([[50.0, 50.0]])) is None
     assert edge_width(plain, np.array([[500.0, 50.0]])) is None

@@ -213,7 +213,7 @@ def test_as_the_sensor_gave_it(orientation: int) -> None:
     assert is_turned(data) == (orientation != 1)
 
 
-TO_DO = "give these, or size_px and the lens of the pictures that there are"
+TO_DO = "give these, or size_px and the lens of the images that there are"
 
 
 @pytest.mark.parametrize(
@@ -222,11 +222,11 @@ TO_DO = "give these, or size_px and the lens of the pictures that there are"
         ((48, 64), ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"),
         (
             (128, 96),
-            f": the lens seems to be of pictures scaled by 2; {TO_DO}",
+            f": the lens seems to be of images scaled by 2; {TO_DO}",
         ),
         (
             (32, 24),
-            f": the lens seems to be of pictures scaled by 0.5; {TO_DO}",
+            f": the lens seems to be of images scaled by 0.5; {TO_DO}",
         ),
         ((60, 48), ""),
     ],

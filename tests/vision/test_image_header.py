@@ -55,7 +55,7 @@ def test_bytes_of_a_pixel(suffix: str, channels: int, kind: type) -> None:
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("orientation", [1, 3, 6, 8])
 def test_orientation(orientation: int, order: str) -> None:
-    """How a picture is meant to be turned is told, the size is that of what is stored."""
+    """How an image is meant to be turned is told, the size is that of what is stored."""
     assert header(with_exif(FILES["jpeg"], orientation, order)) == Header((64, 48), orientation)
 
 

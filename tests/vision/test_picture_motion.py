@@ -1,4 +1,4 @@
-"""How far a picture moves."""
+"""How far an image moves."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ STILL = levels(0.0)
 
 
 def picture_shift(first, second):
-    """How far a picture moves [px]."""
+    """How far an image moves [px]."""
     return shift_between(reduce_picture(first), reduce_picture(second))
 
 
 def test_noise_is_no_motion():
-    """Of twenty pictures of the same board none seems to move."""
+    """Of twenty images of the same board none seems to move."""
     first = expose(STILL, SETTINGS, 0)
     assert [picture_shift(first, expose(STILL, SETTINGS, seed)) for seed in range(1, 21)] == [0.0] * 20
 
@@ -44,7 +44,7 @@ def test_a_shift_is_measured(px):
 
 
 def test_nothing_to_see_and_other_sizes():
-    """A plain picture moves nowhere; pictures of two cameras are refused."""
+    """A plain image moves nowhere; images of two cameras are refused."""
     plain = np.full((240, 320), 100, dtype=np.uint8)
     assert picture_shift(plain, plain) == 0.0
     with pytest.raises(InputError, match="not of one camera"):

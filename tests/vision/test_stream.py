@@ -1,4 +1,4 @@
-"""Pictures of a video, grey, one after another."""
+"""Images of a video, grey, one after another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEVELS = (40, 120, 200)
 
 
 def video(path):
-    """A film of three pictures, each of one grey level."""
+    """A film of three images, each of one grey level."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
     for level in LEVELS:
         writer.write(np.full((48, 64, 3), level, dtype=np.uint8))
@@ -25,7 +25,7 @@ def video(path):
 
 
 def test_a_film_is_read_to_its_end(tmp_path):
-    """Its pictures come in order as (h, w), to within what compression does; then there is none."""
+    """Its images come in order as (h, w), to within what compression does; then there is none."""
     stream = open_stream(video(tmp_path / "film.avi"))
     levels = [stream.read() for _ in LEVELS]
     assert {picture.shape for picture in levels} == {(48, 64)}

@@ -1,4 +1,4 @@
-"""Small pictures of images."""
+"""Small images of images."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Going through a plan: send the arms, wait until all is still, take states and picture, detect, append to the journal.
+"""Going through a plan: send the arms, wait until all is still, take states and image, detect, append to the journal.
 
 Every sample that is reported is on the disk. Cut off at any instant, a capture goes on with the samples of its plan
 that are neither in the journal nor given up.
@@ -195,7 +195,7 @@ class _Captured:
 
 def _begin_capture(taker: Taker, planned_count: int, check: BackgroundCheck) -> _Captured:
     if not taker.rig.cameras:
-        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its pictures")
+        raise InputError("no camera of the cell has a `driver`: say in cell.yaml what gives its images")
     recording = Recording(_recorded_samples(taker.folder, taker.sketch.cell), folder=str(taker.folder))
     planned_count += len(recording.samples)
     if taker.scene is not None:

@@ -1,4 +1,4 @@
-"""Which part of the picture was covered, and how far arms were turned."""
+"""Which part of the image was covered, and how far arms were turned."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.geometry import Array, BoolArray
 from basecal.planning.sketch import Sketch
 
 COVERAGE_GRID = (4, 6)
-"""Rows and columns into which a picture is divided."""
+"""Rows and columns into which an image is divided."""
 
 EQUAL_M, EQUAL_RAD = 2e-3, 2e-3
 """Between arms of samples that say nearly the same."""
@@ -28,7 +28,7 @@ class Coverage:
     """The coverage of samples.
 
     Attributes:
-        cells: Where in the picture points were seen, of `COVERAGE_GRID`.
+        cells: Where in the image points were seen, of `COVERAGE_GRID`.
         turned_rad: Between which angles each arm was turned about its flange's axes, (3,) by robot [rad].
     """
 
@@ -37,7 +37,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Covered share of the picture."""
+        """Covered share of the image."""
         return float(self.cells.mean())
 
     def advice(self, samples: int) -> str:
@@ -67,7 +67,7 @@ def measure_coverage(sketch: Sketch, samples: Sequence[Sample]) -> Coverage:
 
 
 def covered_cells(pixels: Array, size_px: tuple[int, int]) -> BoolArray:
-    """Where pixels, (n, 2), are in a picture, of `COVERAGE_GRID`."""
+    """Where pixels, (n, 2), are in an image, of `COVERAGE_GRID`."""
     cells = np.zeros(COVERAGE_GRID, dtype=bool)
     at = pixels[:, ::-1] / np.array(size_px[::-1]) * COVERAGE_GRID
     rows, columns = np.clip(at.astype(int), 0, np.array(COVERAGE_GRID) - 1).T

@@ -49,7 +49,7 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture.
+    """An image.
 
     Attributes:
         stamp_s: When it was exposed, in the middle [s], by the camera's clock.
@@ -161,18 +161,18 @@ class Freedrives(Protocol):
 class Camera(Protocol):
     """A camera.
 
-    A driver may also state `is_on_demand` (True if each picture is exposed when asked; a thread reads any other live
+    A driver may also state `is_on_demand` (True if each image is exposed when asked; a thread reads any other live
     camera without pause). It may state `is_stamped` (True if stamps are times of exposure, by any clock). It may state
-    `wait_s` (how long a picture may take, 10 s by default).
+    `wait_s` (how long an image may take, 10 s by default).
 
     """
 
     @property
     def is_live(self) -> bool:
-        """Whether pictures come without a request, one after another."""
+        """Whether images come without a request, one after another."""
 
     def picture(self) -> Picture:
-        """Wait for a picture newer than the last one given.
+        """Wait for an image newer than the last one given.
 
         Raises:
             DriverError: if there is none any more.
@@ -187,7 +187,7 @@ class Switches(Protocol):
     """The method of a camera that can switch the LED it looks at."""
 
     def light(self, on: bool) -> None:
-        """Switch the light; the next picture shows it so."""
+        """Switch the light; the next image shows it so."""
 
 
 @dataclass(frozen=True)

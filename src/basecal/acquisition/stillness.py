@@ -1,4 +1,4 @@
-"""Waiting until arms and picture are still, judged from states and from pixels."""
+"""Waiting until arms and image are still, judged from states and from pixels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _WINDOW_STATES = 12  # states that are looked at: a tenth of a second of most co
 _STILL_RAD_M = 1e-4  # by which the two halves of them may differ: 0.1 mm at a metre
 _NOISE_SIGMAS = 4.0  # sigmas of that difference, where states are noisy
 _LED_RAD_M = 2e-3  # from where a person began to lead an arm
-_STILL_PX = 0.1  # by which a picture may differ from those before it
+_STILL_PX = 0.1  # by which an image may differ from those before it
 _STILL_PICTURES = 3  # in a row: of two, a swing may happen to be at the same place
 
 
@@ -132,13 +132,13 @@ def _mean(readings: Sequence[Reading]) -> Reading:
 def wait_for_picture_after(
     camera: Camera, after_s: float, patience_s: float, report: Report = lambda words: None
 ) -> Picture:
-    """The next picture that was exposed after an instant.
+    """The next image that was exposed after an instant.
 
     Args:
         camera: The camera.
-        after_s: The instant, by `time.monotonic()`; of a camera that exposes when asked, the next picture will do.
+        after_s: The instant, by `time.monotonic()`; of a camera that exposes when asked, the next image will do.
         patience_s: How long older ones may come.
-        report: Receives what a person should know of pictures.
+        report: Receives what a person should know of images.
 
     Raises:
         Moving: if only older ones came.
@@ -151,7 +151,7 @@ def wait_for_picture_after(
         if picture.exposed_s is None or picture.exposed_s > after_s:
             return picture
         if time.monotonic() > until:
-            raise Moving("picture too old: all were taken before the arms came to rest; check the camera's clock")
+            raise Moving("image too old: all were taken before the arms came to rest; check the camera's clock")
 
 
 def wait_for_picture(
@@ -161,21 +161,21 @@ def wait_for_picture(
     after_s: float = -np.inf,
     report: Report = lambda words: None,
 ) -> Picture:
-    """The last of three pictures that show no movement; of a camera that is not live, the next one.
+    """The last of three images that show no movement; of a camera that is not live, the next one.
 
     Args:
         camera: The camera.
         targets: What it looks at; a light is a few pixels, and is followed alone.
-        patience_s: How long, by the pictures' own stamps.
+        patience_s: How long, by the images' own stamps.
         after_s: All three are exposed after this instant, by `time.monotonic()`.
-        report: Receives what a person should know of pictures.
+        report: Receives what a person should know of images.
 
     Raises:
-        Moving: if something still moves then, or all pictures are older.
+        Moving: if something still moves then, or all images are older.
     """
 
     def look() -> _Look:
-        """The next picture, with the targets in it."""
+        """The next image, with the targets in it."""
         return _look(wait_for_picture_after(camera, after_s, patience_s, report), targets)
 
     looks = [look()]
@@ -187,13 +187,13 @@ def wait_for_picture(
         moves = any(_has_moved(before, looks[-1]) for before in looks[:-1])
         still = 0 if moves else still + 1
         if moves and looks[-1].picture.stamp_s - began > patience_s:
-            raise Moving("picture still moving: something shakes, or somebody walks through the picture")
+            raise Moving("image still moving: something shakes, or somebody walks through the image")
     return looks[-1].picture
 
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """A picture, made small, and where its lights are [px]."""
+    """An image, made small, and where its lights are [px]."""
 
     picture: Picture
     small: Levels

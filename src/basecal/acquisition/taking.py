@@ -1,4 +1,4 @@
-"""Taking one sample: send the arms, wait until all is still, take states and picture, and look at it."""
+"""Taking one sample: send the arms, wait until all is still, take states and image, and look at it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TOOL_M_S = 0.25
 Source: ISO 10218-1, reduced speed control.
 """
 
-_REST_ATTEMPTS = 2  # at a sample whose arms or picture do not come to rest
+_REST_ATTEMPTS = 2  # at a sample whose arms or image do not come to rest
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class CaptureSettings:
     Attributes:
         speed_rad_s: The fastest that any joint may turn.
         tool_m_s: The fastest that any point of an arm, or of what it carries, may move.
-        patience_s: How long an arm may take to come to rest beyond the time of its way, and a picture.
+        patience_s: How long an arm may take to come to rest beyond the time of its way, and an image.
         lead_patience_s: How long a person may take to lead an arm to another place.
         waits_for_check: Whether the running check of a sample is awaited before arms move on.
     """
@@ -65,9 +65,9 @@ class Taker:
         folder: The cell's folder.
         settings: How arms are moved and waited for.
         notify: Receives what is done.
-        report: Receives what a person should know of pictures.
+        report: Receives what a person should know of images.
         sharpness: Of the views so far.
-        scene: Pictures of the scene so far; None where targets are seen.
+        scene: Images of the scene so far; None where targets are seen.
     """
 
     rig: Rig
@@ -86,7 +86,7 @@ class Taker:
         return Coverage(self.scene.cells.copy(), turned_angles(self.sketch, samples))
 
     def take(self, target_sample: Sample, samples: Sequence[Sample]) -> Sample:
-        """A sample with its pictures on the disk, and what is seen in them.
+        """A sample with its images on the disk, and what is seen in them.
 
         Args:
             target_sample: Its number, and where robots are sent; those it does not name stay where they are.
@@ -143,10 +143,10 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     goals = {name: state for name, state in target_sample.robots.items() if isinstance(rig.robots.get(name), Moves)}
     before = wait_for_arms(rig.robots, goals, patience_s, rig.arms.note)
     rested_s = time.monotonic()
-    taker.notify(f"sample {target_sample.sample}: waiting for a still picture")
+    taker.notify(f"sample {target_sample.sample}: waiting for a still image")
     shots = {name: _take_shot(taker, name, rested_s) for name in rig.cameras}
     rig.arms.forget()
-    # After the picture they are nearer to where they were in it, since the last of a way is slow.
+    # After the image they are nearer to where they were in it, since the last of a way is slow.
     live = {name: robot for name, robot in rig.robots.items() if robot.is_live}
     after = wait_for_arms(live, {name: before[name].state for name in live}, settings.patience_s) if live else {}
     states = {name: reading.state for name, reading in {**before, **after}.items()}
@@ -170,7 +170,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
 
 @dataclass(frozen=True, eq=False)
 class _Shot:
-    """The pictures of one camera: one with the LED on, and one with it off if it can be switched."""
+    """The images of one camera: one with the LED on, and one with it off if it can be switched."""
 
     stamp_s: float
     grey: Grey
@@ -201,7 +201,7 @@ def visible_targets(cell: Cell, camera: str) -> list[Target]:
 
 
 def _write_shots(folder: Path, number: int, shots: Mapping[str, _Shot]) -> tuple[dict[str, str], dict[str, str]]:
-    """Paths of the pictures and of those without the light, by camera; all of them are on the disk."""
+    """Paths of the images and of those without the light, by camera; all of them are on the disk."""
     images, background = {}, {}
     for camera, shot in shots.items():
         stem = f"recording/images/{camera}/{number:06d}"

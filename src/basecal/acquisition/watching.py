@@ -134,7 +134,7 @@ class Watch:
             self._glance = replace(self._glance, said=(*self._glance.said, words)[-_LINE_COUNT:])
 
     def show(self, camera: str, grey: Grey) -> None:
-        """Note a picture."""
+        """Note an image."""
         with self._lock:
             pictures = {**dict(self._glance.pictures), camera: grey}
             self._glance = replace(self._glance, pictures=tuple(pictures.items()))
@@ -158,7 +158,7 @@ class Watch:
 
 
 def watch_rig(rig: Rig, watch: Watch) -> Rig:
-    """A rig whose cameras show every picture that is asked of them, and whose robots show where they are."""
+    """A rig whose cameras show every image that is asked of them, and whose robots show where they are."""
     cameras = {
         name: (_WatchedLight if isinstance(camera, Switches) else _Watched)(name, camera, watch)
         for name, camera in rig.cameras.items()
@@ -233,11 +233,11 @@ class _Watched:
 
     @property
     def is_live(self) -> bool:
-        """Whether pictures come without a request by now."""
+        """Whether images come without a request by now."""
         return self._camera.is_live
 
     def picture(self) -> Picture:
-        """The camera's next picture."""
+        """The camera's next image."""
         picture = self._camera.picture()
         self._watch.show(self._name, picture.grey)
         return picture

@@ -176,7 +176,7 @@ class ClockOffset:
 
 @dataclass(frozen=True)
 class LineTime:
-    """How long after a row of a camera's pictures the next is seen, and its sigma [s]; 0 if it is fixed."""
+    """How long after a row of a camera's images the next is seen, and its sigma [s]; 0 if it is fixed."""
 
     line_time_s: float
     sigma_s: float

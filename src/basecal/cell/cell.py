@@ -61,7 +61,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class RollingShutter:
-    """Prior knowledge of the time from a row of a camera's pictures to the next.
+    """Prior knowledge of the time from a row of a camera's images to the next.
 
     Attributes:
         status: `fixed` (exactly `line_time_s`), `prior` (`line_time_s` with `sigma_s`) or `free` (a guess).
@@ -154,7 +154,7 @@ class CellCamera:
         size_px: Width and height of its images; None if it gives only poses or 3-D points.
         intrinsics: None if it gives only poses or 3-D points.
         clock: Of the stamps of its images; None if nothing is stated.
-        driver: What gives its pictures while a recording is made; None if nothing does.
+        driver: What gives its images while a recording is made; None if nothing does.
         rolling_shutter: Of its rows; None if all are seen at once.
         kind: A `tracker` measures points in space all around it; a `tip` touches at its origin; a `clamp` holds a part.
         frame: Name of its optical frame in other programs; None if it is not stated.

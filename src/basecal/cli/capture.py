@@ -98,7 +98,7 @@ def capture(
 
     The drivers of robots and cameras stand in cell.yaml (docs/data_format.md);
     what they connect to is asked once.
-    Begin with the target in the picture. Without --go nothing moves: it says
+    Begin with the target in the image. Without --go nothing moves: it says
     what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
     where it was when it is started again. One that is finished records nothing
     again; --more records other samples beside those that are there.
@@ -111,7 +111,7 @@ def capture(
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for a
     second at a new place, or at the space bar, a sample is taken; q ends.
-    A cell with `target: scene` is captured so; pictures that show too little
+    A cell with `target: scene` is captured so; images that show too little
     of the scene are refused at once.
     With --touch you lead tips to marks, and type which mark it is.
 

@@ -35,7 +35,7 @@ class CaptureView:
     has_lines: bool
 
     def rig(self, rig: Rig) -> Rig:
-        """A rig whose pictures are shown."""
+        """A rig whose images are shown."""
         from basecal.acquisition.watching import watch_rig
 
         return watch_rig(rig, self.watch)
@@ -112,7 +112,7 @@ def say_step(step: Step, place: int) -> None:
     from basecal.reporting.statement.verdict import error_text
 
     sigma = "" if step.sigma is None else f"; base known to {error_text(*step.sigma)} (1 sigma)"
-    said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the picture"
+    said = f"not taken: {step.why_not}" if step.why_not else f"taken, {100 * step.coverage.share:.0f} % of the image"
     advice = step.coverage.advice(step.taken)
     say(f"{step.taken:4d}/{step.planned} sample {step.sample}: {said}{sigma}{'; ' + advice if advice else ''}")
     for doubt in step.doubts:

@@ -32,7 +32,7 @@ def say_conventions(folder: Path, cell: Cell, recording: Recording) -> bool:
         if any(sample.images for sample in few.samples):
             from basecal.vision.detect import detect
 
-            with counting("looking at pictures") as step:
+            with counting("looking at images") as step:
                 few = detect(cell, few, folder, progress=step)
     except BasecalError as error:
         look = QuickLook(0, untold=str(error))

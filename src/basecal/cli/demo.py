@@ -36,7 +36,7 @@ def demo(
     """Run two simulated arms, capture, calibrate, and compare with the truth.
 
     Two UR5e, a camera and a board run as a process of their own; the arms are
-    sent to 25 places, pictures are taken when all is still, and the board is
+    sent to 25 places, images are taken when all is still, and the board is
     found in them. Mounts and base are unknown. With --led it is the paper's
     sequence: from stations a light is shifted along its axes before a still
     camera, seen on and off; its closed form and maximum likelihood stand

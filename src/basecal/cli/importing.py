@@ -46,7 +46,7 @@ _SESSION = Argument(
 )
 _IN_WORDS = {
     "order": "in order",
-    "image": "by the names of pictures",
+    "image": "by the names of images",
     "sample": "by the number of the sample",
     "stamp_s": "by time",
 }

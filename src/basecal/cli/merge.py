@@ -18,7 +18,7 @@ def merge(*cells: Path, output: Annotated[Path, Parameter(alias="-o")]) -> int:
 
     Robots, cameras and targets of one name must be the same in all; the others
     are added. The first cell's reference and its comments are kept, samples are
-    numbered on, pictures and URDFs are taken along. The cells themselves do
+    numbered on, images and URDFs are taken along. The cells themselves do
     not change.
 
     For example:

@@ -49,8 +49,8 @@ def new(
     One robot: a camera on its flange looks at a target on the world. Two: the
     camera is on the first, `eye`, the target on the second, `hand`. More: each
     robot's camera sees the target of the next; the targets differ in their
-    dictionary or numbers, so that no picture confuses them. With the target's
-    sizes given nothing is left to fill in before poses and pictures are imported.
+    dictionary or numbers, so that no image confuses them. With the target's
+    sizes given nothing is left to fill in before poses and images are imported.
     With --from ros2 robots, cameras, lenses and drivers are those of a ROS 2 that
     runs: it is listened to for three seconds. An existing cell is never
     overwritten.

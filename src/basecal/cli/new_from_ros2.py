@@ -114,6 +114,6 @@ def _add_target(data: dict[str, Any], fields: Mapping[str, Any] | None, kind: st
 
 
 def _size(bag: Any, topic: str) -> tuple[int, int] | None:
-    """Width and height of a topic's picture; None if it is compressed, and its camera_info says it."""
+    """Width and height of a topic's image; None if it is compressed, and its camera_info says it."""
     first = next(iter(bag.read([topic]))).data
     return (int(first.width), int(first.height)) if hasattr(first, "width") else None

@@ -51,7 +51,7 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
 
     place = quote_path(folder)
     if not cell.cameras:
-        return f"next, its pictures: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
+        return f"next, its images: basecal import images {place} DIR --camera NAME --on ROBOT --target KIND ..."
     seen = any(sample.images or sample.observations for sample in recording.samples)
     silent = [name for name in cell.robots if not any(name in sample.robots for sample in recording.samples)]
     if silent:
@@ -66,13 +66,13 @@ def next_step(cell: Cell, recording: Recording, folder: Path) -> str | None:
         dropped = folder / "recording" / "images" / camera
         has_pictures = dropped.is_dir() and any(path.suffix.lower() in ENDINGS for path in dropped.iterdir())
         there = quote_path(dropped) if has_pictures else "DIR"
-        return f"next, its pictures: basecal import images {place} {there} --camera {camera}"
+        return f"next, its images: basecal import images {place} {there} --camera {camera}"
     if unread := cameras_without_lens(cell, recording):
         return f"next, the lens of {list_names(unread)}: add `intrinsics: {{status: free}}` to it in cell.yaml"
     if not cell.targets and not cell.sees_scene:
         scene = f"basecal calibrate {place} --scene"
-        return f"next, say in cell.yaml which target the pictures show (`targets:`, docs/data_format.md), or: {scene}"
+        return f"next, say in cell.yaml which target the images show (`targets:`, docs/data_format.md), or: {scene}"
     carriers = {each.on for each in cell.cameras.values()} | {each.on for each in cell.targets.values()}
     if idle := [name for name in cell.robots if name not in carriers]:
-        return f"next, what {list_names(idle)} carries: import its pictures, or correct `on:` in cell.yaml"
+        return f"next, what {list_names(idle)} carries: import its images, or correct `on:` in cell.yaml"
     return None

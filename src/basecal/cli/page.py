@@ -79,7 +79,7 @@ def write_page(cell: Cell, calibration: Calibration, run: StoredRun) -> Path:
     from basecal.reporting.page import page
 
     names = ", ".join(run.changed)
-    notes = [f"{names} changed since this run: names and picture are as of now. Calibrate again."] if names else []
+    notes = [f"{names} changed since this run: names and image are as of now. Calibrate again."] if names else []
     path, cell_name = run.run / FILE, run.run.resolve().parents[1].name
     described, recording = (
         (cell, run.recording) if names else with_kept_scene(cell, run.recording, calibration, run.run)

@@ -80,7 +80,7 @@ def simulate(
         port: Where the process listens, on this machine alone; 0 takes a free one.
         speed: Seconds of the cell in a second; at 0 its time goes on only while somebody waits for it.
         fault: What is wrong with the running cell: NAME, NAME=SIZE or NAME=SIZE@MOVES; an unknown name lists them all.
-        renderer: What draws its pictures: mujoco (arms, table and clutter around the target; the extra sim), analytic
+        renderer: What draws its images: mujoco (arms, table and clutter around the target; the extra sim), analytic
             (the target alone), or auto: MuJoCo where it can.
         until_eof: End the process when its standard input ends.
         json: Print what was written, or how the process is reached, as JSON.

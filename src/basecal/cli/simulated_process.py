@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 RendererName = Literal["auto", "mujoco", "analytic"]
 """What draws a running cell: MuJoCo with arms and table, or the target alone; by auto MuJoCo where it can."""
 
-_PATIENCE_S = 10.0  # for a process to end, which may be drawing a picture
+_PATIENCE_S = 10.0  # for a process to end, which may be drawing an image
 
 
 def run_process(
@@ -98,7 +98,7 @@ def _world(folder: Path, target: str, seed: int, faults: Faults) -> World:
         write_world_truth(world, folder)
         return world
     if target in ("pose", "points3d"):
-        raise InputError(f"a running cell gives pictures; {target!r} is not seen in them: choose a target that is")
+        raise InputError(f"a running cell gives images; {target!r} is not seen in them: choose a target that is")
     world = two_arms(cast(TargetKindName, target), seed, faults)
     write_world(world, folder)
     return world

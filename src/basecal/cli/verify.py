@@ -31,8 +31,8 @@ def verify(
     Says whether anything moved, what (a base, a camera, a target, the zero of a
     joint) and by how much with its sigma. Also says which shift would have been
     seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images in
-    the recording's folder; or a folder that poses and pictures of the same robots
-    and cameras were imported into. Pictures are compared with the points of the
+    the recording's folder; or a folder that poses and images of the same robots
+    and cameras were imported into. Images are compared with the points of the
     scene that a calibration by --scene kept. What was found is appended to the
     cell's verifications.jsonl, which --history reports.
 
@@ -91,7 +91,7 @@ def _next_command(place: str, has_moved: bool | None) -> str:
 
 
 def _new_samples(folder: Path, cell: Cell, samples: Path) -> Recording:
-    """The new samples, with targets found if they have pictures."""
+    """The new samples, with targets found if they have images."""
     from basecal.cell.files import read_samples
 
     is_cell = samples.is_dir()
@@ -149,7 +149,7 @@ def _recalibrate(
 
 
 def _renumber_sample(sample: Sample, number: int, home: str | Path, files: dict[str, Path]) -> Sample:
-    """The sample under another number; if it shows the scene alone, its pictures join `files`, by their path."""
+    """The sample under another number; if it shows the scene alone, its images join `files`, by their path."""
     from dataclasses import replace
 
     from basecal.exchange.importing.cell_files import numbered_path

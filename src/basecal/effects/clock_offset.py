@@ -1,4 +1,4 @@
-"""Clock offset: poses are read earlier or later than pictures, by a constant time."""
+"""Clock offset: poses are read earlier or later than images, by a constant time."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def delays(views: Views) -> Iterator[tuple[str, Moves]]:
 
 
 def is_late(effect: FoundEffect) -> bool:
-    """Whether a camera or a robot is behind: pictures are to be stamped earlier, poses to be read later."""
+    """Whether a camera or a robot is behind: images are to be stamped earlier, poses to be read later."""
     return bool(np.sign(effect.size[0]) == (-1 if effect.is_camera else 1))
 
 

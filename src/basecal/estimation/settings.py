@@ -23,7 +23,7 @@ class Settings:
     """How to go about it.
 
     Attributes:
-        method: `maximum-likelihood`; `axis-shift`, the paper's closed form; or `scene`, from pictures of the static
+        method: `maximum-likelihood`; `axis-shift`, the paper's closed form; or `scene`, from images of the static
             scene, without a target.
         iterations: Steps of the descent, at most.
         start: One of four. `closed`: a closed form, or a search where the data need it. `thorough`: always a search.

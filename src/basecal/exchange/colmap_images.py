@@ -30,7 +30,7 @@ _UNIT_ERROR = 1e-3  # of a quaternion's length
 
 
 class ReconstructedImage(NamedTuple):
-    """The name of a picture, the number of its camera, and its pose up to scale."""
+    """The name of an image, the number of its camera, and its pose up to scale."""
 
     name: str
     camera: int

@@ -183,7 +183,7 @@ def _check_times(parts: Sequence[Part]) -> None:
         if start <= end and (is_stream or is_stream_too):
             raise InputError(
                 f"{folder} and {other} overlap in time ({start:g} to {end:g} s). Their robots and "
-                "pictures are on separate lines, which are joined by time: shift the times of one of them"
+                "images are on separate lines, which are joined by time: shift the times of one of them"
             )
 
 
@@ -203,7 +203,7 @@ def _add_models(files: dict[str, Path], part: Part) -> None:
 
 
 def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sample]:
-    """The samples of a part renumbered; their pictures join `files`, under other names where theirs are taken."""
+    """The samples of a part renumbered; their images join `files`, under other names where theirs are taken."""
     moved = []
     for sample in part.recording.samples:
         number = sample.sample + shift
@@ -216,7 +216,7 @@ def _renumber_samples(part: Part, shift: int, files: dict[str, Path]) -> list[Sa
 
 
 def _picture(part: Part, path: str, number: int, files: dict[str, Path]) -> str:
-    """Where a picture is in the new cell; one that is missing keeps its path, to be found missing there."""
+    """Where an image is in the new cell; one that is missing keeps its path, to be found missing there."""
     source = part.folder / path
     if not source.is_file():
         return path

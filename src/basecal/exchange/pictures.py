@@ -1,4 +1,4 @@
-"""A folder of pictures: which they are, in the order that people mean, and when they were taken by their names."""
+"""A folder of images: which they are, in the order that people mean, and when they were taken by their names."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from basecal.errors import DatasetError, list_names
 from basecal.vision.image_header import header
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm")
-"""Of pictures that can be read, in small letters."""
+"""Of images that can be read, in small letters."""
 
 _OTHER_PICTURES = frozenset(
     (".heic", ".heif", ".gif", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".dng", ".exr", ".jp2", ".avif", ".npy")
 ) | {".mp4", ".avi", ".mov", ".mkv", ".bag", ".mcap"}
-_HEADER_BYTES = 2**24  # of a picture in which its size stands: metadata before it fill less
+_HEADER_BYTES = 2**24  # of an image in which its size stands: metadata before it fill less
 _MOST_PICTURES = 200_000  # as many as a recording may have samples
 _STARTS = (
     b"\x89PNG",
@@ -44,13 +44,13 @@ _FEWEST_NUMBERED = 3  # names that make a numbering
 
 
 def list_pictures(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder; 2.png stands before 10.png.
+    """The images of a folder; 2.png stands before 10.png.
 
     Raises:
         DatasetError: if there is none, or the folder is not one; it says what is there instead.
     """
     if not folder.is_dir():
-        raise DatasetError(str(folder), "is no folder; give the folder of one camera's pictures")
+        raise DatasetError(str(folder), "is no folder; give the folder of one camera's images")
     files = [path for path in folder.iterdir() if not path.name.startswith(".")]
     found = [path for path in files if path.suffix.lower() in ENDINGS and path.is_file()]
     if not found:
@@ -58,24 +58,24 @@ def list_pictures(folder: Path) -> tuple[Path, ...]:
             each.name for each in files if each.is_dir() and any(p.suffix.lower() in ENDINGS for p in each.iterdir())
         ]
         if inner:
-            what = f"holds no pictures but folders of them: {list_names(sorted(inner))}; import one camera's at a time"
+            what = f"holds no images but folders of them: {list_names(sorted(inner))}; import one camera's at a time"
             raise DatasetError(str(folder), what)
         others = Counter(path.suffix.lower() or "no ending" for path in files if path.is_file())
         there = ", ".join(f"{count} of {ending}" for ending, count in others.most_common(3)) or "nothing"
         expected = f"expected {', '.join(ENDINGS)}"
-        raise DatasetError(str(folder), f"holds no pictures that are read, but {there}; {expected}")
+        raise DatasetError(str(folder), f"holds no images that are read, but {there}; {expected}")
     if len(found) > _MOST_PICTURES:
-        raise DatasetError(str(folder), f"{len(found)} pictures, expected at most {_MOST_PICTURES}")
+        raise DatasetError(str(folder), f"{len(found)} images, expected at most {_MOST_PICTURES}")
     return tuple(sorted(found, key=natural_order))
 
 
 def is_picture(path: Path) -> bool:
-    """Whether a file is a picture by its name."""
+    """Whether a file is an image by its name."""
     return path.suffix.lower() in ENDINGS
 
 
 def check_picture(path: Path) -> None:
-    """Check that a file begins as pictures do: others are never copied under the name of one.
+    """Check that a file begins as images do: others are never copied under the name of one.
 
     Raises:
         DatasetError: if not, or it cannot be read.
@@ -83,21 +83,21 @@ def check_picture(path: Path) -> None:
     check_regular(path)
     with path.open("rb") as file:
         if not file.read(_START).startswith(_STARTS):
-            raise DatasetError(str(path), f"is no picture, whatever its name; expected {', '.join(ENDINGS)}")
+            raise DatasetError(str(path), f"is no image, whatever its name; expected {', '.join(ENDINGS)}")
 
 
 def unreadable_pictures(folder: Path) -> tuple[str, ...]:
-    """Names of files beside the pictures that are pictures, or films, of a kind that is not read."""
+    """Names of files beside the images that are images, or films, of a kind that is not read."""
     return tuple(sorted(path.name for path in folder.iterdir() if path.suffix.lower() in _OTHER_PICTURES))
 
 
 def usual_size(sizes: Sequence[tuple[int, int]]) -> tuple[int, int]:
-    """The size that most pictures have; the first of those that are as frequent."""
+    """The size that most images have; the first of those that are as frequent."""
     return Counter(sizes).most_common(1)[0][0]
 
 
 def picture_size(path: Path) -> tuple[int, int] | None:
-    """Width and height of a picture [px]; None if they cannot be read."""
+    """Width and height of an image [px]; None if they cannot be read."""
     try:
         with path.open("rb") as file:
             found = header(file.read(_HEADER_BYTES))
@@ -107,7 +107,7 @@ def picture_size(path: Path) -> tuple[int, int] | None:
 
 
 def time_from_name(name: str) -> float | None:
-    """The time [s] that is a picture's name, such as 1682512345.123.png or 1682512345123456789.png; None of others.
+    """The time [s] that is an image's name, such as 1682512345.123.png or 1682512345123456789.png; None of others.
 
     Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds; fewer than
     ten are seconds since some beginning of their own where there is a point.
@@ -125,7 +125,7 @@ def missing_numbers(names: Sequence[str]) -> tuple[str, ...]:
     """Numbers that a few of numbered names leave out between the first and the last; none if names are not numbered.
 
     Args:
-        names: Of pictures, such as `0001.png`.
+        names: Of images, such as `0001.png`.
     """
     found = [re.search(r"(\d+)\D*$", Path(name).stem) for name in names]
     numbers = {int(each[1]): len(each[1]) for each in found if each is not None}

@@ -1,6 +1,6 @@
 """The serial chain between two bodies of an MJCF, MuJoCo's own kind of file, which MuJoCo reads itself.
 
-Only bodies and their joints are handed to it, so that no mesh, picture or other file is opened.
+Only bodies and their joints are handed to it, so that no mesh, image or other file is opened.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
     if not found:
         raise InputError(
             "no sample near the taught poses is within the arms' limits, with the whole target in view and clear: "
-            "teach poses with the target in the middle of the picture, half a metre to a metre away"
+            "teach poses with the target in the middle of the image, half a metre to a metre away"
         )
     return [Sample(k, robots=sample.robots) for k, sample in enumerate(found[:count])]
 

@@ -42,7 +42,7 @@ def is_within_limits(sketch: Sketch, sample: Sample) -> bool:
 
 
 def is_in_view(sketch: Sketch, sample: Sample) -> bool:
-    """Whether the whole target is in the picture, with a margin, and shows its front."""
+    """Whether the whole target is in the image, with a margin, and shows its front."""
     return bool(visibility_mask(sketch, SE3.stack([sketch.camera_from_target(sample)]))[0])
 
 
@@ -65,7 +65,7 @@ def visibility_mask(sketch: Sketch, camera_from_target: SE3) -> BoolArray:
 
 
 def _picture_mask(sketch: Sketch, points_in_camera: Array) -> BoolArray:
-    """Whether all points, (n, p, 3), are in the picture, (n,)."""
+    """Whether all points, (n, p, 3), are in the image, (n,)."""
     lens = sketch.lens
     seen: BoolArray = np.all(lens.sees(points_in_camera), axis=-1)
     if lens.size_px is None:

@@ -271,7 +271,7 @@ def draw_offers(cell_sketches: Sequence[Sketch], recording: Recording, count: in
     taught = [sample for sample in recording.samples if set(cell_sketches[0].cell.robots) <= sample.robots.keys()]
     if not taught:
         raise InputError(
-            "a plan begins at taught poses: jog the arms so that the target is in the middle of the picture. Record "
+            "a plan begins at taught poses: jog the arms so that the target is in the middle of the image. Record "
             "that once or more, by basecal capture or by lines with `robots` alone in recording/samples.jsonl"
         )
     looked = [each for each in cell_sketches if each.view in seen or any(is_in_view(each, sample) for sample in taught)]

@@ -32,7 +32,7 @@ from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
 from basecal.planning.sketch import Sketch, sketch_cell
 
 ASSUMED_NOISE = Noise(pixel_px=0.3, pose_m=1e-3, pose_rad=3e-3, point_m=1e-3, touch_m=2e-4, grip_rad=1e-3)
-"""Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real pictures."""
+"""Of views, where nothing is stated and nothing was calibrated: what detectors and trackers have on real images."""
 
 ASSUMED_ROBOT_SIGMAS = np.repeat([2e-4, 4e-4], 3)
 """[m, rad] of a robot's pose, likewise: real arms have 0.1 to 0.5 mm and 0.2 to 1 mrad a stop."""

@@ -127,7 +127,7 @@ def sketch_cell(cell: Cell) -> Sketch:
     views = [(c.name, t.name) for c in cell.cameras.values() for t in cell.targets.values() if c.on != t.on]
     if not views and cell.sees_scene:
         raise InputError(
-            "pictures of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "
+            "images of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "
             "with each arm, five of them of one spot from similar directions; rotate the flange by 20 deg about two "
             "axes, and do not aim all at one spot"
         )

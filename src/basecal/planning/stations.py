@@ -17,7 +17,7 @@ from basecal.planning.sketch import Sketch
 STATION_SAMPLES = 7
 """Of a station: its origin, and shifts to both sides along three axes."""
 
-_ORIGIN_COUNT = 40  # half of them, and more, have a shift that leaves the picture or the arm's reach
+_ORIGIN_COUNT = 40  # half of them, and more, have a shift that leaves the image or the arm's reach
 _LENGTH_FACTORS = (1.0, 2.0, 4.0)  # of the shift at which pixel noise and what the closed form neglects do least
 
 

@@ -23,7 +23,7 @@ _EXTRANEOUS_BYTES = re.compile(r"(\d+) extraneous bytes before marker 0xd9")
 _END_MARKER = b"\xff\xd9"
 _RIFF_HEAD, _CHUNK_HEAD = 12, 8  # [bytes]
 _UNUSED_BYTES = 16  # bytes at the end of a lossy WebP's pixels: an encoder leaves less than two of them unused
-_LEAST_PIXEL_BYTES = 100  # bytes of a lossy WebP, below which so many are a part of what an even picture needs
+_LEAST_PIXEL_BYTES = 100  # bytes of a lossy WebP, below which so many are a part of what an even image needs
 _DECODER_LINE = re.compile(
     r"^(Corrupt JPEG data|Premature end of JPEG|JPEG|Invalid |Unsupported |Inconsistent |Warning: unknown JFIF|libpng)"
     r"|^\[ *"

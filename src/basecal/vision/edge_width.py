@@ -1,4 +1,4 @@
-"""How wide edges are in a picture, in any direction: what a blur by motion or focus does."""
+"""How wide edges are in an image, in any direction: what a blur by motion or focus does."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _MOST_SCANS = 100  # of a JPEG, each of which passes over all pixels; encoders w
 _MOST_DECODED_BYTES = 2**28  # 256 MiB, of which decoders hold two and the grey image is a third
 _OPEN_FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 _MOST_FILE_NAMES = 10_000  # of a folder that are looked through
-_TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of pictures that are shown in another way than they are stored
+_TURNED_ORIENTATIONS = range(2, 9)  # EXIF's orientations of images that are shown in another way than they are stored
 
 
 def read_bytes(path: Path) -> bytes | str:
@@ -69,7 +69,7 @@ def _similar_path(path: Path) -> str:
 def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
     """The image in the bytes of a file, (h, w) of uint8 or uint16, colour turned to grey, or why there is none.
 
-    Pixels are where the sensor gave them, whatever EXIF says of turning the picture: that is for people who look at
+    Pixels are where the sensor gave them, whatever EXIF says of turning the image: that is for people who look at
     it, a lens is calibrated as it stands on its sensor.
 
     Args:
@@ -93,7 +93,7 @@ def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
 
 
 def is_turned(data: bytes) -> bool:
-    """Whether EXIF says that a picture is to be turned or mirrored before it is shown."""
+    """Whether EXIF says that an image is to be turned or mirrored before it is shown."""
     told = header(data)
     return told is not None and told.orientation in _TURNED_ORIENTATIONS
 
@@ -123,13 +123,13 @@ def _cause(size: tuple[int, int], size_px: tuple[int, int]) -> str:
     if size == (size_px[1], size_px[0]):
         return ": width and height look swapped, of it and of its lens; pixels count as the sensor gave them"
     if size[0] * size_px[1] == size[1] * size_px[0]:
-        scale = f"the lens seems to be of pictures scaled by {size_px[0] / size[0]:g}"
-        return f": {scale}; give these, or size_px and the lens of the pictures that there are"
+        scale = f"the lens seems to be of images scaled by {size_px[0] / size[0]:g}"
+        return f": {scale}; give these, or size_px and the lens of the images that there are"
     return ""
 
 
 def png_bytes(image: Image) -> bytes:
-    """A picture, (h, w), as a PNG.
+    """An image, (h, w), as a PNG.
 
     Raises:
         InputError: if it has another type than uint8 or uint16.

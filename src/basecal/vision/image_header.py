@@ -24,7 +24,7 @@ class Header(NamedTuple):
     Attributes:
         size_px: Width and height.
         pixel_bytes: Of each pixel at most, when it is decoded.
-        orientation: How the picture is meant to be turned before it is shown, 1 to 8 as of EXIF; 1 for not at all.
+        orientation: How the image is meant to be turned before it is shown, 1 to 8 as of EXIF; 1 for not at all.
     """
 
     size_px: tuple[int, int]

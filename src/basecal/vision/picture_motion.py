@@ -1,6 +1,6 @@
-"""How far what is in two pictures has moved between them: whether a camera and all before it stand still.
+"""How far what is in two images has moved between them: whether a camera and all before it stand still.
 
-The picture is cut into blocks; in each the shift along the strongest edges is found by least squares on the brightness.
+The image is cut into blocks; in each the shift along the strongest edges is found by least squares on the brightness.
 Source: Lucas & Kanade 1981.
 """
 
@@ -23,28 +23,28 @@ _CERTAIN_PX = 0.05  # sigma of a block's shift: others have too little structure
 _SMOOTH_PX = 0.8  # of such pixels, so that noise makes no edges
 _MAD_SIGMAS = 1.4826  # of a normal distribution over its median absolute deviation
 _NOISE_STRIDE = 7  # th pixel tells the noise
-_NOISE_SIGMAS = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand pictures
+_NOISE_SIGMAS = 4.5  # sigmas: of a hundred blocks none has that by chance, but once in a thousand images
 
 
 def reduce_picture(picture: Image) -> Levels:
-    """A picture as `shift_between` takes it: smaller and smoother."""
+    """An image as `shift_between` takes it: smaller and smoother."""
     size = (picture.shape[1] // _REDUCTION, picture.shape[0] // _REDUCTION)
     fewer = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(fewer, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
 
 def shift_between(first: Levels, second: Levels) -> float:
-    """The largest shift of any part of a picture beyond its noise [px]; 0 if nothing has structure.
+    """The largest shift of any part of an image beyond its noise [px]; 0 if nothing has structure.
 
     Args:
-        first: The picture, made by `reduce_picture`.
+        first: The image, made by `reduce_picture`.
         second: The next one, likewise.
 
     Raises:
-        InputError: if the pictures differ in size.
+        InputError: if the images differ in size.
     """
     if first.shape != second.shape:
-        raise InputError("pictures of different sizes are not of one camera")
+        raise InputError("images of different sizes are not of one camera")
     middle, change = cv2.addWeighted(first, 0.5, second, 0.5, 0.0), second - first
     along_u, along_v = (cv2.Sobel(middle, cv2.CV_32F, *which, ksize=1, scale=0.5) for which in ((1, 0), (0, 1)))
     uu, uv, vv = (_block_sums(each) for each in (along_u * along_u, along_u * along_v, along_v * along_v))

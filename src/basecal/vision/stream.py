@@ -1,4 +1,4 @@
-"""Pictures of a camera or video, as OpenCV gives them, turned grey."""
+"""Images of a camera or video, as OpenCV gives them, turned grey."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from basecal.vision.detection import Image
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # else it prints what strangers' servers say
 _STAMPED_BACKEND = "V4L2"
-_TIMEOUT_MS = 5000  # without a picture; OpenCV waits 30 s
+_TIMEOUT_MS = 5000  # without an image; OpenCV waits 30 s
 _TIMEOUTS = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, _TIMEOUT_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, _TIMEOUT_MS]
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """A source of pictures that is open; `capture` is OpenCV's."""
+    """A source of images that is open; `capture` is OpenCV's."""
 
     capture: Any
 
     def read(self) -> Image | None:
-        """The next picture, (h, w); None if there is none any more."""
+        """The next image, (h, w); None if there is none any more."""
         came, picture = self.capture.read()
         if not came:
             return None
@@ -33,11 +33,11 @@ class Stream:
 
     @property
     def is_stamped(self) -> bool:
-        """Whether pictures have a time of their own: of what OpenCV opens, cameras of Linux do."""
+        """Whether images have a time of their own: of what OpenCV opens, cameras of Linux do."""
         return str(self.capture.getBackendName()) == _STAMPED_BACKEND
 
     def stamp_s(self) -> float:
-        """The time of the last picture [s], by the kernel's clock."""
+        """The time of the last image [s], by the kernel's clock."""
         return 1e-3 * float(self.capture.get(cv2.CAP_PROP_POS_MSEC))
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A small picture of an image for people to look at."""
+"""A small image of an image for people to look at."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def thumbnail(data: bytes, size_px: tuple[int, int] | None, width: int) -> bytes
     Args:
         data: What the file holds.
         size_px: Width and height it has to have; None if any will do.
-        width: Of the small picture; a smaller image stays as it is.
+        width: Of the small image; a smaller image stays as it is.
     """
     image = grey_image(data, size_px)
     if isinstance(image, str):

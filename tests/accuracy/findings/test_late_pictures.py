@@ -1,4 +1,4 @@
-"""Pictures that were not taken when their stamps say."""
+"""Images that were not taken when their stamps say."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from stream_cells import Streamed, streamed
 
 
 def late(sample: Sample, by_s: float) -> Sample:
-    """Its picture was taken so much later than its stamp says."""
+    """Its image was taken so much later than its stamp says."""
     assert sample.stamp_s is not None
     return replace(sample, stamp_s=sample.stamp_s - by_s)
 
@@ -78,7 +78,7 @@ def test_many_are_a_warning():
     ],
 )
 def test_the_first_five_delays_are_told(count: int, words: str) -> None:
-    """Late or early, to a millisecond; of more pictures than that an ellipsis says so."""
+    """Late or early, to a millisecond; of more images than that an ellipsis says so."""
     late = [_Late(10 + k, 0.03 - 0.02 * k) for k in range(count)]
     assert words in _problem_sentence("wrist", late)
     assert ("..." in _problem_sentence("wrist", late)) == (count > 5)
@@ -89,7 +89,7 @@ ACROSS = np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0])
 
 
 def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Finding]:
-    """What is told of pictures so late that were left out, of which views are aside of the way by a share of it.
+    """What is told of images so late that were left out, of which views are aside of the way by a share of it.
 
     The next one is as late and was used, of a second camera, that stood still, left out. Of that another was used.
     """
@@ -111,7 +111,7 @@ def seen_late(*late_s: float, aside: float = 0.0, samples: int = 100) -> list[Fi
 
 
 def test_a_delay_is_how_far_along_its_way_a_view_is() -> None:
-    """To the millisecond, late and early, of the pictures of one camera that were left out; others say nothing."""
+    """To the millisecond, late and early, of the images of one camera that were left out; others say nothing."""
     (finding,) = seen_late(0.06, -0.08, 0.04)
     assert (finding.code, finding.about) == ("clock-offset", ("camera", "0", "1", "2"))
     assert (

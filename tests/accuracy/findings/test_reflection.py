@@ -39,7 +39,7 @@ def found(made, beside):
 
 
 def test_spots_beside_a_light_are_told(made):
-    """With the pictures that have them, and how many there are; the light is told from them."""
+    """With the images that have them, and how many there are; the light is told from them."""
     rng = np.random.default_rng(0)
     beside = {k: rng.uniform(40, 90, 2) for k in range(2, 9)}
     (finding,) = found(made, beside)
@@ -49,7 +49,7 @@ def test_spots_beside_a_light_are_told(made):
 
 
 def test_spots_near_the_light_are_a_warning(made):
-    """Two pixels away they can be either; a tenth of the pictures is borne."""
+    """Two pixels away they can be either; a tenth of the images is borne."""
     near = np.array([1.6, 1.2])
     for count, severity in ((1, "info"), (2, "warning")):
         (finding,) = found(made, dict.fromkeys(range(count), near))

@@ -150,7 +150,7 @@ def test_effects_that_the_data_do_not_tell_apart_are_all_named(evidence):
     ("camera", -3e-4, True), ("camera", 3e-4, False), ("robot", 3e-4, True), ("robot", -3e-4, False),
 ])  # fmt: skip
 def test_who_is_late_goes_by_the_sign_alone(evidence, code, kind, size, late):
-    """Pictures to be stamped earlier and poses to be read later are late, by however little."""
+    """Images to be stamped earlier and poses to be read later are late, by however little."""
     error = found(code, [size], 1e-5, "device", "s", kind=kind)
     (finding,) = systematic_error(evidence(systematic_error=error))
     way = {"clock-offset": "lag behind", "clock-drift": "fall behind"}[code] if late else "run ahead of"

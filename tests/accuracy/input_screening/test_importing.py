@@ -23,7 +23,7 @@ def table(folder: Path) -> Path:
 
 
 def test_a_cell_of_poses_and_pictures(tmp_path: Path) -> None:
-    """By public names alone: poses of a robot, then pictures and their target, become a cell and its recording."""
+    """By public names alone: poses of a robot, then images and their target, become a cell and its recording."""
     cell, photos = tmp_path / "mycell", tmp_path / "photos"
     photos.mkdir()
     for i in range(3):

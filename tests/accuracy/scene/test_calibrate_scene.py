@@ -31,7 +31,7 @@ RECORDING = Recording(folder=".")
 
 
 def calibrated(monkeypatch: pytest.MonkeyPatch, pictures: Pictures, reference: str = "left") -> Calibration:
-    """The answer from made-up pictures."""
+    """The answer from made-up images."""
     monkeypatch.setattr(room, "read_pictures", lambda *_: pictures)
     views = pictures.views
     cell = {
@@ -95,7 +95,7 @@ def test_a_stated_place_of_the_base_is_second_evidence(
 
 
 def test_a_scene_that_creeps_gives_no_false_base(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scene that moves by 0.5 mm from picture to picture moves the base by 6 mm: named, and in the covariance.
+    """A scene that moves by 0.5 mm from image to image moves the base by 6 mm: named, and in the covariance.
 
     Without it the squared Mahalanobis distance of the base is 87; its 99.99 % point is 27.9.
     """
@@ -165,7 +165,7 @@ def test_a_repeated_object_gives_no_base(monkeypatch: pytest.MonkeyPatch, is_see
 
 
 def test_pictures_without_texture_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Features of which no two pictures share any, as of noise, are no scene."""
+    """Features of which no two images share any, as of noise, are no scene."""
     pictures = pictures_of_scene(made_scene(1, arms=2, count=8, points=60))
     rng = np.random.default_rng(6)
     noise = tuple(replace(each, descriptors=random_looks(rng, len(each))) for each in pictures.features)
@@ -174,7 +174,7 @@ def test_pictures_without_texture_are_refused(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_few_views_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Seven pictures of an arm are too few, whatever they show."""
+    """Seven images of an arm are too few, whatever they show."""
     scene = made_scene(1, count=7, points=150)
     with_true_mounts(monkeypatch, scene)
     answer = calibrated(monkeypatch, pictures_of_scene(scene))
@@ -185,16 +185,16 @@ def test_a_recording_without_pictures_is_an_error(monkeypatch: pytest.MonkeyPatc
     """There is nothing to answer."""
     pictures = pictures_of_scene(made_scene(1, count=3, points=20))
     empty = replace(pictures, views=pictures.views.take(np.zeros(0, dtype=np.int64)), features=())
-    with pytest.raises(InputError, match="no camera on a robot has pictures"):
+    with pytest.raises(InputError, match="no camera on a robot has images"):
         calibrated(monkeypatch, empty)
-    lost = Finding("dropped-sample", "info", (), "The picture of eye in sample 0 is not used: is missing.")
+    lost = Finding("dropped-sample", "info", (), "The image of eye in sample 0 is not used: is missing.")
     with pytest.raises(InputError, match="sample 0 is not used: is missing"):
         calibrated(monkeypatch, replace(empty, lost=(lost,)))
 
 
 @pytest.mark.slow
 def test_documented_example_is_calibrated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Rendered pictures through the verb, as docs/recipes/scene.md has it: the base within 3 mm and 0.15 deg."""
+    """Rendered images through the verb, as docs/recipes/scene.md has it: the base within 3 mm and 0.15 deg."""
     make = ROOT / "examples" / "scene" / "make.py"
     subprocess.run([sys.executable, make, tmp_path, "--views", "10", "--size", "480x360"], check=True)
     assert main(["calibrate", str(tmp_path), "--json"]) == 1

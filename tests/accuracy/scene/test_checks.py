@@ -33,7 +33,7 @@ GOOD = Join(SE3.identity(), 400, 9.0, NONE, 12, rival=20.0)
 
 @pytest.fixture(scope="module")
 def good() -> OneCamera:
-    """Twelve pictures that show enough."""
+    """Twelve images that show enough."""
     scene = made_scene(1, count=12, points=120)
     return solved_camera(scene, pictures_of_scene(scene), 0)
 
@@ -64,7 +64,7 @@ def test_each_lack_of_a_camera_has_its_word(good: OneCamera) -> None:
 
 
 def test_each_lack_of_a_join_has_its_word() -> None:
-    """No agreement, agreement as by chance, a rival, few points or few pictures are refused; else nothing is."""
+    """No agreement, agreement as by chance, a rival, few points or few images are refused; else nothing is."""
 
     def codes(
         found: Join | None, shared: int = 300, of_each: tuple[int, int] = (12, 12), common: float = 0.9

@@ -1,4 +1,4 @@
-"""A scene found from its pictures."""
+"""A scene found from its images."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_two_cameras_are_joined_into_one_scene(monkeypatch: pytest.MonkeyPatch) 
 
 
 def with_fixed_camera(scene: Scene, lens: Intrinsics) -> tuple[Scene, SE3]:
-    """The scene with a camera on `world` that takes one picture, and its true pose."""
+    """The scene with a camera on `world` that takes one image, and its true pose."""
     rng = np.random.default_rng(4)
     at, views, tracks = looks(rng, 1, 0.5)[0], scene.views, scene.tracks
     shown = np.flatnonzero(LENS.sees(at.inverse() @ scene.truth.points))

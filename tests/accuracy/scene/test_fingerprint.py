@@ -1,4 +1,4 @@
-"""Whether anything moved, from new pictures of a scene that a calibration kept."""
+"""Whether anything moved, from new images of a scene that a calibration kept."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_what_moved_is_seen_by_the_scene(
 def test_new_pictures_of_a_scene_join_its_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """If nothing moved, `--recalibrate` adds new tracks to the recording; pictures are copied under new names."""
+    """If nothing moved, `--recalibrate` adds new tracks to the recording; images are copied under new names."""
     path = new_samples(tmp_path, calibrated_cell(tmp_path, monkeypatch))
     (run,) = (tmp_path / "runs").iterdir()
     made = CalibratedFolder(read_calibration(run), run)

@@ -16,7 +16,7 @@ NAMES = ("left_eye", "right_eye")
 
 
 def joined(scene: Scene, looks: tuple[Descriptors, Descriptors] | None = None) -> tuple[Pictures, Join | None]:
-    """Pictures of two cameras, and what joins them."""
+    """Images of two cameras, and what joins them."""
     pictures = pictures_of_scene(scene, looks=looks)
     return pictures, join(pictures, *(solved_camera(scene, pictures, camera) for camera in (0, 1)))
 
@@ -46,7 +46,7 @@ def test_common_points_join_two_arms(scene: Scene) -> None:
 
 
 def test_sightings_are_of_the_same_points(scene: Scene) -> None:
-    """What is found in pictures of the second shows the points of the first that it is said to show."""
+    """What is found in images of the second shows the points of the first that it is said to show."""
     looks = random_looks(np.random.default_rng(4), scene.tracks.count)
     pictures, found = joined(scene, (looks, looks))
     assert found is not None

@@ -31,7 +31,7 @@ def pictures(scene: Scene) -> Pictures:
 
 @pytest.fixture(scope="module")
 def ones(scene: Scene, pictures: Pictures) -> tuple[OneCamera, OneCamera]:
-    """What each camera's pictures say."""
+    """What each camera's images say."""
     return solved_camera(scene, pictures, 0), solved_camera(scene, pictures, 1)
 
 

@@ -14,7 +14,7 @@ WAY = np.array([0.6, 0.8, 0.0])
 
 
 def motion_of(seed: int, shifts_m: Array) -> SceneMotion:
-    """The most likely motion of a scene that two arms see, ten pictures each, shifted by so much along a way."""
+    """The most likely motion of a scene that two arms see, ten images each, shifted by so much along a way."""
     scene = moved_in_time(made_scene(seed, arms=2, count=10, points=100), shifts_m[:, None] * WAY)
     return scene_motion(fit_scene(scene.views, scene.tracks, scene.truth, scene.truth.lenses, (None, None)))
 
@@ -26,7 +26,7 @@ def test_a_still_scene_does_not_move(seed: int) -> None:
 
 
 def test_a_steady_motion_is_measured() -> None:
-    """Of 0.5 mm from picture to picture, 9.5 mm in all, the length is found to a fifth."""
+    """Of 0.5 mm from image to image, 9.5 mm in all, the length is found to a fifth."""
     found = motion_of(1, 5e-4 * np.arange(20))
     assert found.chance < 1e-6
     assert found.first_sample is None

@@ -1,4 +1,4 @@
-"""One camera: its mount and scene from its own pictures."""
+"""One camera: its mount and scene from its own images."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from scene_points import MOUNT, PIXEL, made_scene
 
 @pytest.fixture(scope="module")
 def pictures() -> Pictures:
-    """Ten pictures of one arm."""
+    """Ten images of one arm."""
     return pictures_of_scene(made_scene(2, count=10, points=200))
 
 
@@ -68,7 +68,7 @@ def test_positions_of_the_wrong_sign_do_not_fit() -> None:
 
 
 def test_pictures_without_common_features_have_no_start() -> None:
-    """Where each picture's features look otherwise no pair is matched, and there is neither start nor fit."""
+    """Where each image's features look otherwise no pair is matched, and there is neither start nor fit."""
     pictures = pictures_of_scene(made_scene(2, count=10, points=100))
     rng = np.random.default_rng(3)
     blank = [replace(each, descriptors=random_looks(rng, len(each))) for each in pictures.features]
@@ -87,7 +87,7 @@ def test_a_camera_stands_alone_with_its_robot() -> None:
 
 
 def test_many_pictures_are_matched_with_similar_ones() -> None:
-    """Up to 60 pictures are all paired; of more each with those of the most similar directions."""
+    """Up to 60 images are all paired; of more each with those of the most similar directions."""
     turns = SE3.exp(np.outer(np.arange(100), [0, 0, 0, 0, 0, 0.02]))
     assert len(picture_pairs(turns[:60])) == 60 * 59 // 2
     pairs = picture_pairs(turns)

@@ -1,4 +1,4 @@
-"""The pictures of a recording as views of a scene."""
+"""The images of a recording as views of a scene."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEFT, RIGHT = (
 
 
 def write(folder: Path, samples: list[dict]) -> None:
-    """A cell with a picture of each sample's images."""
+    """A cell with an image of each sample's images."""
     (folder / "recording").mkdir(parents=True, exist_ok=True)
     (folder / "cell.yaml").write_text(CELL)
     lines = [json.dumps({"sample": k, **sample}) for k, sample in enumerate(samples)]
@@ -45,14 +45,14 @@ def write(folder: Path, samples: list[dict]) -> None:
 
 
 def read(folder: Path) -> Pictures:
-    """Its pictures."""
+    """Its images."""
     cell = read_cell(folder)
     recording = read_recording(folder, cell)
     return read_pictures(cell, recording)
 
 
 def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
-    """Pictures without a pose of the arm that carries their camera, and samples without pictures, are passed over."""
+    """Images without a pose of the arm that carries their camera, and samples without images, are passed over."""
     write(
         tmp_path,
         [
@@ -72,7 +72,7 @@ def test_each_picture_with_a_pose_is_a_view(tmp_path: Path) -> None:
 
 
 def test_an_unstated_lens_is_guessed(tmp_path: Path) -> None:
-    """Of the lens that is stated nothing is guessed; the other is a usual one for the picture's size."""
+    """Of the lens that is stated nothing is guessed; the other is a usual one for the image's size."""
     write(tmp_path, [{"robots": LEFT | RIGHT, "images": {"left_eye": "a.png", "right_eye": "bb.png"}}])
     found = read(tmp_path)
     assert found.is_guessed == (False, True)
@@ -124,7 +124,7 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     write(
         tmp_path, [{"robots": LEFT, "images": {"left_eye": "a.png"}}, {"robots": LEFT, "images": {"left_eye": "b.png"}}]
     )
-    (tmp_path / "recording" / "b.png").write_bytes(b"no picture")
+    (tmp_path / "recording" / "b.png").write_bytes(b"no image")
     found = read(tmp_path)
     assert found.camera_views(0) == [0]
     assert [(each.code, each.about) for each in found.lost] == [("dropped-sample", ("1", "left_eye"))]

@@ -24,7 +24,7 @@ def sagging(pose: SE3, rad_per_m: float) -> SE3:
 
 
 def fitted(rad_per_m: float) -> SceneFit:
-    """Two arms, twelve pictures each."""
+    """Two arms, twelve images each."""
     scene = made_scene(2, arms=2, count=12, points=100)
     poses = SE3.stack([sagging(pose, rad_per_m) for pose in scene.views.base_from_flange])
     views = replace(scene.views, base_from_flange=poses)

@@ -1,4 +1,4 @@
-"""Pictures that appear in a folder."""
+"""Images that appear in a folder."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_newest_new_picture_is_given_once(folder):
     save(folder, 50, 3000.0)
     given = source.picture()
     assert (given.grey[0, 0], given.stamp_s, given.source) == (50, pytest.approx(3000.0), "50.png")
-    with pytest.raises(DriverError, match=r"no new picture in .* within 0\.2 s"):
+    with pytest.raises(DriverError, match=r"no new image in .* within 0\.2 s"):
         source.picture()
 
 
@@ -78,7 +78,7 @@ def test_those_of_before_count_where_asked(folder):
 
 
 def test_a_file_that_is_being_written_is_waited_for(folder):
-    """A half of a file is no picture; when its end has come it is one."""
+    """A half of a file is no image; when its end has come it is one."""
     source, path = camera(folder, wait_s=5.0), folder / "pictures" / "late.png"
     write_png(folder / "whole.png", picture(77))
     whole = (folder / "whole.png").read_bytes()

@@ -18,7 +18,7 @@ CELL = Cell("eye", {"eye": Robot("eye")})
 
 
 def test_a_film_gives_its_pictures(tmp_path):
-    """Pictures come with rising stamps, and the end of the film is an error that says so."""
+    """Images come with rising stamps, and the end of the film is an error that says so."""
     path = str(tmp_path / "film.avi")
     writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 10, (64, 48))
     for level in (50, 150):
@@ -35,7 +35,7 @@ def test_a_film_gives_its_pictures(tmp_path):
 
 
 class Device:
-    """A capture of OpenCV whose pictures have the time 5.5 s."""
+    """A capture of OpenCV whose images have the time 5.5 s."""
 
     def __init__(self, backend):
         self.backend = backend

@@ -18,7 +18,7 @@ from basecal.vision.image_file import write_png
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A recording of three samples, each with a picture of its own grey level, the second with one without light."""
+    """A recording of three samples, each with an image of its own grey level, the second with one without light."""
     folder = tmp_path_factory.mktemp("recorded")
     made = simulate(Scenario(samples=3), 0)
     samples = []
@@ -38,7 +38,7 @@ def place(made, name, recording=None):
 
 
 def test_robots_go_where_they_have_been(made):
-    """Sent near a recorded state, robots say that state, and the camera gives the picture of that sample."""
+    """Sent near a recorded state, robots say that state, and the camera gives the image of that sample."""
     eye, hand, wrist = (
         open_robot(place(made, "eye")),
         open_robot(place(made, "hand")),
@@ -65,7 +65,7 @@ def test_the_light_is_off_where_that_was_recorded(made):
     assert wrist.picture().grey[0, 0] == 10
     for name, robot in (("eye", eye), ("hand", hand)):
         robot.move(made[1].recording.samples[2].robots[name], 1.0)
-    with pytest.raises(DriverError, match="no picture without the light in sample 2"):
+    with pytest.raises(DriverError, match="no image without the light in sample 2"):
         wrist.picture()
 
 

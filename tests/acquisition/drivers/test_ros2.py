@@ -29,7 +29,7 @@ def drawn(grey):
 
 
 def test_every_state_and_picture_has_its_own_stamp(ros2_cell):
-    """Of states and pictures taken as they come none stands at the stamp of another, and stamps rise."""
+    """Of states and images taken as they come none stands at the stamp of another, and stamps rise."""
     robot, camera = open_robot(ros2_cell.place("eye")), open_camera(ros2_cell.place("wrist", topic="/wrist/image_raw"))
     assert isinstance(camera, Camera)
     assert not isinstance(robot, Moves)
@@ -94,10 +94,10 @@ def test_what_goes_wrong_is_a_line(ros2_cell, fault, error):
 
 
 def test_pictures_of_another_size_are_told(ros2_cell):
-    """Where the cell states the size of pictures, others are no pictures of this camera."""
+    """Where the cell states the size of images, others are no images of this camera."""
     place = ros2_cell.place("wrist", topic="/wrist/image_raw")
     camera = open_camera(Place("wrist", CELL, Path("."), place.options))
-    with pytest.raises(DriverError, match="wrist: a picture of /wrist/image_raw has 64 x 48 pixels"):
+    with pytest.raises(DriverError, match="wrist: an image of /wrist/image_raw has 64 x 48 pixels"):
         camera.picture()
 
 
@@ -107,7 +107,7 @@ def test_pictures_of_another_size_are_told(ros2_cell):
         (open_robot, "eye", {"topic": "/a", "frames": ["b", "t"]}, r"robots\.eye\.driver: topic and frames are both"),
         (open_robot, "eye", {"domain": 300}, r"robots\.eye\.driver\.domain"),
         (open_robot, "eye", {"topic": "joint_states"}, r"robots\.eye\.driver\.topic"),
-        (open_camera, "wrist", {}, r"cameras\.wrist\.driver: expected the topic of its pictures"),
+        (open_camera, "wrist", {}, r"cameras\.wrist\.driver: expected the topic of its images"),
     ],
 )
 def test_options_that_are_wrong(tmp_path, open_it, name, options, error):

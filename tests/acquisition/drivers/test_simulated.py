@@ -47,7 +47,7 @@ def test_an_arm_goes_where_it_is_sent(place):
 
 
 def test_a_camera_sees_the_light_switched(place):
-    """Pictures come in the size of the lens, darker where the light is off."""
+    """Images come in the size of the lens, darker where the light is off."""
     camera = open_camera(place("wrist"))
     assert isinstance(camera, Camera)
     assert isinstance(camera, Switches)
@@ -75,11 +75,11 @@ class Impostor(Connection):
 
 
 def test_what_else_answers_is_told(monkeypatch):
-    """Whatever listens at the port: its answers are numbers and pictures, or an error that says so."""
+    """Whatever listens at the port: its answers are numbers and images, or an error that says so."""
     line = Impostor("token", None)
     for ask in (SimulatedRobot("eye", line).state, SimulatedCamera("wrist", line).picture):
         with pytest.raises(DriverError, match=r"is no simulated cell \(\w+"):
             ask()
     monkeypatch.setattr(Impostor, "ask", lambda self, **request: {"stamp_s": 0.0, "png_base64": "abc"})
-    with pytest.raises(DriverError, match="wrist: a picture is not written as base64"):
+    with pytest.raises(DriverError, match="wrist: an image is not written as base64"):
         SimulatedCamera("wrist", line).picture()

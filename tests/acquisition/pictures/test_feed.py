@@ -24,7 +24,7 @@ NOISE = np.random.default_rng(1).integers(0, 3, (50, *SIZE)).astype(np.uint8)
 
 
 class Film:
-    """A camera that gives a picture each 10 ms; pictures slide while `slides` says so."""
+    """A camera that gives an image each 10 ms; images slide while `slides` says so."""
 
     is_live = True
 
@@ -68,7 +68,7 @@ def test_the_newest_picture_is_given(opened):
 
 
 def test_cameras_that_expose_when_asked_are_left_alone(opened):
-    """One that says so, and one that a person serves, are not read but when a picture is wanted."""
+    """One that says so, and one that a person serves, are not read but when an image is wanted."""
     asked, served = Film(), Film()
     asked.is_on_demand, served.is_live = True, False
     assert opened(asked) is asked
@@ -76,14 +76,14 @@ def test_cameras_that_expose_when_asked_are_left_alone(opened):
 
 
 def test_a_latency_is_two_seconds_until_it_is_measured(opened):
-    """Before any arm moved, a picture counts as exposed two seconds before it came."""
+    """Before any arm moved, an image counts as exposed two seconds before it came."""
     picture = opened(Film()).picture()
     assert picture.exposed_s == pytest.approx(picture.stamp_s - 2.0, abs=0.1)
     assert picture.note == ""
 
 
 def test_the_latency_is_that_of_the_arms_motion(opened):
-    """Pictures that slide a fifth of a second after the arms are that old; it is reported once, and kept."""
+    """Images that slide a fifth of a second after the arms are that old; it is reported once, and kept."""
     arms, begin_s = ArmMotion(), time.monotonic() + 0.3
     end_s = begin_s + 0.3
     feed = opened(Film(slides=lambda now_s: begin_s < now_s - 0.2 < end_s), arms)
@@ -91,7 +91,7 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
     arms.spans = ((begin_s, end_s),)
     picture = feed.picture()
     assert 0.19 <= picture.stamp_s - picture.exposed_s < 0.35  # the latency has a sigma of 0.01 s
-    assert "wrist: pictures arrive 0.2" in picture.note
+    assert "wrist: images arrive 0.2" in picture.note
     arms.forget()
     again = feed.picture()
     assert again.stamp_s - again.exposed_s < 0.35
@@ -99,10 +99,10 @@ def test_the_latency_is_that_of_the_arms_motion(opened):
 
 
 def test_older_pictures_are_not_counted(opened):
-    """The picture after an instant was exposed after it; one that nobody exposes in time is told."""
+    """The image after an instant was exposed after it; one that nobody exposes in time is told."""
     feed, now_s = opened(Film()), time.monotonic()
     assert wait_for_picture_after(feed, now_s - 1.8, 5.0).exposed_s > now_s - 1.8
-    with pytest.raises(Moving, match="picture too old"):
+    with pytest.raises(Moving, match="image too old"):
         wait_for_picture_after(feed, now_s + 1000, 0.1)
 
 
@@ -171,7 +171,7 @@ def test_a_camera_that_freezes_is_told(opened):
 
     thawed, film = threading.Event(), Frozen()
     feed = opened(film)
-    with pytest.raises(DriverError, match=r"wrist: no picture came within 0\.1 s"):
+    with pytest.raises(DriverError, match=r"wrist: no image came within 0\.1 s"):
         feed.picture()
     thawed.set()
     feed.close()
@@ -179,7 +179,7 @@ def test_a_camera_that_freezes_is_told(opened):
 
 
 def test_the_light_is_switched_between_pictures(opened):
-    """The thread that reads pictures switches it, so that a driver serves one thread; it is done on return."""
+    """The thread that reads images switches it, so that a driver serves one thread; it is done on return."""
 
     class Lit(Film):
         def light(self, on):

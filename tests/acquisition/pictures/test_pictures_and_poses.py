@@ -1,4 +1,4 @@
-"""Pictures and poses of samples that are taken of cameras which hold pictures back; more of them in benchmarks."""
+"""Images and poses of samples that are taken of cameras which hold images back; more of them in benchmarks."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ pytestmark = pytest.mark.timed
     ids=lambda source: source.name,
 )
 def test_each_picture_shows_the_pose_beside_it(source):
-    """Two samples are taken, and points in their pictures are where the recorded poses put them."""
+    """Two samples are taken, and points in their images are where the recorded poses put them."""
     outcome = tried(source, 2, seed=1)
     assert outcome["refused"] == []
     assert outcome["most_px"] < SIGMAS * outcome["sigma_px"]
 
 
 class Freezing(socketserver.BaseRequestHandler):
-    """A stream of MJPEG that stops after twenty pictures, and stays connected."""
+    """A stream of MJPEG that stops after twenty images, and stays connected."""
 
     def handle(self):
         self.request.recv(4096)
@@ -66,7 +66,7 @@ def address():
 
 
 def test_a_stream_that_freezes_is_told_in_time(address, tmp_path, monkeypatch):
-    """OpenCV is not waited for half a minute: whoever waits for a picture is told after the stated time."""
+    """OpenCV is not waited for half a minute: whoever waits for an image is told after the stated time."""
     monkeypatch.setattr(module, "_TIMEOUTS", [cv2.CAP_PROP_READ_TIMEOUT_MSEC, 700])
     feed = feed_camera(
         "wrist",

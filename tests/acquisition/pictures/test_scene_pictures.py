@@ -1,4 +1,4 @@
-"""Pictures of a scene, taken by a person who leads two arms: through the verb, poses typed, pictures from folders."""
+"""Images of a scene, taken by a person who leads two arms: through the verb, poses typed, images from folders."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ BASE = "left_base_from_right_base"
 
 
 def rendered(folder: Path, views: int, size: str) -> Path:
-    """The example's cell with its pictures and poses, which is what the person's cameras and pendants show."""
+    """The example's cell with its images and poses, which is what the person's cameras and pendants show."""
     make = ROOT / "examples" / "scene" / "make.py"
     subprocess.run([sys.executable, make, folder / "made", "--views", str(views), "--size", size], check=True)
     return folder / "made"
 
 
 def cell_to_capture(made: Path, folder: Path) -> list[list[str]]:
-    """Write a cell without a recording, whose poses are typed and whose pictures are saved; the lines for each arm."""
+    """Write a cell without a recording, whose poses are typed and whose images are saved; the lines for each arm."""
     cell = yaml.safe_load((made / "cell.yaml").read_text())
     samples, lines = read_recording(made).samples, []
     for arm in ARMS:
@@ -47,7 +47,7 @@ def cell_to_capture(made: Path, folder: Path) -> list[list[str]]:
 
 
 def copy(picture: Path, folder: Path, number: int) -> None:
-    """Save a picture as the one of that number: cameras give the oldest first."""
+    """Save an image as the one of that number: cameras give the oldest first."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{number}.png").write_bytes(picture.read_bytes())
     os.utime(folder / f"{number}.png", (1e9 + number, 1e9 + number))
@@ -60,7 +60,7 @@ def capture(folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch, *wo
 
 
 def test_each_picture_is_looked_at_once_it_is_taken(tmp_path, monkeypatch, capsys) -> None:
-    """One that shows a bare wall is refused with what to do; an arm that stood still gives no second picture."""
+    """One that shows a bare wall is refused with what to do; an arm that stood still gives no second image."""
     made = rendered(tmp_path, 3, "320x240")
     folder = tmp_path / "mine"
     folder.mkdir()

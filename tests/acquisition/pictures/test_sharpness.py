@@ -18,7 +18,7 @@ VIEW = ("wrist", "board")
 
 
 def is_blurred(before, away_m=0.65, way=(0.0, 0.0), blur_px=0.5):
-    """What is thought of a picture of the board from so far, moved and blurred so much while it is exposed."""
+    """What is thought of an image of the board from so far, moved and blurred so much while it is exposed."""
     settings = RenderSettings(blur_px=blur_px)
     at = SE3(np.eye(3), np.array([0.0, 0.0, away_m]) - BOARD.points.mean(0))
     pixels = LENS.project(at @ BOARD.points)
@@ -34,7 +34,7 @@ def test_softness_is_no_motion(blur_px):
 
 
 def test_motion_along_an_edge_is_seen_at_once():
-    """Four pixels of motion across one family of edges are too many, in the first picture as well."""
+    """Four pixels of motion across one family of edges are too many, in the first image as well."""
     assert is_blurred(Sharpness(), way=(4.0, 0.0))
 
 

@@ -14,7 +14,7 @@ NOBODY = 100  # a domain that no test sends in
 
 
 def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
-    """Topics with their types and counts, one picture of each, the URDF, and frames, of which those of /tf move."""
+    """Topics with their types and counts, one image of each, the URDF, and frames, of which those of /tf move."""
     bag = listen_to_topics(ros2_cell.domain, 1.5)
     assert {name: bag.topics[name].kind for name in ("/joint_states", "/tf", "/wrist/image_raw")} == {
         "/joint_states": JOINTS,
@@ -35,5 +35,5 @@ def test_what_runs_is_surveyed_as_a_bag_is(ros2_cell):
 
 def test_nobody_there(ros2_cell):
     """In a domain in which nobody sends anything, a line says what to look at."""
-    with pytest.raises(DriverError, match=r"nobody sends joint states, tf or pictures in domain \d+: is ROS_DOMAIN_ID"):
+    with pytest.raises(DriverError, match=r"nobody sends joint states, tf or images in domain \d+: is ROS_DOMAIN_ID"):
         listen_to_topics(NOBODY, 0.3)

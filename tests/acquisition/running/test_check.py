@@ -20,13 +20,13 @@ def test_samples_in_order_are_not_reported():
 
 
 def test_a_picture_of_another_pose_is_named():
-    """The sample is reported at once and worth repeating; the next one tells that its picture is of another pose."""
+    """The sample is reported at once and worth repeating; the next one tells that its image is of another pose."""
     cell, samples = recorded()
     (first, at_once), (second, later) = reported(cell, with_views_of(samples, 7, 6))
     assert (first, at_once.sample, at_once.repeats, at_once.is_lasting) == (7, 7, True, False)
-    assert "picture and its pose do not belong together" in at_once.message
+    assert "image and its pose do not belong together" in at_once.message
     assert (second, later.sample, later.is_lasting) == (8, 7, False)
-    assert later.message.startswith("The picture of sample 7 does not belong to its pose.")
+    assert later.message.startswith("The image of sample 7 does not belong to its pose.")
 
 
 @pytest.mark.slow

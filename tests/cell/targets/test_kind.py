@@ -50,7 +50,7 @@ def test_the_next_of_several_is_another() -> None:
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_several_of_a_kind(name: TargetKindName) -> None:
-    """Pictures tell those with marks of their own apart; a cell reads each of them, and the first is as it was."""
+    """Images tell those with marks of their own apart; a cell reads each of them, and the first is as it was."""
     kind = TARGETS[name]
     fields = parse_yaml(dedent(kind.template), name).data
     several = [kind.another(fields, place) for place in range(8)]

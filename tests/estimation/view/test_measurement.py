@@ -245,5 +245,5 @@ def test_no_views_say_nothing():
 
 
 def test_a_view_says_no_more_than_a_pose_has_freedoms():
-    """One point of a picture gives two equations, three and a whole board six."""
+    """One point of an image gives two equations, three and a whole board six."""
     np.testing.assert_array_equal(limit_equations(2 * np.array([0, 1, 3, 4, 54])), [0, 2, 6, 6, 6])

@@ -111,7 +111,7 @@ def test_cameras_by_usual_names() -> None:
     cell = Cell("arm", {"arm": Robot("arm")}, {}, {"wrist": CellCamera("wrist", "world")}, {})
     taken = choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(), cell)
     assert (taken.cameras["wrist"].topic, taken.cameras["wrist"].on) == ("/w/image_raw", "world")
-    with pytest.raises(InputError, match="say whose pictures are"):
+    with pytest.raises(InputError, match="say whose images are"):
         choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw", "/v/image_raw")), Asked(), cell)
     with pytest.raises(FrameNotFound):
         choose_sources(bag_of(), Survey(ARM, **images("/w/image_raw")), Asked(cameras={"wrist": "/w/image"}), cell)

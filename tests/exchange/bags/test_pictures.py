@@ -1,4 +1,4 @@
-"""Pictures become files without losing a bit."""
+"""Images become files without losing a bit."""
 
 from __future__ import annotations
 

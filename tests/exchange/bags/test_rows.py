@@ -1,4 +1,4 @@
-"""Rows of stops and of streams, and pictures written one by one."""
+"""Rows of stops and of streams, and images written one by one."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_row_for_each_record_and_look(tmp_path: Path) -> None:
 
 
 def test_pictures_of_stops_only(tmp_path: Path) -> None:
-    """Of three pictures of one stop the middle one is written, beside the pose of a target; under its time."""
+    """Of three images of one stop the middle one is written, beside the pose of a target; under its time."""
     writer, seen = new_bag(tmp_path, "mcap"), BEGIN_S + np.array([0.3, 0.5, 0.7])
     for k, time in enumerate(seen):
         writer.image("/eye/image_raw", float(time), np.full((3, 4), k, np.uint8))
@@ -56,5 +56,5 @@ def test_more_lines_than_a_recording_holds() -> None:
 
 
 def test_no_stop() -> None:
-    with pytest.raises(InputError, match=r"no picture .*: --streams"):
+    with pytest.raises(InputError, match=r"no image .*: --streams"):
         still_instants(Tracks({"arm": ARM}, {}, {}), "x")

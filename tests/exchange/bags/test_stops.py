@@ -56,7 +56,7 @@ def test_all_robots_must_stand() -> None:
 
 
 def test_places_are_told_apart_without_a_picture_between() -> None:
-    """One picture at each stop; and two at one stop are one sample."""
+    """One image at each stop; and two at one stop are one sample."""
     assert len(find_stops(tracks(pictures=np.array([0.5, 2.5, 4.5])))) == 3
     assert len(find_stops(tracks(pictures=np.array([0.4, 0.6])))) == 1
 
@@ -72,7 +72,7 @@ def test_poses_are_averaged_on_their_manifold() -> None:
 
 def test_why_there_is_none() -> None:
     assert "recorded every 1 s" in explain_no_stop(tracks(rate=1.0))
-    assert "no picture" in explain_no_stop(tracks(pictures=np.array([])))
+    assert "no image" in explain_no_stop(tracks(pictures=np.array([])))
     assert "no robot is at rest" in explain_no_stop(tracks(pictures=np.array([1.5])))
 
 

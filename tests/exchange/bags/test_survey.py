@@ -15,7 +15,7 @@ from basecal.geometry import SE3
 
 
 def test_all_that_may_be_taken(tmp_path: Path) -> None:
-    """Frames that move and that do not, frames of pictures, lenses, URDFs and joints of all messages."""
+    """Frames that move and that do not, frames of images, lenses, URDFs and joints of all messages."""
     writer = new_bag(tmp_path, "ros1")
     here, there = SE3.identity(), SE3.exp(np.full(6, 0.1))
     writer.transforms("/tf_static", BEGIN_S, {("/base", "/plate"): here})

@@ -125,7 +125,7 @@ def test_poses_of_tags_become_poses_of_their_target(package: str, tmp_path: Path
 
 
 def test_a_target_without_tags_is_the_only_detection(tmp_path: Path) -> None:
-    """In the detector's own frame; a picture of two says not which."""
+    """In the detector's own frame; an image of two says not which."""
     near = SE3.exp(np.array([0.0, 0, 0.5, 0.1, 0, 0]))
     found = views(written(tmp_path, PACKAGES[0], [([12], SEEN)], [([12], SEEN), ([13], near)]), "plate", tmp_path)
     assert len(found) == 1

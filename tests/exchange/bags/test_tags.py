@@ -24,7 +24,7 @@ from basecal.exchange.bags.tags import DEFINITIONS, TAGS, tag_corners
 from basecal.exchange.bags.tracks import read_tracks
 from basecal.geometry import SE3
 
-# As a picture shows a tag that is upright for OpenCV: top left, top right, bottom right, bottom left.
+# As an image shows a tag that is upright for OpenCV: top left, top right, bottom right, bottom left.
 SQUARE = np.array([[10.0, 20.0], [50.0, 20.0], [50.0, 60.0], [10.0, 60.0]])
 CELL = """\
 schema: basecal/cell/1
@@ -97,7 +97,7 @@ def written(folder: Path, kind: Kind) -> Path:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_of_detections_gives_rows(kind: Kind, tmp_path: Path) -> None:
-    """Each picture in which a tag was found is a row with its corners by the ids of the target."""
+    """Each image in which a tag was found is a row with its corners by the ids of the target."""
     cell = cell_from_dict(parse_yaml(CELL, "cell.yaml").data)
     asked = Asked(robots={"arm": "/arm/pose"}, views={("wrist", "board"): "/detections"})
     with open_bag(written(tmp_path, kind)) as bag:
@@ -110,7 +110,7 @@ def test_a_bag_of_detections_gives_rows(kind: Kind, tmp_path: Path) -> None:
     views = [view for row in rows for view in row.observations]
     assert len(views) == 30
     assert isinstance(views[2], PixelObservation)
-    upright = [1, 0, 3, 2]  # of a tag of Kalibr's, whose pictures OpenCV's are turned against by half a turn
+    upright = [1, 0, 3, 2]  # of a tag of Kalibr's, whose images OpenCV's are turned against by half a turn
     by_id = dict(zip(views[2].ids.tolist(), views[2].pixels.tolist(), strict=True))
     np.testing.assert_allclose([by_id[k] for k in upright], SQUARE + 4)
     np.testing.assert_allclose([by_id[4 + k] for k in upright], SQUARE + 60)

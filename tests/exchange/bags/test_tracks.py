@@ -54,7 +54,7 @@ def test_an_arm_that_never_moves_is_where_it_is(tmp_path: Path) -> None:
 
 
 def test_more_than_is_needed_is_thinned(tmp_path: Path) -> None:
-    """A thousand a second become no more than one in 7.5 ms; times of pictures are all there, pictures are not."""
+    """A thousand a second become no more than one in 7.5 ms; times of images are all there, images are not."""
     writer = new_bag(tmp_path, "mcap")
     for k in range(200):
         writer.pose("/pose", BEGIN_S + k * 1e-3, POSES[k % 5])

@@ -93,10 +93,8 @@ def test_dictionaries_count_as_opencv_does() -> None:
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the project's shared data are not here")
 def test_a_real_set_without_its_pictures() -> None:
-    """robot_cal_tools' ChArUco set as kept here: poses are read, the first missing picture is named with its line."""
-    with pytest.raises(
-        DatasetError, match=r"cal_data.yaml:1: \[0\].image: there is no picture .*images/0.png: put the"
-    ):
+    """robot_cal_tools' ChArUco set as kept here: poses are read, the first missing image is named with its line."""
+    with pytest.raises(DatasetError, match=r"cal_data.yaml:1: \[0\].image: there is no image .*images/0.png: put the"):
         read_data_set(DATA / "rct_charuco" / "cal_data.yaml", False)
 
 

@@ -92,7 +92,7 @@ def test_a_bag_that_was_cut_off(
 
 
 def test_joints_and_the_urdf_of_the_bag(tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]) -> None:
-    """The URDF is written into the cell; with --tf joints are left alone; pictures stay as they were to the bit."""
+    """The URDF is written into the cell; with --tf joints are left alone; images stay as they were to the bit."""
     rng = np.random.default_rng(0)
     places = rng.uniform(-0.5, 0.5, (4, arm.n))
     bag = new_bag(tmp_path, "mcap")
@@ -148,7 +148,7 @@ def test_streams_of_two_clocks(tmp_path: Path, capsys: pytest.CaptureFixture[str
     words = ["import", "bag", str(tmp_path / "c"), str(bag.close()), "--robot", "arm=/arm/pose"]
     words += ["--view", "wrist,tag=/tag/pose", "--on", "wrist=arm"]
     assert main(words) == 3
-    assert "no robot is at rest for 0.3 s around a picture: --streams" in capsys.readouterr().err
+    assert "no robot is at rest for 0.3 s around an image: --streams" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
     assert main([*words, "--streams"]) == 0
     found = calibrate(read_cell(tmp_path / "c"), read_recording(tmp_path / "c"))
@@ -173,7 +173,7 @@ def by_tf(simulated: SimulatedCell, tmp_path_factory: pytest.TempPathFactory) ->
         (["--robot", "eye"], 2, "--robot eye: expected NAME=BASE,FLANGE"),
         (["--robot", "eye=a,b", "eye=a,b"], 2, "given twice"),
         (["--view", "wrist=/wrist/board"], 2, "expected CAMERA,TARGET=/TOPIC"),
-        ([], 3, "there is no picture and no pose of a target"),
+        ([], 3, "there is no image and no pose of a target"),
     ],
 )
 def test_what_is_not_there(
@@ -224,7 +224,7 @@ def test_two_cameras_of_nobody(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_a_picture_between_stops_is_left_out(tmp_path: Path) -> None:
-    """Pictures all the time: one for each stop, and it is from its middle."""
+    """Images all the time: one for each stop, and it is from its middle."""
     where = SE3.exp(np.random.default_rng(2).normal(0, 0.3, (3, 6)))
     bag = new_bag(tmp_path, "ros1")
     for k, (time, stop, share) in enumerate(journey(3)):
@@ -240,7 +240,7 @@ def test_a_picture_between_stops_is_left_out(tmp_path: Path) -> None:
 
 
 def test_a_target_is_described_with_the_bag(tmp_path: Path) -> None:
-    """The target that its pictures show is described by the options that `images` has."""
+    """The target that its images show is described by the options that `images` has."""
     where = SE3.exp(np.random.default_rng(1).normal(0, 0.3, (3, 6)))
     bag = new_bag(tmp_path, "mcap")
     for time, stop, share in journey(2):

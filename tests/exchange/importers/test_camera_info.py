@@ -19,7 +19,7 @@ def test_the_lens(tmp_path: Path) -> None:
 
 
 def test_camera_info_into_a_cell_with_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It stands in cell.yaml, where what is written by hand stays; one of other pictures is told with both sizes."""
+    """It stands in cell.yaml, where what is written by hand stays; one of other images is told with both sizes."""
     cell = tmp_path / "cell"
     (cell / "recording" / "images" / "wrist").mkdir(parents=True)
     cv2.imwrite(str(cell / "recording" / "images" / "wrist" / "0.png"), np.zeros((480, 640), np.uint8))

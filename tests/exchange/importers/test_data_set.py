@@ -29,7 +29,7 @@ target_finder:
 
 
 def test_a_data_set_in_one_file(tmp_path: Path) -> None:
-    """Poses, pictures, the board and a start for the lens are in a new cell, and what carries the camera is known."""
+    """Poses, images, the board and a start for the lens are in a new cell, and what carries the camera is known."""
     for i in range(2):
         cv2.imwrite(str(tmp_path / f"{i}.png"), np.full((120, 160), 128, np.uint8))
         (tmp_path / f"{i}.yaml").write_text(f"x: 0.{i + 1}\ny: 0.2\nz: 0.3\nqz: 0\nqx: 1\nqw: 0\nqy: 0\n")

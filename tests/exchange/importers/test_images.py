@@ -1,4 +1,4 @@
-"""`basecal import images`: folders of pictures join a recording."""
+"""`basecal import images`: folders of images join a recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def table(path: Path, count: int, column: str = "", values: list[str] | None = N
 
 
 def paired(cell: Path) -> dict[str, float]:
-    """The y of the robot's pose [dm] by the name of the picture of its sample."""
+    """The y of the robot's pose [dm] by the name of the image of its sample."""
     found = {}
     for sample in read_recording(cell).samples:
         if sample.images and sample.robots:
@@ -40,7 +40,7 @@ def paired(cell: Path) -> dict[str, float]:
 
 
 def test_by_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Pictures in natural order belong to the rows of a table, whichever comes first; the cell is made of both."""
+    """Images in natural order belong to the rows of a table, whichever comes first; the cell is made of both."""
     folder, rows = photos(tmp_path / "p", ["i10.png", "i2.png", "i1.png"]), table(tmp_path / "t.csv", 3)
     poses = ["--robot", "arm", rows, "--format", "ur"]
     for name, words in {
@@ -52,7 +52,7 @@ def test_by_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert paired(tmp_path / name) == {"i1.png": 0, "i2.png": 1, "i10.png": 2}
         camera = read_cell(tmp_path / name).cameras["cam"]
         assert (camera.on, camera.size_px) == ("arm", (64, 48))
-    assert "3 pictures of 'cam', 64 x 48 px" in capsys.readouterr().out
+    assert "3 images of 'cam', 64 x 48 px" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("first", ["poses", "images"])
@@ -82,7 +82,7 @@ def test_by_time(tmp_path: Path) -> None:
 
 
 def test_two_cameras_and_links(tmp_path: Path) -> None:
-    """Each camera by a call of its own, in order though their names are alike; linked pictures are not stored twice."""
+    """Each camera by a call of its own, in order though their names are alike; linked images are not stored twice."""
     cell = str(tmp_path / "c")
     one, two = photos(tmp_path / "p", ["1.png", "2.png"]), photos(tmp_path / "q", ["2.png", "3.png"], (32, 24))
     assert main(["import", "images", cell, one, "--camera", "cam", "--on", "arm"]) == 0
@@ -116,8 +116,8 @@ def test_poor_pictures_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[s
     (folder / "5.heic").write_bytes(b"x")
     assert main(["import", "images", str(tmp_path / "c"), str(folder), "--camera", "cam", "--on", "arm"]) == 0
     said = capsys.readouterr().err
-    assert "1 of 4 pictures cannot be read, and will not be used: 2.png" in said
-    assert "1 pictures have another size than the rest, and will not be used: 4.png (32 x 24)" in said
+    assert "1 of 4 images cannot be read, and will not be used: 2.png" in said
+    assert "1 images have another size than the rest, and will not be used: 4.png (32 x 24)" in said
     assert "1 files of other kinds are left out: 5.heic" in said
     assert len(read_recording(tmp_path / "c").samples) == 4
 

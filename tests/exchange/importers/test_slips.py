@@ -51,7 +51,7 @@ def test_tables(tmp_path: Path, text: str, form: str, told: str) -> None:
 
 @pytest.mark.parametrize("image", ["image", ""])
 def test_transposed_matrices(tmp_path: Path, image: str) -> None:
-    """The last column of a matrix by rows is 0 0 0 1, beside pictures and without them."""
+    """The last column of a matrix by rows is 0 0 0 1, beside images and without them."""
     text = ",".join(([image] if image else []) + [f"m{i}{j}" for i in range(4) for j in range(4)]) + "\n"
     for k, row in enumerate(rows_of([m.T for m in MATRICES]).splitlines()):
         text += f"{k}.png,{row}\n" if image else f"{row}\n"
@@ -110,7 +110,7 @@ def test_a_few_rows_in_millimetres(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_numbers_that_pictures_leave_out() -> None:
-    """The one that is missing among numbered pictures; names without numbers have none."""
+    """The one that is missing among numbered images; names without numbers have none."""
     assert missing_numbers([f"{k:02}.png" for k in range(12) if k != 7]) == ("07",)
     assert missing_numbers(["a.png", "b.png", "c.png"]) == ()
     assert missing_numbers(["1.png", "1000.png", "2000.png"]) == ()
@@ -143,11 +143,11 @@ def test_detections_of_one_stop_are_all_used(tmp_path: Path) -> None:
 
 
 def test_a_picture_that_is_missing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """By its number, where pictures are fewer than rows."""
+    """By its number, where images are fewer than rows."""
     cell, photos = str(tmp_path / "cell"), tmp_path / "photos"
     photos.mkdir()
     for k in (1, 2, 4, 5):
         cv2.imwrite(str(photos / f"IMG_{k:03d}.png"), np.zeros((48, 64), np.uint8))
     assert main(["import", "poses", cell, "--robot", "arm", table(tmp_path, UR, "arm.txt"), "--format", "ur"]) == 0
     assert main(["import", "images", cell, str(photos), "--camera", "wrist"]) == 3
-    assert "003 missing in the numbering of its pictures" in capsys.readouterr().err
+    assert "003 missing in the numbering of its images" in capsys.readouterr().err

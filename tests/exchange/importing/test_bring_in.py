@@ -55,7 +55,7 @@ def test_a_cell_is_made_and_completed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("first", ["poses", "pictures"])
 def test_names_pair_in_either_order(tmp_path: Path, first: str) -> None:
-    """Pictures and a table that names them belong together whichever comes first, however they are sorted."""
+    """Images and a table that names them belong together whichever comes first, however they are sorted."""
     table = poses("left", 3, True)
     folder = pictures(tmp_path / "photos", ["IMG_2.png", "IMG_0.png", "IMG_1.png"])
     begin = Imported("", "", (), {"robots": {"left": {}}})

@@ -1,4 +1,4 @@
-"""Targets that options describe, for a new cell and for the pictures that show them."""
+"""Targets that options describe, for a new cell and for the images that show them."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_boards_that_no_picture_tells_apart_are_refused(tmp_path: Path, capsys: 
     second = ["import", "images", cell, photos(tmp_path / "q"), "--camera", "other", *places]
     assert main([*second, "--target-name", "plate"]) == 3
     said = capsys.readouterr().err
-    assert "no picture distinguishes 'plate' from 'board'" in said
+    assert "no image distinguishes 'plate' from 'board'" in said
     assert "else state its own dictionary" in said
     assert [*read_cell(cell).targets] == ["board"]
     assert main([*second, "--target-name", "plate", "--dictionary", "DICT_5X5_50"]) == 0

@@ -35,7 +35,7 @@ def test_by_order() -> None:
 
 
 def test_by_name() -> None:
-    """The name of a picture says which, with or without folder and ending; what belongs to none is told."""
+    """The name of an image says which, with or without folder and ending; what belongs to none is told."""
     paired = pair(rows(Row(image="IMG_2.png"), Row(image="x/IMG_0"), Row(image="IMG_7.png")), PICTURES, {})
     assert (paired.by, paired.numbers) == ("image", (2, 0, None))
     assert paired.unpaired_rows == ("IMG_7.png",)
@@ -43,18 +43,18 @@ def test_by_name() -> None:
 
 
 def test_names_of_which_none_is_known_make_samples() -> None:
-    """A table, or a folder asked to go by name, tells of other pictures; a folder by itself goes in order."""
+    """A table, or a folder asked to go by name, tells of other images; a folder by itself goes in order."""
     others = [Row(image="a.png"), Row(image="b.png"), Row(image="c.png")]
     assert pair(rows(*others), PICTURES, {}).numbers == (3, 4, 5)
     folder = [Row(pictures={"two": Path(row.image or "")}, image=row.image) for row in others]
     assert pair(rows(*folder, by="image"), PICTURES, {}).numbers == (3, 4, 5)
     assert pair(rows(*folder), PICTURES, {}).numbers == (0, 1, 2)
-    with pytest.raises(InputError, match="what is recorded names no pictures to pair by: leave `--by name` away"):
+    with pytest.raises(InputError, match="what is recorded names no images to pair by: leave `--by name` away"):
         pair(rows(*folder, by="image"), [Sample(0), Sample(1), Sample(2)], {})
 
 
 def test_by_names_of_an_earlier_table() -> None:
-    """Pictures belong to the samples whose rows named them before."""
+    """Images belong to the samples whose rows named them before."""
     paired = pair(rows(Row(image="b.png"), Row(image="a.png")), [Sample(0), Sample(1)], {"a": 0, "b": 1})
     assert paired.numbers == (1, 0)
 

@@ -43,7 +43,7 @@ def test_one_row_however_it_is_written(text: str) -> None:
 
 
 def test_a_picture_in_front_needs_no_header() -> None:
-    """A first cell that ends as a picture does names it, before a pose in brackets too."""
+    """A first cell that ends as an image does names it, before a pose in brackets too."""
     for line in ("a.png,1,2,3\n", "a.png;1;2;3\n", "a.png, p[1,2,3]\n", "a.png [1, 2, 3]\n"):
         (row,) = read_text_table(line, "t.csv", NAMES).rows
         assert row.cells["image"] == "a.png"

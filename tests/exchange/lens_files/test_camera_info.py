@@ -65,7 +65,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_a_calibration_file(tmp_path: Path) -> None:
-    """Matrix and coefficients as they stand, not the projection of rectified pictures; size and name."""
+    """Matrix and coefficients as they stand, not the projection of rectified images; size and name."""
     lens = read_camera_info(write(tmp_path, FILE))
     assert (lens.name, lens.camera.model, lens.camera.size_px) == ("narrow_stereo", "pinhole", (1280, 720))
     expected = [766.5, 765.4, 640.9, 358.8, -0.35, 0.179, 0.001, -0.002, 0]
@@ -140,7 +140,7 @@ def test_what_is_no_camera_info_is_told(tmp_path: Path, old: str, new: str, mess
     ],
 )
 def test_parts_of_an_image_are_refused(tmp_path: Path, old: str, new: str) -> None:
-    """Where pictures are binned or cropped the matrix is not theirs."""
+    """Where images are binned or cropped the matrix is not theirs."""
     assert old in MESSAGE
-    with pytest.raises(DatasetError, match="give that of the pictures"):
+    with pytest.raises(DatasetError, match="give that of the images"):
         read_camera_info(write(tmp_path, MESSAGE.replace(old, new)))

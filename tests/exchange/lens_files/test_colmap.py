@@ -30,7 +30,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_pixels_count_from_their_centres(tmp_path: Path) -> None:
-    """The middle of a picture 3072 wide is 1536 for COLMAP and 1535.5 here; one focal length stands for both."""
+    """The middle of an image 3072 wide is 1536 for COLMAP and 1535.5 here; one focal length stands for both."""
     lenses = read_colmap(write(tmp_path, TEXT))
     assert list(lenses) == [1, 2, 3, 7]
     np.testing.assert_array_equal(lenses[1].camera.parameters, [2559.81, 2559.81, 1535.5, 1151.5])

@@ -1,4 +1,4 @@
-"""The cell as a still picture."""
+"""The cell as a still image."""
 
 from __future__ import annotations
 

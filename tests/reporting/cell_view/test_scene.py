@@ -78,7 +78,7 @@ def test_bodies_of_links_are_drawn_if_all_can_be_read(tmp_path):
 
 
 def test_the_worst_place_is_named():
-    """In the data of the script and on the still picture, with the error there."""
+    """In the data of the script and on the still image, with the error there."""
     made = simulate(Scenario(samples=4), 0)
     errors = ErrorMap(np.array([[0.5, 0, 0.2], [0.6, 0, 0.2]]), np.array([1e-3, 2.34e-3]), np.zeros(2))
     drawn = scene(made.cell, made.recording.samples, replace(calibrate(made.cell, made.recording), error_map=errors))

@@ -26,7 +26,7 @@ def test_a_cell_is_drawn_as_it_is_stated() -> None:
 
 
 def test_without_samples_no_script_gets_data() -> None:
-    """The still picture alone is left."""
+    """The still image alone is left."""
     assert stage(stated_scene(sketch_cell(facing_arms().cell), []))["scene_json"] == ""
 
 

@@ -1,4 +1,4 @@
-"""Pictures of the worst views."""
+"""Images of the worst views."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_points_and_where_they_are_predicted(recording):
 
 
 def test_size_is_bounded(recording):
-    """Of forty views with the largest pictures there can be, so many are shown that they stay below a megabyte."""
+    """Of forty views with the largest images there can be, so many are shown that they stay below a megabyte."""
     made = thumbnails(CELL, recording, CALIBRATION, [points(*np.linspace(0.1, 0.9, 40))])
     assert 5 < len(made.pictures) <= 18
     assert sum(len(one.svg) for one in made.pictures) < 1e6

@@ -19,7 +19,7 @@ def test_a_part_of_the_picture_is_a_square():
     kinds = [rect.get("class") for rect in root.iter("rect")]
     assert len(kinds) == cells.size
     assert kinds.count("tile") == 3
-    assert root.find("title").text == "12 % of the picture is covered"
+    assert root.find("title").text == "12 % of the image is covered"
 
 
 def test_the_error_is_drawn_beside_its_tolerance():

@@ -27,7 +27,7 @@ def cell():
 @pytest.mark.journey
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: apt-get install chromium")
 def test_in_a_browser(cell, tmp_path):
-    """Step, advice, sigma, picture, points, arms and what failed; no error in the console, nobody else is asked."""
+    """Step, advice, sigma, image, points, arms and what failed; no error in the console, nobody else is asked."""
     with page.serve_page(captured(cell), cell, print) as address:
         came = visit(address, tmp_path, until="body:has(canvas) [data-camera] svg path.found[d]")
     assert came.errors == []

@@ -26,7 +26,7 @@ def printed(glance):
 
 
 def test_what_was_seen_is_full():
-    """A line a row, two signs a part of the picture."""
+    """A line a row, two signs a part of the image."""
     rows = coverage_rows(covered()).split("\n")
     assert rows[0] == "██" + "··" * 5
     assert rows[3] == "··" * 5 + "██"

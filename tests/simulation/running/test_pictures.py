@@ -59,7 +59,7 @@ def test_a_moving_light_is_smeared():
 
 
 def test_noise_is_new_in_every_picture():
-    """Two pictures of the same board differ by noise of some levels, and no more."""
+    """Two images of the same board differ by noise of some levels, and no more."""
     world = facing_arms()
     board = world.cell.targets["board"].target
     seen = Seen(board, SE3(np.diag([1.0, 1, 1]), np.array([-0.1, -0.1, 0.6])), np.zeros((0, 3)))

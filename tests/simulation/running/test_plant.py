@@ -32,7 +32,7 @@ def arrive(running, robot, joints):
 
 
 def test_states_and_pictures_share_a_clock():
-    """Stamps rise through states of both arms and pictures, by what each takes."""
+    """Stamps rise through states of both arms and images, by what each takes."""
     _, running = plant()
     stamps = [running.state("eye")[0], running.picture("wrist").stamp_s, running.state("hand")[0]]
     assert stamps == sorted(stamps)
@@ -48,7 +48,7 @@ def test_stamps_of_the_camera(fault, ahead_s):
 
 
 def test_a_late_trigger_takes_what_is_there_later():
-    """While an arm moves, the picture shows the light where it will be."""
+    """While an arm moves, the image shows the light where it will be."""
     late, sound = plant("late-trigger=0.3"), plant()
     places = []
     for world, running in (late, sound):
@@ -58,7 +58,7 @@ def test_a_late_trigger_takes_what_is_there_later():
 
 
 def test_frames_are_lost():
-    """Of many pictures the share asked for never comes: the others take as much longer, and are none the worse."""
+    """Of many images the share asked for never comes: the others take as much longer, and are none the worse."""
     _, running = plant("dropped-frames=0.5")
     stamps = [running.picture("wrist").stamp_s for _ in range(16)]
     frames = np.rint(np.diff(stamps) * 30)
@@ -79,7 +79,7 @@ def test_something_is_pushed_after_some_moves(fault, robot):
 
 @pytest.mark.parametrize(("fault", "is_turn"), [("mount-bend=5", True), ("mount-play=5", False)])
 def test_mounts_give_way_to_gravity(fault, is_turn):
-    """By the size where gravity is across the flange's axis: of both arms, whatever else is in the picture."""
+    """By the size where gravity is across the flange's axis: of both arms, whatever else is in the image."""
     off, sound = plant(fault), plant()
     for name, on in (("wrist", "eye"), ("light", "hand")):
         bent, straight = (running._pose_in_world(name, on, 0.0) for _, running in (off, sound))
@@ -91,7 +91,7 @@ def test_mounts_give_way_to_gravity(fault, is_turn):
 
 
 def test_what_it_does_follows_from_what_it_is_asked():
-    """Two cells that are asked the same give the same pictures, to the last bit; a new arrival begins them anew."""
+    """Two cells that are asked the same give the same images, to the last bit; a new arrival begins them anew."""
     pictures = []
     for _ in range(2):
         world, running = plant()

@@ -48,7 +48,7 @@ def test_it_says_where_it_is(process):
 
 
 def test_it_answers(process):
-    """States, pictures and the light, over one line."""
+    """States, images and the light, over one line."""
     line = connect(read_address(process[1]))
     first, second = (line.ask(do="state", robot="eye") for _ in range(2))
     assert second["stamp_s"] > first["stamp_s"]

@@ -13,7 +13,7 @@ from basecal.vision.detectors import find
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_target_is_seen_whole_from_where_they_begin(seed):
-    """Every corner of the board is found in the first picture; what the cell states is near the truth, not it."""
+    """Every corner of the board is found in the first image; what the cell states is near the truth, not it."""
     world = two_arms("charuco", seed)
     board = world.cell.targets["board"].target
     found = find(Plant(world, Clock(0)).picture("wrist").image, board)

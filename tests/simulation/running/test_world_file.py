@@ -51,7 +51,7 @@ def test_the_truth_of_each_fault_is_written(tmp_path, name):
 
 
 def test_arms_of_a_user_run_as_an_mjcf_says(tmp_path):
-    """A cell whose arm is an MJCF in place of its URDF is the same to the last picture."""
+    """A cell whose arm is an MJCF in place of its URDF is the same to the last image."""
     pytest.importorskip("mujoco", reason="pip install 'basecal[sim]'")
     world = facing_arms(seed=2)
     write_world(world, tmp_path)

@@ -115,7 +115,7 @@ def test_a_light_is_hidden_and_mirrored():
 
 
 def test_a_picture_follows_from_where_things_are(board):
-    """The same scene gives the same picture again, after another one."""
+    """The same scene gives the same image again, after another one."""
     view = around(board)
     scene, other = looking_down(board), looking_down(board, 1.1)
     try:

@@ -1,4 +1,4 @@
-"""Prints in pictures of what stands around them."""
+"""Prints in images of what stands around them."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_nothing_is_printed_but_on_paper():
 
 
 def test_a_lens_that_sees_to_the_side_is_refused():
-    """A fisheye of 180 degrees has no flat picture."""
+    """A fisheye of 180 degrees has no flat image."""
     lens = Camera("fisheye", np.array([200.0, 200.0, 319.5, 239.5, 0.0, 0.0, 0.0, 0.0]), (640, 480))
     with pytest.raises(InputError, match="too far to the sides"):
         undistorted_camera(lens)

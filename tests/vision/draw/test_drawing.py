@@ -31,7 +31,7 @@ def is_black(sheet: Sheet, places: Array) -> Any:
     ("squares", "legacy"), [((5, 7), False), ((5, 7), True), ((6, 4), False), ((6, 4), True), ((5, 8), True)]
 )
 def test_charuco_as_opencv_draws_it(squares: tuple[int, int], legacy: bool) -> None:
-    """A ChArUco board is black where OpenCV's own picture of it is, legacy pattern or not."""
+    """A ChArUco board is black where OpenCV's own image of it is, legacy pattern or not."""
     board = charuco_target(squares, 0.04, 0.02, "DICT_4X4_50", legacy)
     pitch = 120  # a cell of a marker is ten pixels
     picture = charuco_board(board).generateImage((squares[0] * pitch, squares[1] * pitch))

@@ -1,4 +1,4 @@
-"""ChArUco boards in pictures that are not as they should be."""
+"""ChArUco boards in images that are not as they should be."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from basecal.vision.kinds.charuco import detect
 from vision_scenes import BLURRED, DARK, TARGETS, errors_of, scene, shrunk
 
 BOARD = TARGETS["charuco"]
-# Pictures, blocks of pixels that become one, corners that are found; as most pictures are searched the last three
+# Images, blocks of pixels that become one, corners that are found; as most images are searched the last three
 # give none, seven and none.
 POOR = {
     "as it should be": (RenderSettings(), 1, 24),

@@ -1,4 +1,4 @@
-"""Chessboards in pictures that are not as they should be."""
+"""Chessboards in images that are not as they should be."""
 
 from __future__ import annotations
 

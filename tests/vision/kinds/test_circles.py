@@ -1,4 +1,4 @@
-"""Grids of circles in pictures that are not as they should be."""
+"""Grids of circles in images that are not as they should be."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_bright_circles(bits: int) -> None:
 
 
 def test_noise_of_many_blobs_ends_soon() -> None:
-    """In a picture of thousands of specks the search for a grid ends, and nothing is found."""
+    """In an image of thousands of specks the search for a grid ends, and nothing is found."""
     specks = np.random.default_rng(0).normal(0, 1, (480, 640))
     image = np.clip(128 + 400 * gaussian_filter(specks, 2.0), 0, 255).astype(np.uint8)
     began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Tags in pictures that are not as they should be."""
+"""Tags in images that are not as they should be."""
 
 from __future__ import annotations
 

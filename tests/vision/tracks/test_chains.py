@@ -1,4 +1,4 @@
-"""Matches of pairs of pictures become tracks."""
+"""Matches of pairs of images become tracks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from basecal.vision.tracks.matching import Matches
 
 
 def matches(*pairs: tuple[int, int]) -> Matches:
-    """Features of two pictures."""
+    """Features of two images."""
     first, second = np.array(pairs).T
     return Matches(first, second)
 
@@ -23,20 +23,20 @@ def tracks_of(found) -> set[frozenset[tuple[int, int]]]:
 
 
 def test_pairs_are_chained() -> None:
-    """Feature 2 of picture 0, 0 of 1 and 1 of 2 are one track through pictures 0-1 and 1-2 alone."""
+    """Feature 2 of image 0, 0 of 1 and 1 of 2 are one track through images 0-1 and 1-2 alone."""
     found = chain_matches([3, 2, 2], {(0, 1): matches((2, 0), (0, 1)), (1, 2): matches((0, 1), (1, 0))}, 3)
     assert tracks_of(found) == {frozenset({(0, 2), (1, 0), (2, 1)}), frozenset({(0, 0), (1, 1), (2, 0)})}
 
 
 def test_short_tracks_are_left_out() -> None:
-    """A track of two pictures is none if three are needed, and is one if two are."""
+    """A track of two images is none if three are needed, and is one if two are."""
     given = {(0, 1): matches((0, 0), (1, 1)), (1, 2): matches((0, 0))}
     assert tracks_of(chain_matches([2, 2, 2], given, 3)) == {frozenset({(0, 0), (1, 0), (2, 0)})}
     assert len(tracks_of(chain_matches([2, 2, 2], given, 2))) == 2
 
 
 def test_a_picture_in_which_a_track_stands_twice_is_left_out() -> None:
-    """Two features of picture 2 end in one track: it keeps the pictures 0, 1 and 3, and neither of the two."""
+    """Two features of image 2 end in one track: it keeps the images 0, 1 and 3, and neither of the two."""
     given = {(0, 1): matches((0, 0)), (0, 2): matches((0, 0)), (1, 2): matches((0, 1)), (0, 3): matches((0, 0))}
     assert tracks_of(chain_matches([1, 1, 2, 1], given, 3)) == {frozenset({(0, 0), (1, 0), (3, 0)})}
 

@@ -36,7 +36,7 @@ def test_kept_features_equal_those_found(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_another_picture_or_mask_is_another_file(tmp_path: Path) -> None:
-    """The name holds the hash of the picture and of what covers it."""
+    """The name holds the hash of the image and of what covers it."""
     for key, covered in (("key", []), ("other", []), ("key", [SQUARE]), ("key", [])):
         kept_features(tmp_path, key, IMAGE, covered)
     assert len(kept_files(tmp_path)) == 3

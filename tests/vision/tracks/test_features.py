@@ -1,4 +1,4 @@
-"""Features of a picture: where they are, how they are spread, and what is left out."""
+"""Features of an image: where they are, how they are spread, and what is left out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SHIFT = (31, 17)  # [px]
 
 
 def blots(seed: int = 1, shape: tuple[int, int] = (300, 400)) -> np.ndarray:
-    """Grey levels of a textured picture."""
+    """Grey levels of a textured image."""
     rng = np.random.default_rng(seed)
     level = np.zeros(shape, dtype=np.float32)
     for size in (5, 12, 30):
@@ -21,7 +21,7 @@ def blots(seed: int = 1, shape: tuple[int, int] = (300, 400)) -> np.ndarray:
 
 
 def test_descriptors_are_of_unit_length() -> None:
-    """Every feature is inside the picture, with a descriptor of length one."""
+    """Every feature is inside the image, with a descriptor of length one."""
     found = find_features(blots())
     assert 100 < len(found) <= MAX_FEATURES
     assert found.descriptors.shape == (len(found), DESCRIPTOR)
@@ -31,7 +31,7 @@ def test_descriptors_are_of_unit_length() -> None:
 
 
 def test_features_move_with_the_picture() -> None:
-    """Two crops of one picture have features at the same places, to 0.1 px in the median, without bias."""
+    """Two crops of one image have features at the same places, to 0.1 px in the median, without bias."""
     large = blots(2)
     right, down = SHIFT
     whole, crop = find_features(large), find_features(np.ascontiguousarray(large[down:, right:]))
@@ -76,7 +76,7 @@ def test_covered_places_have_no_features() -> None:
 
 
 def test_many_features_are_thinned_evenly() -> None:
-    """A large picture keeps at most `MAX_FEATURES` features, about a quarter of them in every quarter of it."""
+    """A large image keeps at most `MAX_FEATURES` features, about a quarter of them in every quarter of it."""
     found = find_features(blots(4, (900, 1200)))
     assert len(found) == MAX_FEATURES
     right, lower = (found.pixels > [600, 450]).T

@@ -60,7 +60,7 @@ def test_a_picture_that_looks_alike_everywhere_is_chance() -> None:
 
 
 def test_no_features_give_nothing() -> None:
-    """An empty picture, or no prediction inside of it, finds none."""
+    """An empty image, or no prediction inside of it, finds none."""
     features, looks = grid()
     empty = Features(np.zeros((0, 2)), np.zeros((0, 128), dtype=np.float32))
     assert match_predictions(empty, features.pixels, looks, RADIUS_PX).by_chance == 0

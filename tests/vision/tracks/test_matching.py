@@ -36,7 +36,7 @@ def test_each_finds_its_own() -> None:
 
 
 def test_looks_that_stand_twice_are_not_matched() -> None:
-    """A feature that two of the other picture look like is passed over; from the other side the more alike wins."""
+    """A feature that two of the other image look like is passed over; from the other side the more alike wins."""
     rng = np.random.default_rng(3)
     looks = random_looks(rng, 30)
     twice = unit_rows(looks[[*range(30), *range(5)]] + 0.02 * rng.standard_normal((35, 128)))
@@ -64,7 +64,7 @@ def test_matches_off_the_epipolar_geometry_go() -> None:
 
 
 def test_what_rides_with_the_camera_is_left_out() -> None:
-    """Features that stay at their place in the picture, as a gripper's do, are no matches."""
+    """Features that stay at their place in the image, as a gripper's do, are no matches."""
     first, second, planes, of_point = two_pictures(100)
     for pixels in (second.pixels, planes[1]):
         scale = FOCAL_PX if pixels is second.pixels else 1.0
@@ -76,7 +76,7 @@ def test_what_rides_with_the_camera_is_left_out() -> None:
 
 
 def test_few_matches_are_none() -> None:
-    """Below `MIN_MATCHES`, or if no geometry explains them, a pair of pictures shares nothing."""
+    """Below `MIN_MATCHES`, or if no geometry explains them, a pair of images shares nothing."""
     first, second, planes, _ = two_pictures(MIN_MATCHES - 1)
     assert match_rigid(first, second, planes, FOCAL_PX) is None
     first, second, planes, _ = two_pictures(2 * MIN_MATCHES, wrong=2 * MIN_MATCHES - 6)

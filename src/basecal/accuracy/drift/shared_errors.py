@@ -1,7 +1,7 @@
 """Errors that the views of a camera share at each sample, estimated from the samples.
 
 Views count as independent but for robots and for what the calibration leaves open. Those of one camera may share more:
-a lens that is a little off where the targets were, a picture that is blurred, a stand that shakes. Many samples
+a lens that is a little off where the targets were, an image that is blurred, a stand that shakes. Many samples
 show it, as what they say of that camera's place scatters by more than their covariance says. Where that is beyond
 chance, the camera's place counts as open by as much, in the new samples and in those that were calibrated.
 Source: the covariance of estimates from clusters, Liang & Zeger 1986; the largest eigenvalue of noise, Marchenko &

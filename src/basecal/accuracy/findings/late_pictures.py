@@ -1,4 +1,4 @@
-"""`clock-offset`: pictures of arms that move, left out, that are where they would be a moment later or earlier."""
+"""`clock-offset`: images of arms that move, left out, that are where they would be a moment later or earlier."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ _FEW_SHARE = 0.03  # share of the samples, as of outliers
 # Share of what a view is off by that time takes away: of views off in any of six directions 1 in 500 has it.
 _EXPLAINED_SHARE = 0.9
 _LONGEST_S = 0.5  # that a velocity tells where a target was
-_SHOWN_PICTURES = 5  # pictures whose delay is told
+_SHOWN_PICTURES = 5  # images whose delay is told
 
 
 class _Late(NamedTuple):
-    """A picture that was taken so much later than its stamp says [s]; below 0 earlier."""
+    """An image that was taken so much later than its stamp says [s]; below 0 earlier."""
 
     sample: int
     by_s: float
 
 
 def late_pictures(evidence: Evidence) -> list[Finding]:
-    """Excluded pictures of each camera that their time explains: a warning above 3 %."""
+    """Excluded images of each camera that their time explains: a warning above 3 %."""
     out = {(o.sample, o.camera) for o in evidence.robust.outliers if not o.ids}
     found = []
     for camera in sorted({camera for _, camera in out}):

@@ -13,11 +13,11 @@ from basecal.geometry import Array, BoolArray
 
 _LEAST_DISTANCE_PX = 1.0  # between two spots: nearer they are one
 _UNCLEAR_PX = 3.0  # of another spot from where the light is predicted: there it could be taken for the light
-_MANY_SHARE = 0.1  # share of the pictures in which it can be either, above which the answer may rest on the wrong ones
+_MANY_SHARE = 0.1  # share of the images in which it can be either, above which the answer may rest on the wrong ones
 
 
 def reflection(evidence: Evidence) -> list[Finding]:
-    """Each light with other spots beside it: a warning if more than one picture in ten cannot be distinguished."""
+    """Each light with other spots beside it: a warning if more than one image in ten cannot be distinguished."""
     found = []
     for group in evidence.solution.problem.groups:
         if len(group.readings) < 2 or len(_points(group)) != 1:

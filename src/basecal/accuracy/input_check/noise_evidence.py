@@ -25,7 +25,7 @@ def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | 
 
     For a size two likelihoods are compared: of the views' poses, and of how points in space scatter about these. Points
     in space have a size of their own, while pixels of a target of any size scatter equally. The search for the
-    hypothesis' noise starts from the declared one's. If both the arms and the pictures may be off, two noises explain
+    hypothesis' noise starts from the declared one's. If both the arms and the images may be off, two noises explain
     the views. A gain of one over the other is then no gain of the hypothesis.
 
     Of a lens or a transform that is free it is how far it is from the stated one, squared, in sigmas: views that

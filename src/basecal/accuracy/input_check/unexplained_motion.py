@@ -17,7 +17,7 @@ _LEAST_MOTION = 0.02  # [rad], or thousands of pixels: noise is a part of less, 
 # Of real recordings in order 0.07 at most is unexplained (an arm of hobby grade), of boards mispaired 0.25 and more.
 _HOPELESS = 0.2
 _FEWEST_STOPS = 5  # of robots that moved at all: of fewer nothing but the lack of motion is told
-_USELESS_PX = 50.0  # [px] likewise, half of what a glance at the picture would show: hobby arms reach 20
+_USELESS_PX = 50.0  # [px] likewise, half of what a glance at the image would show: hobby arms reach 20
 
 
 def is_hopeless(problem: Problem, state: State) -> bool:

@@ -20,7 +20,7 @@ from basecal.estimation.settings import DEFAULT, STATED
 from basecal.estimation.solve import solve_problem
 from basecal.estimation.streams.streams import recording_streams
 
-# Rows are spread, for arms may take turns to move; beside them robots alone stay, for pictures may be that much late.
+# Rows are spread, for arms may take turns to move; beside them robots alone stay, for images may be that much late.
 _ROW_COUNT = 3
 _ROW_SAMPLES = 6
 _NEIGHBOUR_COUNT = 2

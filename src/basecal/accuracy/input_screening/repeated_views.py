@@ -1,4 +1,4 @@
-"""`repeated-view`: a picture or a view that stands under two places of the robots."""
+"""`repeated-view`: an image or a view that stands under two places of the robots."""
 
 from __future__ import annotations
 

@@ -34,25 +34,23 @@ _UNIT = "The arms' own lengths give the scale: an error of unit in all poses can
 
 
 def calibrate_scene(cell: Cell, recording: Recording, settings: Settings) -> Calibration:
-    """Mounts, lenses and bases from pictures of a static scene.
+    """Mounts, lenses and bases from images of a static scene.
 
     Args:
         cell: Cameras on robots; their mounts and the robots' bases are found.
-        recording: Samples with pictures or tracks, and poses.
+        recording: Samples with images or tracks, and poses.
         settings: How to go about it.
 
     Raises:
-        InputError: if the recording's folder is not known, or the reference carries no camera that took pictures.
+        InputError: if the recording's folder is not known, or the reference carries no camera that took images.
     """
     with settings.stage("features"):
         pictures = read_pictures(cell, recording)
     if not len(pictures.views):
         lost = " ".join(finding.what for finding in pictures.lost[:1])
-        raise InputError(lost or "no camera on a robot has pictures or tracks with poses, which a scene needs")
+        raise InputError(lost or "no camera on a robot has images or tracks with poses, which a scene needs")
     if cell.reference not in pictures.views.robots:
-        raise InputError(
-            f"robot {cell.reference!r}, the reference, has no camera with pictures: name another reference"
-        )
+        raise InputError(f"robot {cell.reference!r}, the reference, has no camera with images: name another reference")
     report = Report([*recording.findings, *pictures.lost])
     stated = [cell.robots[name].noise for name in pictures.views.robots]
     fit = find_scene(pictures, stated, cell.reference, report, settings)

@@ -22,7 +22,7 @@ from basecal.geometry import Array
 
 FEWEST_VIEWS = 8  # of a camera
 _ENOUGH_VIEWS = 12  # below it sigmas are too small
-_FEWEST_PAIRS = 10  # of pictures that share features
+_FEWEST_PAIRS = 10  # of images that share features
 _FEWEST_POINTS = 60  # of a camera's own scene
 _FEWEST_SHARED = 100  # points that both cameras see
 _FEWEST_OF_EACH = 4  # views of each camera that show some of them
@@ -37,54 +37,52 @@ _RIDGE = 1e-6  # of rotations about a point, below which it has no place
 _OPEN_M, _OPEN_RAD = 0.1, np.radians(5.0)  # sigma along an axis that is as good as unknown
 
 _PAPER = "Put printed paper or tools on the table, in view of the camera."
-SAME_SPOT = "Take about five pictures with each arm of the same spot, from similar directions."
+SAME_SPOT = "Take about five images with each arm of the same spot, from similar directions."
 _SECOND = (
     "Measure where the base is to 20 mm, and state it in cell.yaml as a prior with its sigma.",
     "Or let one camera see a board on the other arm, and run `basecal calibrate CELL --scene also`.",
     "Or touch one point with both tools.",
 )
 _TWO_PLACES = "Check what cell.yaml states of the base, and whether anything in the scene moved or stands there twice."
-_MISTAKEN = "Similar objects, or objects that moved between the pictures, were taken for one."
-_TURN = "Rotate the flange about two axes, by 20 deg and more, between pictures."
-_AIM = "Take pictures that do not all aim at one spot: move the arm along the viewing direction, too."
+_MISTAKEN = "Similar objects, or objects that moved between the images, were taken for one."
+_TURN = "Rotate the flange about two axes, by 20 deg and more, between images."
+_AIM = "Take images that do not all aim at one spot: move the arm along the viewing direction, too."
 
 
 def camera_findings(name: str, one: OneCamera) -> Iterator[Finding]:
-    """Findings about deficits of one camera's pictures."""
+    """Findings about deficits of one camera's images."""
     about = (name,)
     if len(one.views) < FEWEST_VIEWS:
-        what = f"{len(one.views)} pictures of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
-        yield Finding("too-few-samples", "error", about, what, ("Record 15 pictures and more with each arm.",))
+        what = f"{len(one.views)} images of {name} with a pose are too few: a scene needs {FEWEST_VIEWS}."
+        yield Finding("too-few-samples", "error", about, what, ("Record 15 images and more with each arm.",))
         return
     points = 0 if one.fit is None else one.fit.tracks.count
     if one.start is None or one.matched_pairs < _FEWEST_PAIRS:
-        what = f"{one.matched_pairs} pairs of pictures of {name} show the same features; {_FEWEST_PAIRS} are needed."
+        what = f"{one.matched_pairs} pairs of images of {name} show the same features; {_FEWEST_PAIRS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
     if one.start.misfit > (False, MOST_PX):
         off = "it would see all behind it" if one.start.is_behind else f"features are {one.start.median_px:.2g} px off"
-        what = f"The poses of {name} do not explain its pictures: {off}."
+        what = f"The poses of {name} do not explain its images: {off}."
         do = (
-            "Check that poses and pictures are of one instant, in one order.",
+            "Check that poses and images are of one instant, in one order.",
             "Check that poses are base_from_flange in metres, of the named robot.",
         )
         yield Finding("poor-fit", "error", about, what, do)
         return
     if points < _FEWEST_POINTS:
-        what = (
-            f"{points} points of the scene are seen by {name} in three pictures and more; {_FEWEST_POINTS} are needed."
-        )
+        what = f"{points} points of the scene are seen by {name} in three images and more; {_FEWEST_POINTS} are needed."
         yield Finding("scene-texture", "error", about, what, (_PAPER,), "The scene has too little texture.")
         return
     if len(one.views) < _ENOUGH_VIEWS:
-        what = f"{len(one.views)} pictures of {name} are few: its sigmas may be too small."
-        yield Finding("few-images", "warning", about, what, (f"Record {_ENOUGH_VIEWS} pictures and more.",))
+        what = f"{len(one.views)} images of {name} are few: its sigmas may be too small."
+        yield Finding("few-images", "warning", about, what, (f"Record {_ENOUGH_VIEWS} images and more.",))
 
 
 def join_findings(
     names: tuple[str, str], join: Join | None, shared_count: int, of_each: tuple[int, int], common: float
 ) -> Iterator[Finding]:
-    """Findings about the overlap of two cameras' pictures.
+    """Findings about the overlap of two cameras' images.
 
     Args:
         names: Of the cameras.
@@ -95,19 +93,19 @@ def join_findings(
     """
     first, second = names
     if join is None or join.score < _LEAST_SCORE or join.found < _LEAST_RATIO * join.by_chance:
-        what = f"The pictures of {first} and {second} show no common part of the scene."
+        what = f"The images of {first} and {second} show no common part of the scene."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,))
     elif join.rival > _RIVAL_SHARE * join.score:
         share = join.rival / join.score
-        what = f"Two positions of {second} fit its pictures: the second has {share:.0%} of the evidence of the first."
+        what = f"Two positions of {second} fit its images: the second has {share:.0%} of the evidence of the first."
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "Some objects of the scene look the same.")
     elif common < _LEAST_COMMON:
         what = f"{common:.0%} of the points at places that {first} and {second} both see are the same point."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
-        what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} pictures."
-        why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} pictures of each are needed."
+        what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} images."
+        why = f"At least {_FEWEST_SHARED} points in {_FEWEST_OF_EACH} images of each are needed."
         yield Finding("scene-overlap", "error", names, what, (SAME_SPOT,), why)
 
 
@@ -141,7 +139,7 @@ def motion_findings(motion: SceneMotion) -> Iterator[Finding]:
             "from the first sample to the last" if motion.first_sample is None else f"at sample {motion.first_sample}"
         )
         what = f"The scene moved by {1e3 * motion.length_m:.2g} mm {when}, or the robots did."
-        do = ("Keep the scene still until the last picture is taken.", "Fasten the bases, and let the robots warm up.")
+        do = ("Keep the scene still until the last image is taken.", "Fasten the bases, and let the robots warm up.")
         yield Finding("scene-moved", "warning", (), what, do, "Errors of the poses follow time.")
 
 
@@ -169,7 +167,7 @@ def count_points(fit: SceneFit) -> Finding:
     tracks = fit.tracks
     seen = np.unique(np.column_stack([tracks.point, fit.views.camera[tracks.view]]), axis=0)
     shared = int(np.count_nonzero(np.bincount(seen[:, 0]) > 1))
-    what = f"{tracks.count} points of the scene in {len(fit.views)} pictures take part in the answer."
+    what = f"{tracks.count} points of the scene in {len(fit.views)} images take part in the answer."
     also = f" Two cameras or more see {shared} of them." if len(fit.views.cameras) > 1 else ""
     return Finding("scene-joined", "info", (), what + also)
 

@@ -1,4 +1,4 @@
-"""Find a scene from its pictures: one camera after another, what joins them, then all together."""
+"""Find a scene from its images: one camera after another, what joins them, then all together."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Report:
 def find_scene(
     pictures: Pictures, robot_noise: Sequence[Array | None], reference: str, report: Report, settings: Settings
 ) -> SceneFit | None:
-    """The scene that all pictures show; None if it is refused, for which findings of the report say why.
+    """The scene that all images show; None if it is refused, for which findings of the report say why.
 
     Args:
         pictures: Of all cameras.
@@ -94,7 +94,7 @@ def _fit(
     reference: str,
     report: Report,
 ) -> SceneFit | None:
-    """All pictures adjusted together."""
+    """All images adjusted together."""
     fits = [one.fit for one in ones if one.fit is not None]
     lenses = tuple(fit.state.lenses[0] for fit in fits)
     views = pictures.views
@@ -117,7 +117,7 @@ def _fit(
     try:
         fit = fit_scene(views, tracks, start, lenses, robot_noise)
     except np.linalg.LinAlgError:
-        what = "The pictures of all cameras fit no common scene."
+        what = "The images of all cameras fit no common scene."
         report.findings.append(Finding("scene-rival", "error", (), what, (SAME_SPOT,)))
         return None
     for (i, k, _), count in zip(joins, before, strict=True):
@@ -156,6 +156,6 @@ def _add_fixed_cameras(
 def _missing_camera(name: str, is_guessed: bool) -> Finding:
     """Finding of a camera on `world` that takes no part, and why."""
     what = f"{name} takes no part in the scene, and its pose stays unknown."
-    why = "Its lens is not stated." if is_guessed else "Its picture shows too few points that the arms' cameras see."
+    why = "Its lens is not stated." if is_guessed else "Its image shows too few points that the arms' cameras see."
     do = "State its intrinsics in cell.yaml." if is_guessed else SAME_SPOT
     return Finding("scene-overlap", "warning", (name,), what, (do,), why)

@@ -1,4 +1,4 @@
-"""Points of a scene kept beside a calibration, and new pictures as views of them, which `verify` compares.
+"""Points of a scene kept beside a calibration, and new images as views of them, which `verify` compares.
 
 Points share the errors of the calibration that found them. Both count in full, so that checks raise no false alarm by
 this, and see a little less.
@@ -22,7 +22,7 @@ from basecal.vision.tracks.locating import locate_camera
 
 _LEVELS = 255.0  # of a descriptor's entries in bytes
 _NORMAL_MAD = 1.4826  # sigma over median absolute value, of a normal
-_WIDENING = 1.5  # of sigmas of image points about their picture's own pose: points are off, too; assumed
+_WIDENING = 1.5  # of sigmas of image points about their image's own pose: points are off, too; assumed
 
 
 def scene_fingerprint(pictures: Pictures, fit: SceneFit, points: Array) -> Fingerprint:
@@ -36,12 +36,12 @@ def scene_fingerprint(pictures: Pictures, fit: SceneFit, points: Array) -> Finge
 def with_scene_as_target(
     cell: Cell, calibration: Calibration, recording: Recording, fingerprint: Fingerprint
 ) -> tuple[Cell, Recording]:
-    """The cell with its scene as a target on `world`, and the recording with what its pictures show of it.
+    """The cell with its scene as a target on `world`, and the recording with what its images show of it.
 
     Args:
         cell: What was calibrated.
         calibration: What came out.
-        recording: New samples, with pictures or tracks.
+        recording: New samples, with images or tracks.
         fingerprint: Points of the scene as it was.
     """
     target = CellTarget(
@@ -72,7 +72,7 @@ def _free_name(cell: Cell) -> str:
 def _observe_scene(
     pictures: Pictures, row: int, lens: Camera, looks: Descriptors, target: CellTarget
 ) -> PixelObservation | None:
-    """The observation of the scene in a picture; None if it shows too little."""
+    """The observation of the scene in an image; None if it shows too little."""
     assert target.target is not None
     features, points = pictures.features[row], target.target.points
     found = locate_camera(features, looks, points, lens)

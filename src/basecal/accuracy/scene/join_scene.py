@@ -40,18 +40,18 @@ def join_scene(
 
     Args:
         cell: What exists.
-        recording: With pictures or tracks.
+        recording: With images or tracks.
         solution: Of all else that was seen.
         settings: How to solve.
-        outlier_samples: Numbers of samples whose pictures do not count, as their poses may be wrong.
+        outlier_samples: Numbers of samples whose images do not count, as their poses may be wrong.
     """
     report, fit = Report(), None
     sound = tuple(each for each in recording.samples if each.sample not in outlier_samples)
     with settings.stage("features"):
         pictures = _update_pictures(read_pictures(cell, replace(recording, samples=sound)), solution, cell)
     if not len(pictures.views):
-        do = ("Record pictures of the scene with the robots' poses, or calibrate without --scene.",)
-        what = "No camera has pictures or tracks with poses."
+        do = ("Record images of the scene with the robots' poses, or calibrate without --scene.",)
+        what = "No camera has images or tracks with poses."
         report.findings.append(Finding("scene-left-out", "error", (), what, do))
     else:
         stated = [_noise(solution, robot) for robot in pictures.views.robots]
@@ -76,7 +76,7 @@ def join_scene(
 
 
 def _update_pictures(pictures: Pictures, solution: Solution, cell: Cell) -> Pictures:
-    """The pictures with what a solution has of lenses and mounts; the first robot's base is the world of the scene."""
+    """The images with what a solution has of lenses and mounts; the first robot's base is the world of the scene."""
     views, state, open_names = pictures.views, solution.state, solution.observability.unobservable
     if not len(views):
         return pictures

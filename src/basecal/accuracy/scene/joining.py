@@ -1,6 +1,6 @@
 """Which transform joins the scenes of two cameras: several are tried, and images judge.
 
-A transform predicts points of one in the pictures of the other. Those found there, beyond those that chance finds
+A transform predicts points of one in the images of the other. Those found there, beyond those that chance finds
 beside these places, are its evidence. A repeated object makes rivals.
 """
 
@@ -75,7 +75,7 @@ def join(pictures: Pictures, first: OneCamera, second: OneCamera) -> Join | None
 
 
 def paired_points(pictures: Pictures, first: OneCamera, second: OneCamera) -> tuple[IntArray, Array]:
-    """Points of both with the same look in most pairs of pictures, (n, 2), and how far they may be apart, (n,) [m]."""
+    """Points of both with the same look in most pairs of images, (n, 2), and how far they may be apart, (n,) [m]."""
     assert first.fit is not None
     assert second.fit is not None
     votes: Counter[tuple[int, int]] = Counter()
@@ -118,7 +118,7 @@ def _distances(one: OneCamera) -> Array:
 def _judge_transform(
     pictures: Pictures, first: OneCamera, second: OneCamera, transform: SE3, looks: Descriptors
 ) -> Join:
-    """A transform refined on what pictures of the second show of points of the first."""
+    """A transform refined on what images of the second show of points of the first."""
     assert first.fit is not None
     assert second.fit is not None
     points, fit = first.fit.state.points, second.fit

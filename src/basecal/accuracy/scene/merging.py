@@ -24,7 +24,7 @@ def merged_tracks(pictures: Pictures, ones: Sequence[OneCamera], joins: Sequence
 
     Args:
         pictures: Of all cameras.
-        ones: What each camera's pictures say.
+        ones: What each camera's images say.
         joins: Indices among `ones` of two that are joined, and how.
     """
     offsets = np.concatenate([[0], np.cumsum([_count(each) for each in ones])]).astype(np.int64)

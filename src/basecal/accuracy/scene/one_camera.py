@@ -1,4 +1,4 @@
-"""The mount of one camera from its own pictures, and the points that they show."""
+"""The mount of one camera from its own images, and the points that they show."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from basecal.vision.tracks.chains import chain_matches, longest_chains
 from basecal.vision.tracks.features import Descriptors
 from basecal.vision.tracks.matching import Matches, match_rigid
 
-_NEIGHBOURS = 20  # pictures of the most similar directions that each one is matched with
-_MOST_ALL = 60  # pictures that are all matched with one another
+_NEIGHBOURS = 20  # images of the most similar directions that each one is matched with
+_MOST_ALL = 60  # images that are all matched with one another
 _PAIRS = 3000  # of image points by which the mount is found
 _MOST_POINTS = 1500  # of a camera's own scene: more take time and move no answer (benchmarks.scene)
 MOST_PX = 5.0  # [px] median distance of image points from their epipolar geometry; right poses leave 0.5 to 2
@@ -30,16 +30,16 @@ _FOCAL_SCALES = (0.65, 1.0, 1.5)  # of a guessed lens, that are tried
 
 @dataclass(frozen=True, eq=False)
 class OneCamera:
-    """The answer of one camera's pictures.
+    """The answer of one camera's images.
 
     Attributes:
         camera: Its index.
         views: Its views alone, of which the camera, the robot and its stops are the only ones.
         rows: Of these views, their indices among all.
         start: Its mount by pairs of image points; None if there are too few.
-        fit: The adjustment; None without a start, or with one that does not explain the pictures.
+        fit: The adjustment; None without a start, or with one that does not explain the images.
         feature: (n,) index of the feature of each image point of the fit.
-        matched_pairs: Pairs of pictures with matches.
+        matched_pairs: Pairs of images with matches.
     """
 
     camera: int
@@ -65,7 +65,7 @@ class OneCamera:
 
 
 def solve_camera(pictures: Pictures, camera: int, stop_noise: Array | None) -> OneCamera:
-    """The mount of a camera, its lens and the points that its pictures show.
+    """The mount of a camera, its lens and the points that its images show.
 
     Args:
         pictures: Of all cameras.
@@ -132,7 +132,7 @@ def own_views(views: SceneViews, camera: int) -> tuple[SceneViews, IntArray]:
 def match_pictures(
     pictures: Pictures, rows: IntArray, lens: Camera, views: SceneViews
 ) -> dict[tuple[int, int], Matches]:
-    """Matches of pairs of one camera's pictures that a rigid scene can have, by their indices among `rows`."""
+    """Matches of pairs of one camera's images that a rigid scene can have, by their indices among `rows`."""
     features = [pictures.features[row] for row in rows]
     planes = [_plane(lens, each.pixels) for each in features]
     found = {}
@@ -144,7 +144,7 @@ def match_pictures(
 
 
 def picture_pairs(base_from_flange: SE3) -> list[tuple[int, int]]:
-    """Pairs of pictures to match: all, or of many those of the most similar directions."""
+    """Pairs of images to match: all, or of many those of the most similar directions."""
     count = len(base_from_flange)
     if count <= _MOST_ALL:
         return [(i, j) for i in range(count) for j in range(i + 1, count)]

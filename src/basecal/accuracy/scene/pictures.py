@@ -1,4 +1,4 @@
-"""The pictures of a recording as views of a scene, with the features that they show."""
+"""The images of a recording as views of a scene, with the features that they show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _USUAL_FOCAL = 0.9  # of the image's width, of a lens of which nothing is stated
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """Pictures of the scene.
+    """Images of the scene.
 
     Attributes:
         views: Their cameras and poses.
@@ -44,7 +44,7 @@ class Pictures:
     mounts: tuple[SE3 | None, ...] = ()
 
     def select_moving(self) -> Pictures:
-        """Pictures of cameras that robots carry."""
+        """Images of cameras that robots carry."""
         count = sum(camera.robot is not None for camera in self.views.cameras)
         rows = np.flatnonzero(self.views.robot >= 0)
         views = replace(self.views.take(rows), cameras=self.views.cameras[:count])
@@ -70,14 +70,14 @@ class Pictures:
 
 
 def read_pictures(cell: Cell, recording: Recording) -> Pictures:
-    """The pictures of all cameras, those on robots first, then one picture of each camera on `world`.
+    """The images of all cameras, those on robots first, then one image of each camera on `world`.
 
     Args:
         cell: Its cameras and robots.
-        recording: Its samples, with pictures or tracks; features of pictures are kept in its folder.
+        recording: Its samples, with images or tracks; features of images are kept in its folder.
 
     Raises:
-        InputError: if it has pictures and its folder is not known.
+        InputError: if it has images and its folder is not known.
     """
     names = [name for name in cell.cameras if cell.cameras[name].on in cell.robots]
     taken = [(name, sample) for sample in recording.samples for name in names if _has_pose(cell, name, sample)]
@@ -111,7 +111,7 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
 
 
 def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
-    """Whether a sample has a picture or tracks of a camera, and the pose of the robot that carries it, if one does."""
+    """Whether a sample has an image or tracks of a camera, and the pose of the robot that carries it, if one does."""
     has_view = camera in sample.images or any(seen.camera == camera for seen in sample.tracks)
     return has_view and cell.cameras[camera].on in (WORLD, *sample.robots)
 
@@ -136,24 +136,24 @@ def _read(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Fe
 
 
 def _extent(pixels: Array) -> tuple[int, int]:
-    """Width and height of the least picture that holds these places."""
+    """Width and height of the least image that holds these places."""
     width, height = np.ceil(pixels.max(0, initial=1.0)).astype(int) + 1
     return int(width), int(height)
 
 
 def _loss(camera: str, sample: Sample, reason: str) -> Finding:
-    what = f"The picture of {camera} in sample {sample.sample} is not used: {reason}."
+    what = f"The image of {camera} in sample {sample.sample} is not used: {reason}."
     return Finding("dropped-sample", "info", (str(sample.sample), camera), what)
 
 
 def _moving_targets(cell: Cell, sample: Sample, camera: str) -> list[Array]:
-    """Pixels of each target that a picture shows and a robot carries."""
+    """Pixels of each target that an image shows and a robot carries."""
     seen = (each for each in sample.observations if isinstance(each, PixelObservation) and each.camera == camera)
     return [each.pixels for each in seen if cell.targets[each.target].on in cell.robots]
 
 
 def guessed_lens(lens: Intrinsics, size_px: tuple[int, int]) -> Camera:
-    """A usual lens for pictures of this size."""
+    """A usual lens for images of this size."""
     width, height = size_px
     focal = _USUAL_FOCAL * width
     terms = 5 if lens.distortion_terms is None else lens.distortion_terms

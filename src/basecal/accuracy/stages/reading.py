@@ -32,7 +32,7 @@ def calibrate_from_scene(case: Case) -> Case:
     """Calibrate from the static scene, if it is requested, the cell states no other target, or tracks are all there is.
 
     Raises:
-        InputError: if there are no pictures with poses.
+        InputError: if there are no images with poses.
     """
     samples = case.recording.samples
     has_tracks_alone = any(each.tracks for each in samples) and not any(each.observations for each in samples)

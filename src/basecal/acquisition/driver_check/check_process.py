@@ -23,7 +23,7 @@ from basecal.cell.files import read_cell
 from basecal.errors import DriverError, InputError, UsageError, nearest
 
 _CUT_S = 20.0  # that a person has to cut a connection and to restore it
-_PICTURES_BYTES = 2**28  # as of a file so large: time of the processor, and memory for pictures
+_PICTURES_BYTES = 2**28  # as of a file so large: time of the processor, and memory for images
 _SILENCE_S = 60.0  # of a driver whose library waits for ever: it measures for five, and connects in less than ten
 _STOP_S = 1.0  # that an arm has to be stopped if a person interrupts
 

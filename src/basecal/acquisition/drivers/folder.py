@@ -1,4 +1,4 @@
-"""Pictures that another program saves into a folder: whatever can save a file is a camera.
+"""Images that another program saves into a folder: whatever can save a file is a camera.
 
 A file counts when its name is new, and it can be read whole; of several, the newest. The stamp is the time at which it
 was last written.
@@ -25,7 +25,7 @@ _HALVES = 3  # newest files that are read: some of them may still be written
 
 
 class FolderOptions(Entry):
-    """`path` of the folder, from the cell's; `wait_s` for the next picture; whether those `existing` count."""
+    """`path` of the folder, from the cell's; `wait_s` for the next image; whether those `existing` count."""
 
     path: PathText
     wait_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0
@@ -33,7 +33,7 @@ class FolderOptions(Entry):
 
 
 class FolderCamera:
-    """A folder into which pictures are saved."""
+    """A folder into which images are saved."""
 
     is_live = False
     is_stamped = True
@@ -43,7 +43,7 @@ class FolderCamera:
         self._seen = set() if existing else {path.name for path in folder.iterdir()}
 
     def picture(self) -> Picture:
-        """The newest picture; of those that existed the oldest that was not given yet.
+        """The newest image; of those that existed the oldest that was not given yet.
 
         One that is still being written is waited for.
 
@@ -62,7 +62,7 @@ class FolderCamera:
                     return Picture(1e-9 * written_ns, grey, source=path.name)
                 why = f"; {path.name} {grey}"
             if time.monotonic() >= until:
-                raise DriverError(f"no new picture in {self._folder} within {self.wait_s:g} s{why}")
+                raise DriverError(f"no new image in {self._folder} within {self.wait_s:g} s{why}")
             time.sleep(_LOOK_S)
 
     def _new(self) -> Iterator[tuple[int, Path]]:
@@ -86,7 +86,7 @@ def reaches(place: Place) -> str:
 
 
 def open_camera(place: Place) -> FolderCamera:
-    """The folder, whose pictures of before count only where the options say so.
+    """The folder, whose images of before count only where the options say so.
 
     Raises:
         DatasetError: if an option is wrong, or there is no such folder.
@@ -94,6 +94,6 @@ def open_camera(place: Place) -> FolderCamera:
     options = checked_options(place, FolderOptions)
     folder = place.folder / options.path
     if not folder.is_dir():
-        message = f"there is no folder {folder}; make it, and have pictures saved into it"
+        message = f"there is no folder {folder}; make it, and have images saved into it"
         raise DatasetError(str(place.folder / "cell.yaml"), message, field=f"cameras.{place.name}.driver.path")
     return FolderCamera(folder, place.cell.cameras[place.name].size_px, options.wait_s, options.existing)

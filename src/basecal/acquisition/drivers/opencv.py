@@ -1,6 +1,6 @@
 """Any camera or stream that OpenCV opens: a device's number, a file of a video, an address.
 
-The stamp is that of the kernel if the camera is one of V4L2, else this machine's monotonic clock when the picture came.
+The stamp is that of the kernel if the camera is one of V4L2, else this machine's monotonic clock when the image came.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class OpencvOptions(Entry):
 
 
 class OpencvCamera:
-    """A stream; a file of a video gives its next picture when asked, and is not live."""
+    """A stream; a file of a video gives its next image when asked, and is not live."""
 
     def __init__(self, name: str, stream: Stream, is_file: bool = False) -> None:
         self._name, self._stream = name, stream
@@ -33,7 +33,7 @@ class OpencvCamera:
         self.is_stamped = stream.is_stamped
 
     def picture(self) -> Picture:
-        """The next picture of the stream.
+        """The next image of the stream.
 
         Raises:
             DriverError: if it has ended.

@@ -1,6 +1,6 @@
 """A recording that exists, gone through again: its robots go only where they have been.
 
-`move` goes to the sample that was recorded nearest; the cameras then give that sample's pictures, again and again. All
+`move` goes to the sample that was recorded nearest; the cameras then give that sample's images, again and again. All
 robots and cameras of one recording share one place in it and one clock, which goes on with every reading.
 """
 
@@ -115,7 +115,7 @@ class ReplayRobot:
 
 
 class ReplayCamera:
-    """A camera of a recording, with its pictures."""
+    """A camera of a recording, with its images."""
 
     is_live = True
     is_on_demand = True
@@ -124,11 +124,11 @@ class ReplayCamera:
         self._name, self._tape, self._lit = name, tape, True
 
     def light(self, on: bool) -> None:
-        """Give the pictures with the light on, or those without."""
+        """Give the images with the light on, or those without."""
         self._lit = on
 
     def picture(self) -> Picture:
-        """The picture of the sample at which the tape stands.
+        """The image of the sample at which the tape stands.
 
         Raises:
             DriverError: if it has none, or it cannot be read.
@@ -136,7 +136,7 @@ class ReplayCamera:
         sample = self._tape.stand(lambda each: self._name in each.images, self._name)
         paths = sample.images if self._lit else sample.background
         if self._name not in paths:
-            raise DriverError(f"{self._name}: the recording has no picture without the light in sample {sample.sample}")
+            raise DriverError(f"{self._name}: the recording has no image without the light in sample {sample.sample}")
         return Picture(self._tape.tick(), self._read(paths[self._name]))
 
     def _read(self, path: str) -> Grey:

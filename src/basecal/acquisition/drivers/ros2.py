@@ -1,6 +1,6 @@
 """Robots and cameras of a running ROS 2, over DDS, without an installation of ROS.
 
-A robot comes by joint states, by poses, or by two frames of tf; a camera by its pictures, raw or compressed. Robots are
+A robot comes by joint states, by poses, or by two frames of tf; a camera by its images, raw or compressed. Robots are
 only watched: moving them is the business of their own drivers.
 """
 
@@ -24,7 +24,7 @@ from basecal.fields.values import Entry
 from basecal.vision.image_file import grey_image
 
 _LAST_DOMAIN = 232
-_QUEUE_SIZE = 1  # pictures that are kept: the newest
+_QUEUE_SIZE = 1  # images that are kept: the newest
 _STOP_S = 3.0  # beyond `reconnect_s`, so that the driver says itself why nothing comes
 
 Name = Annotated[str, Field(min_length=1)]
@@ -34,7 +34,7 @@ class Ros2Options(Entry):
     """Options beside `kind: ros2`.
 
     Attributes:
-        topic: Of a robot's joint states or poses, or of a camera's pictures.
+        topic: Of a robot's joint states or poses, or of a camera's images.
         frames: Base and flange of a robot in tf, instead of a topic.
         domain: Of DDS; where it is not stated, that of ROS_DOMAIN_ID, else 0.
         reconnect_s: How long a topic is waited for, at the beginning and when nothing comes any more.
@@ -84,7 +84,7 @@ class Ros2Camera:
         self._last_s = float("-inf")
 
     def picture(self) -> Picture:
-        """Its next picture, with the stamp of its driver [s].
+        """Its next image, with the stamp of its driver [s].
 
         Raises:
             DriverError: if none comes, or it is of an encoding or size that is not read.
@@ -98,7 +98,7 @@ class Ros2Camera:
             raise DriverError(str(error)) from None
         grey = grey_image(file.content, self._size_px)
         if isinstance(grey, str):
-            raise DriverError(f"{self._name}: a picture of {self._topic} {grey}")
+            raise DriverError(f"{self._name}: an image of {self._topic} {grey}")
         return Picture(now_s, grey)
 
     def _if_new(self, message: Any) -> Any:
@@ -143,7 +143,7 @@ def open_robot(place: Place) -> Ros2Robot:
 
 
 def open_camera(place: Place) -> Ros2Camera:
-    """A camera by the topic of its pictures.
+    """A camera by the topic of its images.
 
     Raises:
         DatasetError: if an option is wrong.
@@ -152,7 +152,7 @@ def open_camera(place: Place) -> Ros2Camera:
     """
     options = checked_options(place, Ros2Options)
     if options.topic is None or options.frames is not None:
-        raise _wrong(place, "cameras", "expected the topic of its pictures, as `topic: /camera/image_raw`")
+        raise _wrong(place, "cameras", "expected the topic of its images, as `topic: /camera/image_raw`")
     domain = choose_domain(options.domain)
     stream = Stream(place.name, domain, options.topic, (IMAGE, COMPRESSED), _QUEUE_SIZE, options.reconnect_s)
     size_px = place.cell.cameras[place.name].size_px

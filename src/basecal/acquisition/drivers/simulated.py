@@ -47,7 +47,7 @@ class _State(Entry):
 
 
 class _Picture(Entry):
-    """The reply with a picture."""
+    """The reply with an image."""
 
     stamp_s: Number
     png_base64: str
@@ -112,7 +112,7 @@ class SimulatedCamera:
         self._name, self._cell = name, cell
 
     def picture(self) -> Picture:
-        """Its next picture.
+        """Its next image.
 
         Raises:
             DriverError: if the cell does not answer.
@@ -123,7 +123,7 @@ class SimulatedCamera:
         except ValueError:
             grey = "is not written as base64"
         if isinstance(grey, str):
-            raise DriverError(f"{self._name}: a picture {grey}")
+            raise DriverError(f"{self._name}: an image {grey}")
         return Picture(answer.stamp_s, grey)
 
     def light(self, on: bool) -> None:

@@ -1,4 +1,4 @@
-"""Live cameras, read without pause by a thread each: the newest picture is given, with the time of its exposure."""
+"""Live cameras, read without pause by a thread each: the newest image is given, with the time of its exposure."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from basecal.errors import DriverError
 from basecal.geometry import Array
 from basecal.vision.picture_motion import Levels, reduce_picture, shift_between
 
-_PICTURE_TIMEOUT_S = 10.0  # for a picture, unless the driver states how long it waits
+_PICTURE_TIMEOUT_S = 10.0  # for an image, unless the driver states how long it waits
 _CLOSE_TIMEOUT_S = 2.0  # for a driver that does not come back
 _UNKNOWN_S, _UNKNOWN_PICTURES = 2.0, 12  # of latency until it is measured, whichever is longer
 _MOTION_COUNT = 3  # whose latencies count: it may grow, and shrink again
-_MOVES_PX = 0.1  # between a picture and the next, of about 640 px
+_MOVES_PX = 0.1  # between an image and the next, of about 640 px
 _PICTURE_COLUMNS = 640
-_UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest share of so many pictures
+_UNLIKE, _QUIET, _CHANGES = 3.0, 0.2, 300  # times the change in the quietest share of so many images
 _REMEMBERED_PICTURES = 2000  # whose arrival is remembered
-_STREAM, _STREAM_S = 4, 5.0  # so many pictures within such a time are a stream
-_WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that pictures usually take: so large a share of so many
-_LOOK_S = 1.5  # until a program that saves pictures without pause is told from a person
+_STREAM, _STREAM_S = 4, 5.0  # so many images within such a time are a stream
+_WAITED, _USUAL, _WAITS = 0.5, 0.9, 50  # of the time that images usually take: so large a share of so many
+_LOOK_S = 1.5  # until a program that saves images without pause is told from a person
 
 
 class CameraFeed:
@@ -41,7 +41,7 @@ class CameraFeed:
         )  # and whether something moved since before
         self._delays_s: deque[float] = deque(maxlen=_REMEMBERED_PICTURES)  # arrival less stamp
         self._waits_s: deque[float] = deque(maxlen=_WAITS)
-        self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from picture to picture
+        self._changes: deque[float] = deque(maxlen=_CHANGES)  # of brightness from image to image
         self._last_s = -np.inf
         self._notes: list[str] = []
         self._newest: tuple[Picture, float] | None = None
@@ -53,7 +53,7 @@ class CameraFeed:
 
     @property
     def is_live(self) -> bool:
-        """Whether pictures come one after another, also where each is saved as a file."""
+        """Whether images come one after another, also where each is saved as a file."""
         with self._changed:
             until_s = self._began_s + _LOOK_S - time.monotonic()
             if not self._camera.is_live and until_s > 0:
@@ -62,7 +62,7 @@ class CameraFeed:
         return self._camera.is_live or (len(recent) == _STREAM and time.monotonic() - recent[0][0] < _STREAM_S)
 
     def picture(self) -> Picture:
-        """Wait for the newest picture that was not given yet, with the earliest time at which it was exposed.
+        """Wait for the newest image that was not given yet, with the earliest time at which it was exposed.
 
         Raises:
             DriverError: if the camera gives none any more, or is silent.
@@ -95,7 +95,7 @@ class CameraFeed:
         wait_s = getattr(self._camera, "wait_s", _PICTURE_TIMEOUT_S)
         with self._changed:
             if not self._changed.wait_for(lambda: is_done() or self._error is not None, wait_s):
-                raise DriverError(f"{self._name}: no picture came within {wait_s:g} s; check its cable and program")
+                raise DriverError(f"{self._name}: no image came within {wait_s:g} s; check its cable and program")
             if not is_done() and self._error is not None:
                 raise self._error
 
@@ -113,27 +113,27 @@ class CameraFeed:
                 levels = reduce_picture(picture.grey[::every, ::every])
                 self._add(picture, before is not None and self._has_moved(before, levels), now_s)
                 before = levels
-        except Exception as error:  # of whatever library: who waits for a picture is told
+        except Exception as error:  # of whatever library: who waits for an image is told
             with self._changed:
                 self._error = error
                 self._changed.notify_all()
 
     def _has_moved(self, first: Levels, second: Levels) -> bool:
         change = float(np.abs(second - first).mean())
-        if change > 0:  # some cameras give a picture twice
+        if change > 0:  # some cameras give an image twice
             self._changes.append(change)
-        # Of a picture that slides as a whole, and far, no block tells by how much.
+        # Of an image that slides as a whole, and far, no block tells by how much.
         is_unlike = change > _UNLIKE * np.quantile(self._changes or [change], _QUIET)
         return bool(is_unlike) or shift_between(first, second) > _MOVES_PX
 
     def _is_outdated(self, picture: Picture, waited_s: float) -> bool:
-        """Whether a picture is older than one that came before, or came at once: then it lay in a buffer."""
+        """Whether an image is older than one that came before, or came at once: then it lay in a buffer."""
         self._waits_s.append(waited_s)
         if not self._is_stamped:
             return waited_s < _WAITED * float(np.quantile(self._waits_s, _USUAL))
         is_late, self._last_s = picture.stamp_s < self._last_s, max(self._last_s, picture.stamp_s)
         if is_late:
-            self._notes.append(f"camera {self._name}: {picture.source or 'a picture'} came after a newer one; not used")
+            self._notes.append(f"camera {self._name}: {picture.source or 'an image'} came after a newer one; not used")
         return is_late
 
     def _add(self, picture: Picture, moves: bool, now_s: float) -> None:
@@ -152,7 +152,7 @@ class CameraFeed:
             self._changed.notify_all()
 
     def _latency_s(self, arrivals: Array) -> float:
-        """The largest latency that pictures may have [s]."""
+        """The largest latency that images may have [s]."""
         if not self.is_live:
             return 0.0
         spans = self._arms.spans
@@ -171,14 +171,14 @@ class CameraFeed:
         if before is None or latency.low_s > before.high_s:
             self._reported = latency
             then = f", {before} before" if before else ""
-            self._notes.append(f"camera {self._name}: pictures arrive {latency} after exposure{then} (measured)")
+            self._notes.append(f"camera {self._name}: images arrive {latency} after exposure{then} (measured)")
 
 
 class LightFeed(CameraFeed):
     """The feed of a camera that switches the LED it looks at."""
 
     def light(self, on: bool) -> None:
-        """Switch the light, between two pictures.
+        """Switch the light, between two images.
 
         Raises:
             DriverError: if the camera is silent.
@@ -189,7 +189,7 @@ class LightFeed(CameraFeed):
 
 
 def feed_camera(name: str, camera: Camera, arms: ArmMotion) -> Camera:
-    """A camera as a capture takes pictures from it: read without pause, unless it exposes each when asked.
+    """A camera as a capture takes images from it: read without pause, unless it exposes each when asked.
 
     Args:
         name: Of the camera.

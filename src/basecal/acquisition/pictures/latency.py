@@ -1,4 +1,4 @@
-"""How long after its exposure a picture arrives: the lag between the arms' motion and that in the picture."""
+"""How long after its exposure an image arrives: the lag between the arms' motion and that in the image."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from basecal.acquisition.driver import Reading
 from basecal.acquisition.states import state_vector
 from basecal.geometry import Array
 
-_LEAST_MOTION = 2e-3  # [rad, m] of any joint: a picture shows it, and noise of encoders is smaller
+_LEAST_MOTION = 2e-3  # [rad, m] of any joint: an image shows it, and noise of encoders is smaller
 _PAUSE_S = 0.3  # shorter pauses are part of one motion
 _LAGS_S = np.arange(0.0, 6.0, 0.005)
 _LEAST_PICTURES = 3  # that have to show the motion
 _STILL_PICTURES = 2  # after it
-_LEAST_OVERLAP = 0.5  # of the arms' motion and that in the picture, over both: below, something else moved
-_CHANCE_FACTOR = 1.01  # pictures that may disagree by chance: one
+_LEAST_OVERLAP = 0.5  # of the arms' motion and that in the image, over both: below, something else moved
+_CHANCE_FACTOR = 1.01  # images that may disagree by chance: one
 
 
 class ArmMotion:
@@ -58,20 +58,20 @@ class Latency:
 
 
 def estimate_latency(spans: Array, arrivals: Array) -> Latency | None:
-    """The latency at which motions of arms explain those in pictures; None if they do not, or still go on.
+    """The latency at which motions of arms explain those in images; None if they do not, or still go on.
 
-    Lags are tried, and those at which one picture more or less would agree as well as at the best are possible. A slow
-    begin that only the joints show, or a swing at the end that only the picture shows, makes it larger, never smaller.
+    Lags are tried, and those at which one image more or less would agree as well as at the best are possible. A slow
+    begin that only the joints show, or a swing at the end that only the image shows, makes it larger, never smaller.
 
     Args:
         spans: (m, 2) when arms moved.
-        arrivals: (n, 2) when pictures arrived since the first motion began, and 1 for each that differs from the one
+        arrivals: (n, 2) when images arrived since the first motion began, and 1 for each that differs from the one
             before, 0 for others.
     """
     moves = arrivals[:, 1] > 0
     if moves.sum() < _LEAST_PICTURES or moves[-_STILL_PICTURES:].any():
         return None
-    moves[1:-1] |= moves[:-2] & moves[2:]  # some cameras give a picture twice
+    moves[1:-1] |= moves[:-2] & moves[2:]  # some cameras give an image twice
     exposed = arrivals[:, :1, None] - _LAGS_S[:, None]
     expected = ((exposed >= spans[:, 0]) & (exposed <= spans[:, 1])).any(-1)
     either = np.maximum((expected | moves[:, None]).sum(0), 1)

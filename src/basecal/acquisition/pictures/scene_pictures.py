@@ -1,4 +1,4 @@
-"""Pictures of a scene as they are taken: whether each shows enough of it, and in which parts of the picture."""
+"""Images of a scene as they are taken: whether each shows enough of it, and in which parts of the image."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from basecal.planning.sketch import Sketch
 from basecal.vision.image_file import grey_image, read_bytes
 from basecal.vision.tracks.feature_cache import kept_features
 
-_FEWEST_FEATURES = 100  # of a picture: as many points as two cameras are to share
+_FEWEST_FEATURES = 100  # of an image: as many points as two cameras are to share
 
 
 class ScenePictures:
-    """The features of the pictures of a scene, which `calibrate` then finds in `derived/`.
+    """The features of the images of a scene, which `calibrate` then finds in `derived/`.
 
     Attributes:
         cells: Where features were found so far, of `COVERAGE_GRID`.
@@ -48,7 +48,7 @@ class ScenePictures:
         return [name for name, alike in seen.items() if not alike]
 
     def check(self, sample: Sample) -> None:
-        """Count the pictures of a sample.
+        """Count the images of a sample.
 
         Raises:
             Unfit: if one of them shows too little.

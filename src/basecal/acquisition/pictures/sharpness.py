@@ -13,7 +13,7 @@ _MELT_PX = 16.0  # width at which twice as wide is as good: neighbouring marks m
 
 
 class Sharpness:
-    """The narrowest edges so far, by camera and target: in the picture [px], and on the target [m]."""
+    """The narrowest edges so far, by camera and target: in the image [px], and on the target [m]."""
 
     def __init__(self) -> None:
         self._narrowest: dict[tuple[str, str], Array] = {}
@@ -26,7 +26,7 @@ class Sharpness:
         Args:
             view: Names of the camera and the target.
             width: Of the edges.
-            pixels: (n, 2) the target's points in the picture.
+            pixels: (n, 2) the target's points in the image.
             points: (n, 3) on the target [m].
         """
         if len(points) < 2:  # one point has no size on either side

@@ -27,7 +27,7 @@ _POLL_S = 0.02
 
 
 def listen_to_topics(domain: int, listen_s: float) -> Bag:
-    """Messages on all topics of a domain that concern robots and cameras, one picture of each.
+    """Messages on all topics of a domain that concern robots and cameras, one image of each.
 
     Raises:
         DriverError: if nobody sends any.
@@ -48,7 +48,7 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
         time.sleep(_POLL_S)
     if not listeners:
         raise DriverError(
-            f"nobody sends joint states, tf or pictures in domain {domain}: is ROS_DOMAIN_ID the same there, and does "
+            f"nobody sends joint states, tf or images in domain {domain}: is ROS_DOMAIN_ID the same there, and does "
             f"the network let DDS pass?"
         )
     topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}

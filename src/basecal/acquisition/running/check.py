@@ -1,6 +1,6 @@
 """The running check: each sample against what the samples before it predict.
 
-A sample that disagrees is held back until the next one. If that one agrees, the picture of the first belongs to another
+A sample that disagrees is held back until the next one. If that one agrees, the image of the first belongs to another
 pose. If both disagree equally, something moved. Causes that last for the whole recording, such as a joint that is off,
 are those of the systematic errors; they are reported when two checks in a row find them.
 """
@@ -130,7 +130,7 @@ def _name(error: FoundEffect | None) -> tuple[str, ...]:
 def _first(sample: Sample, single: Disagreement) -> Doubt:
     """A sample that disagrees, before another shows why."""
     message = (
-        f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its picture and "
+        f"Sample {sample.sample} disagrees with the samples before it (chance {single.chance:.1g}). Its image and "
         f"its pose do not belong together, or {cause_of_shifts(single.causes, sample.sample)}"
     )
     return Doubt(sample.sample, message, is_lasting=False, repeats=True)
@@ -138,5 +138,5 @@ def _first(sample: Sample, single: Disagreement) -> Doubt:
 
 def _odd(sample: Sample) -> Doubt:
     """A sample whose successors agree with its predecessors."""
-    message = f"The picture of sample {sample.sample} does not belong to its pose. Check the stamps of its camera."
+    message = f"The image of sample {sample.sample} does not belong to its pose. Check the stamps of its camera."
     return Doubt(sample.sample, message, is_lasting=False)

@@ -10,7 +10,7 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.cell import Clock
 from basecal.fields.values import Entry, Sigma, Status
 
-_MOST_JITTER_S = 1.0  # with more a picture tells nothing of an arm that moves
+_MOST_JITTER_S = 1.0  # with more an image tells nothing of an arm that moves
 _FARTHEST_S = 1e12  # either way, as far as stamps may be: one clock may count since 1970, another since its start
 
 

@@ -10,11 +10,11 @@ from pydantic import model_validator as checks_whole
 from basecal.cell.cell import RollingShutter
 from basecal.fields.values import Entry, Sigma, Status
 
-_LONGEST_S = 1e-3  # of a row: a picture of a thousand then takes a second. Below 0 where the bottom row comes first.
+_LONGEST_S = 1e-3  # of a row: an image of a thousand then takes a second. Below 0 where the bottom row comes first.
 
 
 class RollingShutterEntry(Entry):
-    """Row v of a picture is seen v times `line_time_s` after its stamp."""
+    """Row v of an image is seen v times `line_time_s` after its stamp."""
 
     status: Status = "fixed"
     line_time_s: Annotated[float, Field(ge=-_LONGEST_S, le=_LONGEST_S)] | None = None

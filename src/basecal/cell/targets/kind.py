@@ -71,8 +71,8 @@ class TargetKind:
         usual: One as a simulation has it, from a random generator.
         printed: Fields of one to print; None if there is nothing to choose.
         entry_index: Index of the one of `entries` that reads an entry with these fields.
-        figures: Small ones for the documents, by the name of the picture.
-        marks: Fields by which pictures distinguish one from another of its kind; empty if they cannot.
+        figures: Small ones for the documents, by the name of the image.
+        marks: Fields by which images distinguish one from another of its kind; empty if they cannot.
         another: Fields of the n-th of several in a cell, counted from 0, with marks of its own as far as there are any.
     """
 
@@ -94,7 +94,7 @@ def choose_dictionary(usual: Sequence[str], first: str, place: int) -> str:
 
 
 def is_indistinguishable(kind: TargetKind, first: Fields, second: Fields) -> bool:
-    """Whether no picture determines which of two of a kind it shows."""
+    """Whether no image determines which of two of a kind it shows."""
     marks, others = kind.marks(first), kind.marks(second)
     return bool(marks & others) or not (marks or others)
 

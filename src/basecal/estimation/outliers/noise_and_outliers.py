@@ -16,7 +16,7 @@ from basecal.estimation.view.measurement import Noise
 _JUDGING_PASSES = 3
 # Of arms with errors of their own (belts, links, a loose base) up to 9 mm and 7 mrad are on record.
 _ARM_M, _ARM_RAD = 1.2e-2, 1.2e-2
-_STAMP_S = 2e-2  # of computers that stamp what arrives: with more, stamps are not of the pictures
+_STAMP_S = 2e-2  # of computers that stamp what arrives: with more, stamps are not of the images
 
 
 def with_noise(solution: Solution, settings: Settings, guess: Solution | None = None) -> Solution:

@@ -1,1 +1,1 @@
-"""Cameras and bases from unknown points of a static scene, which several pictures show."""
+"""Cameras and bases from unknown points of a static scene, which several images show."""

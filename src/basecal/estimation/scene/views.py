@@ -1,4 +1,4 @@
-"""Pictures of a static scene as arrays: which robot carried their cameras where, and which points they show."""
+"""Images of a static scene as arrays: which robot carried their cameras where, and which points they show."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Tracks:
 
 @dataclass(frozen=True, eq=False)
 class SceneCamera:
-    """A camera that takes pictures of the scene.
+    """A camera that takes images of the scene.
 
     Attributes:
         name: Of the camera.
@@ -66,7 +66,7 @@ class SceneCamera:
 
 @dataclass(frozen=True, eq=False)
 class SceneViews:
-    """The pictures of all cameras.
+    """The images of all cameras.
 
     Attributes:
         cameras: That took them.

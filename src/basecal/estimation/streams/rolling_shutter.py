@@ -1,4 +1,4 @@
-"""Pictures whose rows are seen one after another, of targets that move before the camera meanwhile.
+"""Images whose rows are seen one after another, of targets that move before the camera meanwhile.
 
 A view stands at the instant of the mean row of its pixels. The motion between that instant and the row of each pixel is
 subtracted from the pixel. It follows from the velocities at the view, and from the transforms as far as they are known.

@@ -66,7 +66,7 @@ class Synchronised:
     robots: Mapping[str, Mapping[int, Moving]]
 
     def correct_rows(self, motion: Known, offsets_s: Mapping[str, float]) -> Synchronised:
-        """A copy as if the rows of pictures were all seen at once; `offsets_s` as of `synchronise`."""
+        """A copy as if the rows of images were all seen at once; `offsets_s` as of `synchronise`."""
         lines = {
             camera: offsets_s[line_time_name(camera)]
             for camera in motion.cell.cameras

@@ -136,7 +136,7 @@ def _view(bag: Bag, tree: Tree, target: str, words: str, cell: Cell | None) -> B
 
 
 def _topics_of_cameras(survey: Survey, request: Asked, cell: Cell | None) -> dict[str, str]:
-    """Topics of pictures by camera."""
+    """Topics of images by camera."""
     there = [topic.name for topic in survey.images]
     for topic in request.cameras.values():
         if topic not in there:
@@ -151,13 +151,13 @@ def _topics_of_cameras(survey: Survey, request: Asked, cell: Cell | None) -> dic
     if strangers and not request.views:
         topics = list_names(list(found.values()))
         raise InputError(
-            f"the cell has {list_names(known)}: say whose pictures are {topics}, --camera NAME=TOPIC for each"
+            f"the cell has {list_names(known)}: say whose images are {topics}, --camera NAME=TOPIC for each"
         )
     return {} if strangers else found
 
 
 def _usual_cameras(topics: list[str]) -> dict[str, str]:
-    """A topic of pictures for each namespace: raw rather than compressed, as seen rather than rectified."""
+    """A topic of images for each namespace: raw rather than compressed, as seen rather than rectified."""
     best: dict[str, tuple[tuple[int, bool], str]] = {}
     for topic in topics:
         plainly = topic.removesuffix(_COMPRESSED)

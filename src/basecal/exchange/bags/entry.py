@@ -30,7 +30,7 @@ def bag_entry(
         survey: What it holds.
         sources: What is taken of it.
         request: What carries targets.
-        sizes: Width and height [px] of the pictures, by camera.
+        sizes: Width and height [px] of the images, by camera.
 
     Raises:
         InputError: if a lens has no equal here, or it is not clear what carries a target.

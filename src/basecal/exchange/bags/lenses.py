@@ -14,14 +14,14 @@ _RECTIFIED = "image_rect"
 
 
 def bag_lens(info: Any, place: str, topic: str) -> StatedLens | None:
-    """The lens of a camera's pictures; None if it was never calibrated.
+    """The lens of a camera's images; None if it was never calibrated.
 
-    Pictures that ROS has rectified have the lens of the matrix P, and no distortion.
+    Images that ROS has rectified have the lens of the matrix P, and no distortion.
 
     Args:
         info: The message, of ROS 1 or ROS 2.
         place: The bag and the topic of the message, for an error.
-        topic: Of the pictures.
+        topic: Of the images.
 
     Raises:
         DatasetError: if it is no lens that has an equal here.

@@ -1,4 +1,4 @@
-"""Pictures of a bag as files: compressed ones as they are, raw ones as PGM or PPM, every bit of them.
+"""Images of a bag as files: compressed ones as they are, raw ones as PGM or PPM, every bit of them.
 
 Source: sensor_msgs/image_encodings.hpp; netpbm's pages of PGM and PPM.
 """
@@ -57,7 +57,7 @@ class PictureFile(NamedTuple):
 
 
 def picture_file(message: Message, path: str) -> PictureFile:
-    """A picture as a file.
+    """An image as a file.
 
     Args:
         message: An Image or a CompressedImage.
@@ -79,7 +79,7 @@ def picture_file(message: Message, path: str) -> PictureFile:
 def _netpbm(image: Any, place: str) -> PictureFile:
     layout = _LAYOUTS.get(image.encoding)
     if layout is None:
-        raise InputError(f"{place}: pictures are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
+        raise InputError(f"{place}: images are {image.encoding!r}; expected {list_names(list(_LAYOUTS))}")
     width, height, row = int(image.width), int(image.height), int(image.step)
     needed = width * layout.channels * layout.depth
     data = np.asarray(image.data, dtype=np.uint8)

@@ -21,7 +21,7 @@ _MOST_ROWS = 200_000  # as many as a recording may have samples
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """A line of a recording before its pictures are written."""
+    """A line of a recording before its images are written."""
 
     stamp_s: float
     robots: Mapping[str, RobotState]
@@ -60,7 +60,7 @@ def stream_instants(tracks: Tracks, path: str) -> tuple[Instant, ...]:
 
 
 def write_pictures(bag: Bag, sources: Taken, instants: Sequence[Instant], folder: Path) -> None:
-    """The pictures of instants are in a folder, each written as it is read.
+    """The images of instants are in a folder, each written as it is read.
 
     Raises:
         InputError: if one cannot be read, or written.
@@ -83,7 +83,7 @@ def write_pictures(bag: Bag, sources: Taken, instants: Sequence[Instant], folder
 
 
 def make_rows(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iterator[Row]:
-    """A row for each instant, with its pictures where they were written."""
+    """A row for each instant, with its images where they were written."""
     for instant in instants:
         pictures: dict[str, Path] = {}
         views: list[PoseObservation | PixelObservation] = []
@@ -100,16 +100,14 @@ def make_rows(tracks: Tracks, instants: Sequence[Instant], folder: Path) -> Iter
 
 
 def _file(folder: Path, look: Look) -> Path:
-    """Where a picture goes, but for its ending: under its time, by which it can be imported again."""
+    """Where an image goes, but for its ending: under its time, by which it can be imported again."""
     return folder / str(look.channel) / f"{look.stamp_s:.6f}"
 
 
 def _written_path(path: Path) -> Path:
     found = next((each for ending in _ENDINGS if (each := _with_ending(path, ending)).exists()), None)
     if found is None:
-        raise InputError(
-            f"a picture of {path.parent.name} at {path.name} s was there, and is not when it is read again"
-        )
+        raise InputError(f"an image of {path.parent.name} at {path.name} s was there, and is not when it is read again")
     return found
 
 

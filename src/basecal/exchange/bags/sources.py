@@ -50,7 +50,7 @@ class ByTagPoses:
     frames: TagFrames
 
     def __str__(self) -> str:
-        numbers = ", ".join(map(str, self.frames.tag_from_target)) or "the only one of each picture"
+        numbers = ", ".join(map(str, self.frames.tag_from_target)) or "the only one of each image"
         return f"poses of {self.topic}, tag {numbers}"
 
 
@@ -79,10 +79,10 @@ class ByJoints:
 
 @dataclass(frozen=True)
 class CameraSource:
-    """A camera's pictures.
+    """A camera's images.
 
     Attributes:
-        topic: Of the pictures.
+        topic: Of the images.
         info: Topic of its camera_info; None if there is none.
         on: What carries it.
     """
@@ -117,7 +117,7 @@ class Asked:
 
     Attributes:
         robots: `BASE,FLANGE` of tf, or a topic of poses, by name.
-        cameras: Topic of pictures, by name.
+        cameras: Topic of images, by name.
         views: `CAMERA_FRAME,TARGET_FRAME` of tf, or a topic of poses or of tags, by the names of camera and
             target.
         on: What carries cameras and targets, by name.

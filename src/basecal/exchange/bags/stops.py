@@ -13,8 +13,8 @@ from basecal.exchange.bags.tracks import Track, Tracks
 from basecal.geometry import SE3, Array
 from basecal.geometry.rotation import nearest_rotation
 
-_AROUND_S = 0.15  # before and after a picture, in which robots must stand: longer than a camera lags behind
-_MOST_APART_S = 0.25  # of the nearest record before or after a picture: what is recorded more seldom may have moved
+_AROUND_S = 0.15  # before and after an image, in which robots must stand: longer than a camera lags behind
+_MOST_APART_S = 0.25  # of the nearest record before or after an image: what is recorded more seldom may have moved
 _STILL_RAD_M = 1e-4  # by which states may differ: 0.1 mm at a metre
 _BEYOND_NOISE = 8.0  # sigmas of the noise of states by which they may: the spread of 75 of them is five
 _MOST_NOISE = 5e-4  # that a read-back is taken to have [m, rad]
@@ -25,7 +25,7 @@ Channel = str | tuple[str, str]
 
 
 class Look(NamedTuple):
-    """A picture of a camera, or a view of a target by a camera: which one of its channel, and when [s]."""
+    """An image of a camera, or a view of a target by a camera: which one of its channel, and when [s]."""
 
     channel: Channel
     place: int
@@ -41,7 +41,7 @@ class Stop:
 
 
 def collect_looks(tracks: Tracks) -> list[Look]:
-    """All pictures and views, by time; of two pictures of one camera at one time the first."""
+    """All images and views, by time; of two images of one camera at one time the first."""
     times: dict[Channel, Array] = {key: view.times for key, view in tracks.views.items()}
     times.update(tracks.pictures)
     found = []
@@ -75,12 +75,12 @@ def find_stops(tracks: Tracks) -> tuple[Stop, ...]:
 def explain_no_stop(tracks: Tracks) -> str:
     """Why no instant is still, in words."""
     if not collect_looks(tracks):
-        return "there is no picture and no pose of a target"
+        return "there is no image and no pose of a target"
     rare = [name for name, track in tracks.robots.items() if _usual_gap(track) > _MOST_APART_S]
     if rare:
         gap = _usual_gap(tracks.robots[rare[0]])
         return f"{rare[0]} was recorded every {gap:.2g} s, and {_MOST_APART_S} s or less would show that it rests"
-    return f"no robot is at rest for {2 * _AROUND_S} s around a picture"
+    return f"no robot is at rest for {2 * _AROUND_S} s around an image"
 
 
 def _usual_gap(track: Track) -> float:

@@ -1,4 +1,4 @@
-"""Survey of a bag before it is read whole: frames, first pictures, lenses, URDFs, names of joints."""
+"""Survey of a bag before it is read whole: frames, first images, lenses, URDFs, names of joints."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Survey:
 
     Attributes:
         tree: Frames of tf.
-        images: Topics of pictures, raw or compressed.
-        frame_ids: Frame of the pictures of each of them.
+        images: Topics of images, raw or compressed.
+        frame_ids: Frame of the images of each of them.
         infos: First camera_info of each topic.
         urdfs: Text of each robot_description.
         joints: Names of the joints of each topic of joint states, all that any of its messages has.
@@ -38,7 +38,7 @@ class Survey:
 
 
 def survey_bag(bag: Bag) -> Survey:
-    """Content of a bag; one picture of each topic is looked at."""
+    """Content of a bag; one image of each topic is looked at."""
     images = tuple(bag.topics_of_type(IMAGE, COMPRESSED))
     texts = [topic for topic in bag.topics_of_type(TEXT) if topic.name.endswith(_DESCRIPTION)]
     joints: dict[str, frozenset[str]] = {}

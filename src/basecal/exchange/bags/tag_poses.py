@@ -1,6 +1,6 @@
 """Poses of AprilTags as ROS 1's detector has them: `apriltag_ros/AprilTagDetectionArray`, before that apriltags2_ros.
 
-It gives the pose of each tag in the rectified picture's camera by the tag's size that its settings had, and no corners.
+It gives the pose of each tag in the rectified image's camera by the tag's size that its settings had, and no corners.
 A tag's frame has x to its right, y up and z out of it, seen as AprilTag prints it; that is half a turn from how OpenCV
 draws it. Source: apriltag_ros/msg/AprilTagDetection.msg; apriltag_ros/src/common_functions.cpp, `detectTags`.
 """
@@ -30,7 +30,7 @@ POSE_DEFINITIONS = {
 """Of messages by type, as the library of bags takes them."""
 
 _CORNERS_IN_TAG = np.array([[1, -1, 0], [-1, -1, 0], [-1, 1, 0], [1, 1, 0]])  # clockwise as OpenCV draws them
-_ONLY_TAG = -1.0  # the number of the only tag of a picture, where a target has none by name
+_ONLY_TAG = -1.0  # the number of the only tag of an image, where a target has none by name
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class TagFrames:
     """How a target stands in the frames of its tags.
 
     Attributes:
-        tag_from_target: By the number of a tag. Without any, the only detection of a picture is the target.
+        tag_from_target: By the number of a tag. Without any, the only detection of an image is the target.
     """
 
     tag_from_target: Mapping[int, SE3]

@@ -1,7 +1,7 @@
 """Corners of AprilTags that a detector found while a bag was recorded: `apriltag_msgs/AprilTagDetectionArray`.
 
 The detector counts pixels from the corner of the first one, half a pixel from its centre. It goes counter-clockwise
-round a tag from the lower left. Its lower left is top right for OpenCV, whose pictures of tags are turned by half a
+round a tag from the lower left. Its lower left is top right for OpenCV, whose images of tags are turned by half a
 turn.
 
 Source: apriltag_msgs/msg/AprilTagDetection.msg; apriltag.h of AprilTag 3, `apriltag_detection`.
@@ -33,7 +33,7 @@ _HALF_PX = 0.5  # from the corner of the first pixel to its centre
 
 
 class SeenTags(NamedTuple):
-    """Corners of one picture.
+    """Corners of one image.
 
     Attributes:
         ids: (n,) of the points of the target.

@@ -1,4 +1,4 @@
-"""Where robots and targets were, and when pictures were taken: one pass over a bag, in which no picture is kept."""
+"""Where robots and targets were, and when images were taken: one pass over a bag, in which no image is kept."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Tracks:
     Attributes:
         robots: By name.
         views: Of targets by cameras, by their names.
-        pictures: Of each camera, by name, the times [s] of its pictures in the order in which they were recorded.
+        pictures: Of each camera, by name, the times [s] of its images in the order in which they were recorded.
     """
 
     robots: Mapping[str, Track]
@@ -194,7 +194,7 @@ def _joining(collection: _Gathered, names: tuple[str, ...]) -> Callable[[Message
 
 def _noting(times: array[float]) -> Callable[[Message], None]:
     def listen(message: Message) -> None:
-        """Keep the time of a picture."""
+        """Keep the time of an image."""
         times.append(message_time(message.data.header, message.recorded_s))
 
     return listen
@@ -212,7 +212,7 @@ def _detecting(collection: list[tuple[float, SeenTags]], tags: Tags) -> Callable
 
 def _tags(path: str, key: tuple[str, str], source: object, collection: list[tuple[float, SeenTags]]) -> Track:
     if not collection:
-        raise InputError(f"{path}: {key[1]} seen by {key[0]}: {source}: no tag was found in any picture")
+        raise InputError(f"{path}: {key[1]} seen by {key[0]}: {source}: no tag was found in any image")
     by_time = dict(sorted(collection, key=lambda each: each[0]))
     return Track(np.array(list(by_time)), tags=tuple(by_time.values()))
 

@@ -1,8 +1,8 @@
-"""Data sets of ROS-Industrial's industrial_calibration and of robot_cal_tools: pictures, poses and what is known.
+"""Data sets of ROS-Industrial's industrial_calibration and of robot_cal_tools: images, poses and what is known.
 
 A list of `image` and `pose`, files beside it: under `data` in the first, alone in the second. A pose is x, y, z [m] and
 qx, qy, qz, qw: from the base to the flange, which carries the camera, or the target where `static_camera` is true. The
-lens is a pinhole without distortion, whose pictures' size the file leaves open. Rows and columns of a ChArUco board are
+lens is a pinhole without distortion, whose images' size the file leaves open. Rows and columns of a ChArUco board are
 squares, its dictionary a number of OpenCV's; those of a grid of circles are circles.
 Source: industrial_calibration's docs/extrinsic_hand_eye_calibration.md and examples; robot_cal_tools' rct_examples.
 """
@@ -29,10 +29,10 @@ def read_data_set(
     lens: str | Path | None = None,
     target: str | Path | None = None,
 ) -> HandEyeRecord:
-    """Pictures and poses of a `cal_data.yaml`, and what it or files beside it say of lens and target.
+    """Images and poses of a `cal_data.yaml`, and what it or files beside it say of lens and target.
 
     Args:
-        path: The list of pictures and poses.
+        path: The list of images and poses.
         camera_on_robot: Whether the robot carries the camera; what `static_camera` says where None.
         lens: File with `intrinsics`; `path` itself where None.
         target: File with the target's sizes; likewise.
@@ -60,7 +60,7 @@ def read_data_set(
     known = [name for name, found in (("lens", camera), ("target", seen)) if found]
     return HandEyeRecord(
         str(path),
-        f"{len(pictures)} pictures, each with base_from_flange (m, quaternion), the {carried} on the flange; "
+        f"{len(pictures)} images, each with base_from_flange (m, quaternion), the {carried} on the flange; "
         f"{' and '.join(known) if known else 'neither lens nor target'} described",
         on_robot,
         poses,
@@ -75,7 +75,7 @@ def read_data_set(
 def _picture(entry: Field, folder: Path) -> Path:
     path = _file(entry, folder)
     if not os.path.isfile(path):  # a name longer than any file's is none, too
-        raise entry.error(f"there is no picture {path}: put the pictures beside the file, or correct the path")
+        raise entry.error(f"there is no image {path}: put the images beside the file, or correct the path")
     return path
 
 

@@ -19,7 +19,7 @@ class HandEyeRecord:
         what: What it holds, in which frames and units.
         camera_on_robot: Whether the robot carries the camera, and not the target.
         base_from_flange: (n,) poses of the robot; none if the file has only a result.
-        camera_from_target: (n,) poses of the target; None if there are pictures instead.
+        camera_from_target: (n,) poses of the target; None if there are images instead.
         pictures: One for each pose; none if there are poses.
         frames: What the file calls the robot's `base` and `flange`.
         camera_frame: What it calls the camera's frame; empty if it does not say.

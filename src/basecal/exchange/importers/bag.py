@@ -47,12 +47,12 @@ def read_bag(
     """Make a recording of a bag of ROS 1 (.bag) or ROS 2 (sqlite3, MCAP).
 
     Robots come from joint states with /robot_description, which is written into
-    the cell, else from tf, or from topics of PoseStamped. Pictures may be raw or
+    the cell, else from tf, or from topics of PoseStamped. Images may be raw or
     compressed; camera_info gives the lens of a camera that is new. Topics are found by their usual names, and printed;
     with --list nothing is written.
 
     Of a recording in which arms stop, each stop at which something was seen is a
-    sample: all robots represent 0.3 s around a picture. With --streams all is
+    sample: all robots represent 0.3 s around an image. With --streams all is
     taken as it moves, and `basecal calibrate` finds by how much clocks differ.
 
     For example:
@@ -75,7 +75,7 @@ def read_bag(
         on: NAME=ROBOT or NAME=world: what carries a camera or target that is new.
         tf: Take robots from tf where there are joint states as well.
         streams: Take everything, each device at its own times, instead of one sample for each stop.
-        target: Kind of the target in the pictures, where the cell does not describe it; its sizes are below.
+        target: Kind of the target in the images, where the cell does not describe it; its sizes are below.
         target_on: What carries it: a robot (its flange), or `world`.
         target_name: Its name.
         shape: Its counts and sizes.
@@ -119,7 +119,7 @@ def _preview(bag: Bag, sources: Taken) -> Imported:
 def _with_target(
     source: Imported, folder: str | Path, kind: TargetKindName | None, carriers: Mapping[str, str | None], shape: Shape
 ) -> Imported:
-    """A copy with the target that its pictures show, where one is described."""
+    """A copy with the target that its images show, where one is described."""
     places = {name: camera.get("on") for name, camera in source.cell.get("cameras", {}).items()}
     camera = next(iter(places), "")
     shown = target_entry(folder, kind, shape, carriers, {camera: places.get(camera)})
@@ -135,7 +135,7 @@ def _damage(bag: Bag) -> tuple[str, ...]:
 def _import_bag(
     bag: Bag, survey: Survey, selection: Taken, request: Asked, present_cell: Cell | None, folder: Path, streams: bool
 ) -> Imported:
-    """Rows and entries for the cell, pictures and URDFs being in a folder."""
+    """Rows and entries for the cell, images and URDFs being in a folder."""
     tracks = read_tracks(bag, survey, selection)
     instants = (stream_instants if streams else still_instants)(tracks, bag.path)
     write_pictures(bag, selection, instants, folder)
@@ -154,7 +154,7 @@ def _import_bag(
 
 
 def _count_messages(bag: Bag, progress: Progress) -> Bag:
-    """The bag, with its messages counted as they are read: for what is in it, for times, for pictures."""
+    """The bag, with its messages counted as they are read: for what is in it, for times, for images."""
     total = 3 * sum(topic.messages for topic in bag.topics.values())
     done = 0
 

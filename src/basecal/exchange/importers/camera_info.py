@@ -23,7 +23,7 @@ def read_camera_info(
     Reads the YAML that ROS's camera calibration writes, and what `ros2 topic
     echo --once` printed of a camera_info: plumb_bob, rational_polynomial and
     equidistant. It stands in for the intrinsics in cell.yaml; the size must be
-    that of the recorded pictures.
+    that of the recorded images.
 
     For example:
 
@@ -37,6 +37,6 @@ def read_camera_info(
         status: Whether the intrinsics are fixed, or free with these for a start.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
+        InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     return lens_of_file(cell, camera_info.read_camera_info(file), file, camera, on, status)

@@ -29,17 +29,17 @@ def read_colmap(
     """The lens of a camera from a reconstruction of COLMAP; with --target, how it stood to what it saw.
 
     With --target the reconstruction is a target that stands still, and is seen
-    only as poses: images.txt or images.bin says from where each picture was taken.
+    only as poses: images.txt or images.bin says from where each image was taken.
     Their unit is not known (`scale: free` in cell.yaml); `basecal calibrate` finds
-    it by how the arms moved. Pictures are paired with samples by their names, or in
-    the order of their names. Two arms whose pictures are in one reconstruction are
+    it by how the arms moved. Images are paired with samples by their names, or in
+    the order of their names. Two arms whose images are in one reconstruction are
     two cameras of it and one target.
 
     Reads cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL,
     RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and
     RADIAL_FISHEYE. Half a pixel is taken off the principal point: COLMAP
-    counts from the corner of the picture. It stands in for the intrinsics in
-    cell.yaml; the size must be that of the recorded pictures.
+    counts from the corner of the image. It stands in for the intrinsics in
+    cell.yaml; the size must be that of the recorded images.
 
     For example:
 
@@ -57,7 +57,7 @@ def read_colmap(
         target_on: What carries it: the world, unless a robot shows it to a camera that is still.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
+        InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     if target is not None:
         sight = Sight(_choose_camera(cell, camera), target, on, target_on)
@@ -70,7 +70,7 @@ def read_colmap(
 
 
 def _poses(folder: str | Path, file: str, camera_id: int | None, sight: Sight) -> Imported:
-    """Poses of the reconstruction in the frames of a camera's pictures."""
+    """Poses of the reconstruction in the frames of a camera's images."""
     cell, images = known_cell(folder), _select_images(file, camera_id)
     entry = sight_entry(cell, sight)
     if cell is None or sight.target not in cell.targets:
@@ -78,7 +78,7 @@ def _poses(folder: str | Path, file: str, camera_id: int | None, sight: Sight) -
     rows = tuple(Row(image=image.name) for image in images)
     poses = SE3.stack([image.camera_from_world for image in images])
     what = f"{len(images)} poses {sight.camera}_from_{sight.target}, up to scale"
-    return Imported(file, what, seen_rows(rows, poses, sight), entry, advice="check that pictures belong to samples")
+    return Imported(file, what, seen_rows(rows, poses, sight), entry, advice="check that images belong to samples")
 
 
 def _choose_camera(folder: str | Path, camera: str | None) -> str:
@@ -90,7 +90,7 @@ def _choose_camera(folder: str | Path, camera: str | None) -> str:
     cell = known_cell(folder)
     names = [] if cell is None else list(cell.cameras)
     if camera is None and len(names) != 1:
-        raise InputError(f"which camera took the pictures? Add --camera NAME; there are: {list_names(names)}")
+        raise InputError(f"which camera took the images? Add --camera NAME; there are: {list_names(names)}")
     return camera or names[0]
 
 

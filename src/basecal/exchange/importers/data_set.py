@@ -24,9 +24,9 @@ def read_data_set(
     target_file: Path | None = None,
     link: bool = False,
 ) -> Imported:
-    """Pictures and robot poses of a data set of industrial_calibration or robot_cal_tools.
+    """Images and robot poses of a data set of industrial_calibration or robot_cal_tools.
 
-    Reads the list of pictures and poses (metres, quaternions). Reads the camera's intrinsics, which become a start, and
+    Reads the list of images and poses (metres, quaternions). Reads the camera's intrinsics, which become a start, and
     the ChArUco board or grid of circles. They may be in the list or in files of their own. Guesses of mounts are taken
     over.
 
@@ -38,7 +38,7 @@ def read_data_set(
 
     Args:
         cell: Folder of the cell.
-        file: The list of pictures and poses.
+        file: The list of images and poses.
         camera_on: What carries the camera, where neither file nor cell says: robot, or world.
         target_on: What carries the target, if it is another robot, which is still.
         robot: Name of the robot in the cell.
@@ -46,7 +46,7 @@ def read_data_set(
         target: Name of the target in the cell.
         intrinsics: File of the camera's intrinsics, where they are not in the list.
         target_file: File of the target, where it is not in the list.
-        link: Make hard links to the pictures instead of copies.
+        link: Make hard links to the images instead of copies.
 
     Raises:
         InputError: if it cannot be read, or does not fit the cell.

@@ -1,4 +1,4 @@
-"""Folders of pictures."""
+"""Folders of images."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def read_images(
     shape: Shape = UNSAID,
     progress: Callable[[int, int], None] | None = None,
 ) -> Imported:
-    """Copy one camera's pictures into a recording; several cameras by several calls.
+    """Copy one camera's images into a recording; several cameras by several calls.
 
-    Picture i, in the order of their names (2.png before 10.png), belongs to
+    Image i, in the order of their names (2.png before 10.png), belongs to
     sample i; where a table had a column `image`, its names say which. Where
-    nothing is recorded, each picture makes a sample. A camera that is not in the
-    cell is added to it, with a free lens. So is the target that the pictures show,
+    nothing is recorded, each image makes a sample. A camera that is not in the
+    cell is added to it, with a free lens. So is the target that the images show,
     where it is described here.
 
     For example:
@@ -51,20 +51,20 @@ def read_images(
 
     Args:
         cell: Folder of the cell.
-        folder: Folder of the pictures.
+        folder: Folder of the images.
         camera: Name of the camera.
         on: What carries a camera that is new: a robot (its flange), or `world`; the robot where there is one alone.
-        by: What pairs pictures with samples: their order, names in the recording, or times that their names are.
+        by: What pairs images with samples: their order, names in the recording, or times that their names are.
         link: Make hard links instead of copies.
-        target: Kind of the target in the pictures, where the cell does not describe it; its sizes are below.
+        target: Kind of the target in the images, where the cell does not describe it; its sizes are below.
         target_on: What carries it: a robot (its flange), or `world`; if not said, the only robot without the camera.
         target_name: Its name.
         shape: Its counts and sizes.
-        progress: Called after each picture, with how many are read, and of how many.
+        progress: Called after each image, with how many are read, and of how many.
 
     Raises:
         UsageError: if a target is described without its kind.
-        InputError: if no picture can be read, or it is not clear what carries camera or target.
+        InputError: if no image can be read, or it is not clear what carries camera or target.
     """
     files = list_pictures(Path(folder))
     new, replaced = _camera_entry(cell, camera, on)
@@ -91,7 +91,7 @@ def read_images(
 
 
 def _row(camera: str, path: Path, is_timed: bool) -> Row:
-    """A picture, with the time that its name is if it `is_timed`."""
+    """An image, with the time that its name is if it `is_timed`."""
     stamp = time_from_name(path.name) if is_timed else None
     if is_timed and stamp is None:
         raise InputError(f"{path}: the name is no time, expected one such as 1682512345.123.png")
@@ -105,19 +105,19 @@ def _describe(
     carried = "" if carrier is None else f", on {carrier!r}"
     advice = " (if it is beside the robot, correct `on: world` in cell.yaml)" if carried else ""
     described = [f"; target {name!r}, {each['kind']} on {each['on']!r}" for name, each in targets.items()]
-    return f"{count} pictures of {camera!r}{carried}, {size_px[0]} x {size_px[1]} px{advice}{''.join(described)}"
+    return f"{count} images of {camera!r}{carried}, {size_px[0]} x {size_px[1]} px{advice}{''.join(described)}"
 
 
 @dataclass(frozen=True)
 class _Look:
-    """The size that most pictures have [px], and what is to be said of the others."""
+    """The size that most images have [px], and what is to be said of the others."""
 
     size_px: tuple[int, int]
     warnings: tuple[str, ...]
 
 
 def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], None] | None) -> _Look:
-    """Read all pictures once.
+    """Read all images once.
 
     Raises:
         InputError: if none can be read.
@@ -136,12 +136,12 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
         if progress is not None:
             progress(done, len(files))
     if not sizes:
-        raise InputError(f"{folder}: none of {len(files)} pictures can be read: {list_names(damaged)}")
+        raise InputError(f"{folder}: none of {len(files)} images can be read: {list_names(damaged)}")
     size_px = usual_size(list(sizes.values()))
     odd = [f"{name} ({size[0]} x {size[1]})" for name, size in sizes.items() if size != size_px]
     others = unreadable_pictures(folder)
-    of_all = f"{len(damaged)} of {len(files)} pictures cannot be read, and will not be used: {list_names(damaged)}"
-    of_sizes = f"{len(odd)} pictures have another size than the rest, and will not be used: {list_names(odd)}"
+    of_all = f"{len(damaged)} of {len(files)} images cannot be read, and will not be used: {list_names(damaged)}"
+    of_sizes = f"{len(odd)} images have another size than the rest, and will not be used: {list_names(odd)}"
     gaps = missing_numbers([path.name for path in files])
     of_gaps = f"pictures {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
     of_kinds = f"{len(others)} files of other kinds are left out: {list_names(others)}"

@@ -44,7 +44,7 @@ def read_kalibr(
         camera_of_file: Which camera of the file (cam0, cam1, ...), where it has several.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
+        InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     known = known_cell(cell)
     if is_target(file):

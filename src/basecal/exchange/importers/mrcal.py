@@ -22,7 +22,7 @@ def read_mrcal(
 
     LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12 have an equal here;
     extrinsics are not read. It stands in for the intrinsics in cell.yaml; the
-    size must be that of the recorded pictures.
+    size must be that of the recorded images.
 
     For example:
 
@@ -36,6 +36,6 @@ def read_mrcal(
         status: Whether the intrinsics are fixed, or free with these for a start.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
+        InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     return lens_of_file(cell, read_cameramodel(file), file, camera, on, status)

@@ -31,7 +31,7 @@ def read_opencv(
     matrix and distortion coefficients under the usual names (camera_matrix,
     cameraMatrix, mtx, K; distortion_coefficients, distCoeffs, dist, D). It
     stands in for the intrinsics in cell.yaml; the size must be that of the
-    recorded pictures.
+    recorded images.
 
     For example:
 
@@ -46,10 +46,10 @@ def read_opencv(
         status: Whether the intrinsics are fixed, or free with these for a start.
         model: Lens model, where the file does not say that it is a fisheye's.
         which: Which of two cameras (M1, D1 or M2, D2).
-        size_px: Width and height of its pictures, where the file does not say.
+        size_px: Width and height of its images, where the file does not say.
 
     Raises:
-        InputError: if it cannot be read, does not fit the cell, or the pictures have another size.
+        InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     lens = opencv.read_opencv(file, model, which)
     stated = lens.camera.size_px

@@ -1,4 +1,4 @@
-"""Points that another program found in pictures, with files of poses."""
+"""Points that another program found in images, with files of poses."""
 
 from __future__ import annotations
 

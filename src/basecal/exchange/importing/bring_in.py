@@ -163,7 +163,7 @@ def _places(data: Mapping[str, Any], parent: Loc = ()) -> Iterator[Loc]:
 
 
 def _names(folder: Path) -> dict[str, int]:
-    """Samples by the names of pictures, as an earlier table had them.
+    """Samples by the names of images, as an earlier table had them.
 
     Raises:
         DatasetError: if the file is not as it was written.
@@ -180,7 +180,7 @@ def _names(folder: Path) -> dict[str, int]:
 
 
 def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None, samples: Sequence[Sample]) -> Mapping[str, int]:
-    """Samples of the pictures that rows name and that are not recorded under their names."""
+    """Samples of the images that rows name and that are not recorded under their names."""
     numbers = () if pairing is None else pairing.numbers
     kept = {plain_name(path) for sample in samples for path in sample.images.values()}
     return {
@@ -193,7 +193,7 @@ def _named_samples(rows: tuple[Row, ...], pairing: Pairing | None, samples: Sequ
 def _samples(
     rows: tuple[Row, ...], pairing: Pairing | None, samples_by_path: Mapping[str, int]
 ) -> tuple[list[Sample], dict[str, Path]]:
-    """Additions to each sample, and new pictures by their path in the cell, which no other sample has."""
+    """Additions to each sample, and new images by their path in the cell, which no other sample has."""
     samples, pictures = [], {}
     for row, number in zip(rows, () if pairing is None else pairing.numbers, strict=False):
         if number is None:

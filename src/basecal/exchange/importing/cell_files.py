@@ -14,7 +14,7 @@ from basecal.cell.format.writing import make_folder, write_atomically
 from basecal.errors import InputError
 from basecal.exchange.pictures import check_picture, is_picture
 
-_LARGEST_BYTES = 2**28  # 256 MiB, as much as a picture that is read may have
+_LARGEST_BYTES = 2**28  # 256 MiB, as much as an image that is read may have
 
 
 @contextmanager
@@ -29,7 +29,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
         link: Whether they become hard links, so that nothing is stored twice, instead of copies.
 
     Raises:
-        DatasetError: if one is no file, is larger than any picture, or has a picture's name and is none.
+        DatasetError: if one is no file, is larger than any image, or has an image's name and is none.
         InputError: if another file is there, a path leaves the cell, or it cannot be written.
     """
     made: list[Path] = []
@@ -56,7 +56,7 @@ def place_files(files: Mapping[str, Path], folder: Path, link: bool = False) -> 
 
 
 def numbered_path(path: str, number: int) -> str:
-    """Where a picture is whose path is taken: the number of its sample before its name."""
+    """Where an image is whose path is taken: the number of its sample before its name."""
     place = PurePosixPath(path)
     return str(place.with_name(f"{number:06d}_{place.name}"))
 

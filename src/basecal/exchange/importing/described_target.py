@@ -84,7 +84,7 @@ def target_entry(
     carriers: Mapping[str, str | None],
     camera_on: Mapping[str, str | None],
 ) -> dict[str, Any]:
-    """Entry of `cell.yaml` for a target that pictures show; nothing if none is described.
+    """Entry of `cell.yaml` for a target that images show; nothing if none is described.
 
     Args:
         folder: The cell, or where one is to be made.
@@ -95,7 +95,7 @@ def target_entry(
 
     Raises:
         UsageError: if more is said of a target of no kind.
-        InputError: if its kind needs other sizes, several could carry it, or no picture distinguishes it from another.
+        InputError: if its kind needs other sizes, several could carry it, or no image distinguishes it from another.
     """
     ((name, carrier),) = carriers.items()
     if kind is None:
@@ -110,12 +110,12 @@ def target_entry(
 
 
 def are_indistinguishable(first: Target, second: Target) -> bool:
-    """Whether no picture determines which of two targets it shows."""
+    """Whether no image determines which of two targets it shows."""
     return first.kind == second.kind and is_indistinguishable(TARGETS[first.kind], first.options, second.options)
 
 
 def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, Any]) -> None:
-    """Check that pictures distinguish a target from those that the cell has.
+    """Check that images distinguish a target from those that the cell has.
 
     Raises:
         InputError: if not.
@@ -126,7 +126,7 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
             continue
         if is_indistinguishable(of_kind, fields, other.target.options):
             raise InputError(
-                f"no picture distinguishes {name!r} from {other.name!r} of cell.yaml, which has the same marks: if "
+                f"no image distinguishes {name!r} from {other.name!r} of cell.yaml, which has the same marks: if "
                 f"they are one target omit --target, else state its own dictionary, family, number or counts"
             )
 

@@ -61,7 +61,7 @@ def hand_eye_of_file(
         robot: Its name in the cell; that of what is carried, or of the only one, if None.
         camera: Likewise.
         target: Likewise.
-        is_linked: Whether pictures are linked instead of copied.
+        is_linked: Whether images are linked instead of copied.
         hand: Name of a second robot, which carries the target.
 
     Raises:
@@ -142,7 +142,7 @@ def imported_hand_eye(
         cell: The cell there is; None if one is made.
         record: What was read.
         names: What the cell calls robot, camera and target.
-        is_linked: Whether pictures are linked instead of copied.
+        is_linked: Whether images are linked instead of copied.
         carriers: What carries camera and target, if the user says so.
 
     Raises:

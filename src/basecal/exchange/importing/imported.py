@@ -31,7 +31,7 @@ class Row:
         robots: Where robots were, by name.
         observations: What cameras saw.
         pictures: Files to be copied, by camera.
-        image: Name of the picture it belongs to; None if the file does not say.
+        image: Name of the image it belongs to; None if the file does not say.
         sample: Number of the sample it belongs to; likewise.
         stamp_s: Its time [s]; likewise.
     """
@@ -60,13 +60,13 @@ class Imported:
         by: What rows and samples are paired by; None for what both have.
         is_session: Whether its rows make samples of their own, as of another day.
         is_still: Whether its one row is of every sample, as of an arm that stands still.
-        is_linked: Whether pictures become hard links instead of copies.
+        is_linked: Whether images become hard links instead of copies.
         advice: Which option to check if the input is implausible.
         is_strict: Whether implausible input is refused, and not only reported.
         notes: Lines about how it was read.
         warnings: Likewise, of what was left out.
         is_preview: Whether it holds notes alone, and nothing to bring into a cell.
-        scratch: Folder that holds its pictures and other files, if they exist only as long as this object.
+        scratch: Folder that holds its images and other files, if they exist only as long as this object.
     """
 
     source: str

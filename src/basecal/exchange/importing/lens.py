@@ -30,7 +30,7 @@ def lens_of_file(
     """The lens of a camera, for the cell in a folder; see `imported_lens`.
 
     Raises:
-        InputError: if it does not fit the cell, or the recorded pictures have another size.
+        InputError: if it does not fit the cell, or the recorded images have another size.
     """
     cell = known_cell(folder)
     if cell is not None and lens.camera.size_px is not None:
@@ -39,13 +39,13 @@ def lens_of_file(
 
 
 def _check_pictures(folder: Path, cell: Cell, camera: str, size_px: tuple[int, int], source: str) -> None:
-    """Raise an InputError if the first picture of the camera has another size."""
+    """Raise an InputError if the first image of the camera has another size."""
     samples = recorded_samples(folder, cell)
     image = next((sample.images[camera] for sample in samples if camera in sample.images), None)
     size = None if image is None else picture_size(folder / image)
     if size is not None and size != tuple(size_px):
         sizes = f"{source} is of {size_px[0]} x {size_px[1]} px, {image} has {size[0]} x {size[1]}"
-        raise InputError(f"{sizes}: import the calibration of pictures of this size; a lens cannot be carried over")
+        raise InputError(f"{sizes}: import the calibration of images of this size; a lens cannot be carried over")
 
 
 def imported_lens(
@@ -78,7 +78,7 @@ def imported_lens(
         size, said = lens.camera.size_px, known.size_px
         if size is not None and said is not None and tuple(size) != tuple(said):
             sizes = f"{source} is of {size[0]} x {size[1]} px, camera {name!r} in cell.yaml of {said[0]} x {said[1]}"
-            raise InputError(f"{sizes}: import the calibration of the pictures' size, or correct size_px")
+            raise InputError(f"{sizes}: import the calibration of the images' size, or correct size_px")
     data: dict[str, Any] = {"cameras": {name: entry}}
     if known is None:
         data = _camera_data(cell, name, carrier)

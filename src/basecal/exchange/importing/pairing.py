@@ -17,7 +17,7 @@ from basecal.geometry import Array
 _ROBOT = "robot"
 _STATE_TOLERANCE = 1e-9  # [m] and [rad]: of poses that were written and read
 LARGEST_DIFFERENCE_S = 0.05
-"""Between a row and its sample where times pair them: half of what a camera of 10 pictures a second leaves open."""
+"""Between a row and its sample where times pair them: half of what a camera of 10 images a second leaves open."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
     Args:
         imports: What was read.
         samples: Those that are recorded.
-        names: Samples of the pictures that a table named before.
+        names: Samples of the images that a table named before.
         replace: Whether rows stand in for what is recorded.
 
     Raises:
@@ -59,7 +59,7 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
         return _own_samples(imports, samples)
     known = dict(names)
     if by == "image" or not any(row.pictures for row in rows):
-        # Pictures of one camera are named by chance as those of another.
+        # Images of one camera are named by chance as those of another.
         known = {**{name: s.sample for s in samples for name in map(plain_name, s.images.values())}, **names}
     chosen = _pairing_method(rows, waiting, known) if by is None else by
     if not samples and chosen != "sample":
@@ -158,7 +158,7 @@ def _content_names(lines: Sequence[Row | Sample]) -> set[str]:
 
 def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Mapping[str, int]) -> By:
     names = {plain_name(row.image) for row in rows if row.image is not None}
-    # A table that names other pictures tells of other samples; a folder may hold another camera's in the same order.
+    # A table that names other images tells of other samples; a folder may hold another camera's in the same order.
     of_others = numbers and not any(row.pictures for row in rows)
     if rows and all(row.image is not None for row in rows) and (of_others or names & numbers.keys()):
         return "image"
@@ -169,13 +169,13 @@ def _pairing_method(rows: Sequence[Row], samples: Sequence[Sample], numbers: Map
 
 
 def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name: Mapping[str, int]) -> list[int | None]:
-    """The samples of rows that name pictures; new ones where none is known, as of another camera's pictures."""
+    """The samples of rows that name images; new ones where none is known, as of another camera's images."""
     numbers = [samples_by_name.get(plain_name(row.image or "")) for row in imports.rows]
     if any(number is not None for number in numbers):
         return numbers
     if not samples_by_name:
         raise InputError(
-            f"{imports.source}: what is recorded names no pictures to pair by: leave `--by name` away to pair in "
+            f"{imports.source}: what is recorded names no images to pair by: leave `--by name` away to pair in "
             "order, or import tables with a column `image` into another folder"
         )
     first = max(sample.sample for sample in samples) + 1
@@ -186,10 +186,10 @@ def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | N
     if len(imports.rows) != len(samples):
         counts = f"{imports.source} holds {len(imports.rows)}, the recording has {len(samples)} samples"
         gaps = missing_numbers([row.image for row in imports.rows if row.image is not None])
-        counts = f"{list_names(gaps)} missing in the numbering of its pictures; {counts}" if gaps else counts
+        counts = f"{list_names(gaps)} missing in the numbering of its images; {counts}" if gaps else counts
         raise InputError(
             f"{counts} without it: row i belongs to sample i; where it does not, a column `image` or `sample` of a "
-            "table says so, and --by name of pictures; --session if it was recorded apart, --still for one row"
+            "table says so, and --by name of images; --session if it was recorded apart, --still for one row"
         )
     return [sample.sample for sample in samples]
 

@@ -111,7 +111,7 @@ def parse_number(cell: str, path: str, line: int, name: str) -> float:
 
 
 def is_picture(name: str) -> bool:
-    """Whether a name is that of a picture."""
+    """Whether a name is that of an image."""
     return bool(_PICTURE.search(name.strip()))
 
 
@@ -164,7 +164,7 @@ def _cells(
 
 
 def _leading_picture(line: str, pose_text: str) -> dict[str, str]:
-    """The picture whose name stands before a pose in brackets; nothing if none does."""
+    """The image whose name stands before a pose in brackets; nothing if none does."""
     before = re.split(r"[,;\t ]", line[: len(line) - len(pose_text)].strip())[0].strip("\"'")
     return {"image": before} if is_picture(before) else {}
 

@@ -1,7 +1,7 @@
 """The lens in a `camera_info` file of ROS, and in a `sensor_msgs/CameraInfo` that `topic echo` printed.
 
 The terms of `plumb_bob` and `rational_polynomial` are in OpenCV's order (k1 k2 p1 p2 k3 ...), those of `equidistant`
-are the fisheye's; the centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: pictures that are
+are the fisheye's; the centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: images that are
 binned or cropped afterwards have another one.
 Source: REP 104; sensor_msgs/CameraInfo and sensor_msgs/distortion_models; camera_calibration_parsers of image_common.
 """
@@ -66,15 +66,15 @@ def _data(field: Field) -> Field:
 
 
 def _refuse_parts(root: Field, size: tuple[int, int]) -> None:
-    """Check that the pictures are of the whole sensor.
+    """Check that the images are of the whole sensor.
 
     Raises:
         DatasetError: if they are binned or cropped.
     """
     for axis in ("binning_x", "binning_y"):
         if (binning := root.first(axis)) is not None and binning.integer(0) > 1:
-            raise binning.error("the matrix is of the unbinned image, the pictures are not: give that of the pictures")
+            raise binning.error("the matrix is of the unbinned image, the images are not: give that of the images")
     part = root.first("roi")
     sides = [0, 0] if part is None else [part.find(side).integer(0) for side in ("width", "height")]
     if part is not None and all(sides) and tuple(sides) != size:
-        raise part.error("the matrix is of the whole image, the pictures are a part of it: give that of the pictures")
+        raise part.error("the matrix is of the whole image, the images are a part of it: give that of the images")

@@ -29,7 +29,7 @@ def write_motion(way: Way) -> str:
             f'  textmsg("basecal: {what}")',
             f"  movej({target}, a={_ACCELERATION:g}, v={way.speed_rad_s:.4g})",
             f"  sleep({way.hold_s:g})",
-            f'  popup("{what}: take the picture, then continue", title="basecal", blocking=True)',
+            f'  popup("{what}: take the image, then continue", title="basecal", blocking=True)',
         ]
     return "\n".join([*lines, "end", f"basecal_{robot}()"]) + "\n"
 

@@ -1,4 +1,4 @@
-"""The cell as a still picture, for paper and for where no script runs."""
+"""The cell as a still image, for paper and for where no script runs."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _projection(scene: Scene, sample: int) -> Project:
     right, up = scene.across, np.array([0.0, 0.0, 1.0])
     away = np.cross(up, right)
     axes = np.stack([right, -(np.cos(_ELEVATION_RAD) * up + np.sin(_ELEVATION_RAD) * away)])
-    # Everything that must be in the picture.
+    # Everything that must be in the image.
     reach = _AXIS_SHARE * scene.size_m * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
     places = [arm.world_from_base @ reach for arm in scene.arms]
     places += [arm.places for arm in scene.arms]

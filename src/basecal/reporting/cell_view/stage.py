@@ -1,4 +1,4 @@
-"""A scene as pages show it: drawn by a script, as a still picture where none runs, and in words."""
+"""A scene as pages show it: drawn by a script, as a still image where none runs, and in words."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def json_inside_html(data: Mapping[str, Any]) -> Markup:
 
 
 def _legend(scene: Scene) -> list[str]:
-    """Legend of the picture: what it shows and what it cannot, a sentence each."""
+    """Legend of the image: what it shows and what it cannot, a sentence each."""
     sentences = ["Axes: x red, y green, z blue. Dots: flanges at each sample."]
     ellipsoids = [*(arm.ellipsoid for arm in scene.arms), *(body.ellipsoid for body in scene.bodies)]
     if any(each is not None for each in ellipsoids):

@@ -1,4 +1,4 @@
-"""Small pictures of views with what was found in them, the worst first."""
+"""Small images of views with what was found in them, the worst first."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from basecal.cell import Calibration, Cell, Recording, Sample
 from basecal.geometry import Array, BoolArray
 from basecal.reporting.svg import dots, drawing, element, nice_ceiling, segments
 
-_MOST_USED, _MOST_LEFT_OUT = 18, 6  # pictures of views that were used, and of those left out: some rows of each
-_WIDTH = 360  # [px]: twice what a picture takes on the page, for screens that are fine
-_MOST_BYTES = 700_000  # of all pictures, so that a page stays below 3 MB
-_MOST_POINTS = 300  # drawn in a picture
-_LARGE_WIDTH = 960  # [px] of one picture that is looked at alone
-_LONGEST_SHARE = 0.05  # of a picture's width, for a residual as long as the ruler's
+_MOST_USED, _MOST_LEFT_OUT = 18, 6  # images of views that were used, and of those left out: some rows of each
+_WIDTH = 360  # [px]: twice what an image takes on the page, for screens that are fine
+_MOST_BYTES = 700_000  # of all images, so that a page stays below 3 MB
+_MOST_POINTS = 300  # drawn in an image
+_LARGE_WIDTH = 960  # [px] of one image that is looked at alone
+_LONGEST_SHARE = 0.05  # of an image's width, for a residual as long as the ruler's
 
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """A picture with its words.
+    """An image with its words.
 
     Attributes:
-        svg: The picture with points on it.
+        svg: The image with points on it.
         sample: Number of its sample.
         camera: That took it.
         words: By whom, and how it fits.
@@ -43,7 +43,7 @@ class Thumbnail:
 
 @dataclass(frozen=True)
 class Thumbnails:
-    """Pictures with what holds for all of them."""
+    """Images with what holds for all of them."""
 
     pictures: tuple[Thumbnail, ...]
     caption: str
@@ -74,7 +74,7 @@ class _View:
 def thumbnails(
     cell: Cell, recording: Recording, calibration: Calibration, residuals: Sequence[PointResiduals]
 ) -> Thumbnails | None:
-    """Pictures of the views that fit worst and of some that were left out; None if no images are recorded.
+    """Images of the views that fit worst and of some that were left out; None if no images are recorded.
 
     Args:
         cell: What was calibrated.
@@ -95,7 +95,7 @@ def thumbnails(
         return None
     caption = (
         f"{len(pictures)} of {len(views)} views. Circles: points as they were found; orange ones were left out. Lines: "
-        f"towards where they are predicted, {longest_px:g} px as long as a twentieth of the picture is wide."
+        f"towards where they are predicted, {longest_px:g} px as long as a twentieth of the image is wide."
     )
     return Thumbnails(tuple(pictures), caption)
 
@@ -103,13 +103,13 @@ def thumbnails(
 def sample_pictures(
     cell: Cell, recording: Recording, calibration: Calibration, residuals: Sequence[PointResiduals], number: int
 ) -> list[str]:
-    """Drawings of one sample's pictures with their points; those that cannot be read are left out.
+    """Drawings of one sample's images with their points; those that cannot be read are left out.
 
     Args:
         cell: What was calibrated.
         recording: Its images are read.
         calibration: What came out.
-        residuals: The points of all views; a picture without any is drawn bare.
+        residuals: The points of all views; an image without any is drawn bare.
         number: Of the sample.
     """
     found = [sample for sample in recording.samples if sample.sample == number]
@@ -153,7 +153,7 @@ def _views(residuals: Sequence[PointResiduals], images: dict[int, Sample]) -> It
 def _pictures(
     cell: Cell, folder: Path, images: dict[int, Sample], views: Sequence[_View], longest_px: float
 ) -> Iterator[Thumbnail]:
-    """Pictures of images that can be read, as many as there is room for."""
+    """Images of images that can be read, as many as there is room for."""
     room = _MOST_BYTES
     for view in views:
         size_px = cell.cameras[view.camera].size_px
@@ -167,7 +167,7 @@ def _pictures(
 
 
 def _drawing(view: _View, jpeg: bytes, size_px: tuple[int, int], longest_px: float) -> str:
-    """The picture with its points."""
+    """The image with its points."""
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale
     some = slice(None, None, -(-len(view.pixels) // _MOST_POINTS))

@@ -1,4 +1,4 @@
-"""Drawings of the local page of a capture: coverage, the error over samples, a picture with its detections."""
+"""Drawings of the local page of a capture: coverage, the error over samples, an image with its detections."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _WIDTH = 400.0
 
 
 def coverage_drawing(coverage: Coverage) -> str:
-    """The picture's parts, those in which points were seen full."""
+    """The image's parts, those in which points were seen full."""
     rows, columns = coverage.cells.shape
     cells = (
         element(
@@ -28,7 +28,7 @@ def coverage_drawing(coverage: Coverage) -> str:
         for row in range(rows)
         for column in range(columns)
     )
-    label = f"{100 * coverage.share:.0f} % of the picture is covered"
+    label = f"{100 * coverage.share:.0f} % of the image is covered"
     return drawing(columns * _TILE_PX, rows * _TILE_PX, label, *cells)
 
 
@@ -41,13 +41,13 @@ def progress_figure(snapshot: Snapshot) -> Figure | None:
 
 
 def picture_drawing(address: str, size_px: tuple[int, int], pixels: Array, camera: str) -> str:
-    """A picture with dots at points, (n, 2) [px]."""
+    """An image with dots at points, (n, 2) [px]."""
     scale = _WIDTH / size_px[0]
     height = size_px[1] * scale
     return drawing(
         _WIDTH,
         height,
-        f"last picture of {camera}, {len(pixels)} points found",
+        f"last image of {camera}, {len(pixels)} points found",
         element("image", href=address, width=f"{_WIDTH:g}", height=f"{height:.1f}"),
         element("path", class_="found", d=dots((pixels + 0.5) * scale)),
     )

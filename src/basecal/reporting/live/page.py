@@ -91,7 +91,7 @@ class LivePage:
         )
 
     def state(self) -> dict[str, Any]:
-        """The changing state: a part of the page, the number of each picture, and where arms are and go."""
+        """The changing state: a part of the page, the number of each image, and where arms are and go."""
         snapshot = self._watch.snapshot
         drawn = self._scene(snapshot)
         return {
@@ -102,7 +102,7 @@ class LivePage:
         }
 
     def picture(self, camera: str) -> str:
-        """The last picture of a camera with what is found in it; empty if there is none."""
+        """The last image of a camera with what is found in it; empty if there is none."""
         grey = dict(self._watch.snapshot.pictures).get(camera)
         small = None if grey is None else thumbnail(png_bytes(grey), None, _WIDTH_PX)
         if grey is None or small is None:

@@ -1,4 +1,4 @@
-"""A capture in the terminal: which part of the picture is covered, how the base's sigma falls, what comes next."""
+"""A capture in the terminal: which part of the image is covered, how the base's sigma falls, what comes next."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def terminal_view(snapshot: Snapshot) -> RenderableType:
 
 
 def coverage_rows(coverage: Coverage) -> str:
-    """The picture, a line a row: what was seen is full."""
+    """The image, a line a row: what was seen is full."""
     return "\n".join("".join(_SEEN_MARK if seen else _OPEN_MARK for seen in row) for row in coverage.cells)
 
 

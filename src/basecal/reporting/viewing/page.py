@@ -32,8 +32,8 @@ class Viewed:
 
     Attributes:
         cell: The cell.
-        recording: Its samples, with what was found in their pictures.
-        folder: Where its pictures are.
+        recording: Its samples, with what was found in their images.
+        folder: Where its images are.
         runs: Names of its runs, the latest first.
         read: A run's calibration, by its name.
     """
@@ -111,7 +111,7 @@ class ViewPage:
         return {**shown, "figures": [each for each in figures if each is not None], **filled}
 
     def sample(self, query: Query) -> str:
-        """A sample's pictures with its points, and how it fits."""
+        """A sample's images with its points, and how it fits."""
         return environment().get_template("view_sample.html").render(self._sample_values(query))
 
     def _sample_values(self, query: Query) -> dict[str, Any]:

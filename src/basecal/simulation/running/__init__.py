@@ -1,1 +1,1 @@
-"""A simulated cell that runs: arms that move in time, pictures when they are requested, faults by switch."""
+"""A simulated cell that runs: arms that move in time, images when they are requested, faults by switch."""

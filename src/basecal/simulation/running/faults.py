@@ -15,8 +15,8 @@ _SIMULATOR_FAULTS = (
     SimulatedFault("backlash", "deg", DEGREE, 0.1, "play of each joint: it stops on the side it comes from"),
     SimulatedFault("encoder-noise", "deg", DEGREE, 0.02, "noise of each state of each joint, one sigma"),
     SimulatedFault("ringing", "mrad", MILLI, 2.0, "joints swing by so much for half a second after they arrive"),
-    SimulatedFault("late-trigger", "s", SECOND, 0.1, "pictures are taken so much later than their stamps say"),
-    SimulatedFault("dropped-frames", "share", ONE, 0.2, "pictures that never come; the next one does"),
+    SimulatedFault("late-trigger", "s", SECOND, 0.1, "images are taken so much later than their stamps say"),
+    SimulatedFault("dropped-frames", "share", ONE, 0.2, "images that never come; the next one does"),
     SimulatedFault("base-bumped", "mm", MILLI, 5.0, f"the second base is pushed, and {_PUSHED_EFFECT}", True),
     SimulatedFault(
         "board-remounted", "mm", MILLI, 5.0, f"the target is taken off and put back, {_PUSHED_EFFECT}", True

@@ -1,4 +1,4 @@
-"""Pictures of a running cell's camera: drawn without a GPU, blurred while something moves, with noise.
+"""Images of a running cell's camera: drawn without a GPU, blurred while something moves, with noise.
 
 Where MuJoCo draws, arms, table and clutter stand around the target, hide it, and are lit; else it stands alone.
 """
@@ -43,7 +43,7 @@ class Seen:
 
 
 class CameraView:
-    """The pictures of one camera; the last one drawn without noise is kept, since arms mostly stand still."""
+    """The images of one camera; the last one drawn without noise is kept, since arms mostly stand still."""
 
     def __init__(self, lens: Camera, reflection: float, surroundings: Surroundings | None = None) -> None:
         self._lens, self._reflection, self._neighbour_records = lens, reflection, surroundings
@@ -54,7 +54,7 @@ class CameraView:
     def picture(
         self, scene_at: Callable[[float], Seen], start_s: float, lasts_s: float, is_lit: bool, seed: int
     ) -> Image:
-        """A picture, (h, w).
+        """An image, (h, w).
 
         Args:
             scene_at: What is before the camera at a time [s].
@@ -78,7 +78,7 @@ class CameraView:
             self._neighbour_records.close()
 
     def _centre(self, scene: Seen) -> Array:
-        """Where the target's middle is in the picture, (2,) [px]."""
+        """Where the target's middle is in the image, (2,) [px]."""
         return self._lens.project((scene.camera_from_target @ scene.shape.points).mean(0))
 
     def _levels(self, scene: Seen, is_lit: bool) -> Array:

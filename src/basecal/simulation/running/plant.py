@@ -19,14 +19,14 @@ from basecal.simulation.surroundings.model import Stage
 from basecal.vision.detection import Image
 
 _STATE_PERIOD_S = 1 / 125  # between the states an arm gives
-_FRAME_PERIOD_S = 1 / 30  # between the pictures a camera gives
+_FRAME_PERIOD_S = 1 / 30  # between the images a camera gives
 _EXPOSURE_S = 0.008
 _TRAY_DEPTH_M = 0.12  # from where a light begins down to what shows it again
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A picture (h, w), with the stamp that the camera gives it [s]."""
+    """An image (h, w), with the stamp that the camera gives it [s]."""
 
     stamp_s: float
     image: Image
@@ -95,7 +95,7 @@ class Plant:
         self._lit = carrier
 
     def picture(self, camera: str) -> Shot:
-        """The next picture of a camera, after those that were lost."""
+        """The next image of a camera, after those that were lost."""
         if camera not in self._views:
             raise InputError(f"no camera {camera!r}; there are: {', '.join(self._views)}")
         faults, now = self._world.faults, self._clock.wait(_FRAME_PERIOD_S)
@@ -115,7 +115,7 @@ class Plant:
             view.close()
 
     def _render(self, camera: str, stream: int) -> np.random.Generator:
-        """Random numbers of a picture, the same for the same one since the arms were sent to the same place."""
+        """Random numbers of an image, the same for the same one since the arms were sent to the same place."""
         goals = [arm.goal.round(9).tolist() for arm in self._arms.values()]
         words = hashlib.sha256(repr((self._world.seed, camera, goals, self._shots, stream)).encode()).digest()
         return np.random.default_rng(np.frombuffer(words, dtype=np.uint32))

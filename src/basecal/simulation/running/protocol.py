@@ -27,12 +27,12 @@ ADDRESS_FILE = Path("derived", "simulated.json")
 """Where a cell's folder says how to reach the cell that runs; only its owner may read it."""
 
 LONGEST_LINE = 2**24
-"""Bytes: 16 MB, of which a picture of two megapixels takes a quarter."""
+"""Bytes: 16 MB, of which an image of two megapixels takes a quarter."""
 
 MOST_JOINTS = 100
 """Of an arm, which bounds what is asked and answered."""
 
-_PICTURE_TIMEOUT_S = 60.0  # for a picture that is drawn on a busy machine
+_PICTURE_TIMEOUT_S = 60.0  # for an image that is drawn on a busy machine
 _ANSWER_TIMEOUT_S = 10.0  # for any other answer, and to connect
 _LEAST_TIMEOUT_S = 1e-3  # a socket without any would wait for ever
 _RECEIVED_BYTES = 2**16  # at once

@@ -1,6 +1,6 @@
 """Drawing of arms, table, clutter and a target's paper by MuJoCo, through the camera's lens.
 
-MuJoCo puts nothing anywhere alone: it is reported where each piece is. Its pictures are those of a camera without
+MuJoCo puts nothing anywhere alone: it is reported where each piece is. Its images are those of a camera without
 distortion, whose pixels are then looked up where the lens has them. A target's print is not in them: MuJoCo's edges are
 off by a tenth of a pixel, those of `vision.draw` by a thousandth. It gives the light on the paper, and what hides it.
 """
@@ -70,7 +70,7 @@ class Surroundings:
         self._places = np.array([int(body.mocapid[0]) for body in bodies])
 
     def backdrop(self, scene: Scene) -> Backdrop:
-        """The picture without what is printed on the target."""
+        """The image without what is printed on the target."""
         return self._thread.submit(self._render, scene).result()
 
     def is_visible(self, scene: Scene, points_in_world: Array) -> BoolArray:

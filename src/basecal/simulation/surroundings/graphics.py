@@ -30,7 +30,7 @@ def missing_graphics() -> str | None:
 
 
 def _try_rendering() -> str | None:
-    """Why a first tiny picture fails; None if it is drawn."""
+    """Why a first tiny image fails; None if it is drawn."""
     try:
         import mujoco
 

@@ -1,6 +1,6 @@
 """A cell as MuJoCo draws it: every rigid piece a body that is put where it is, nothing that MuJoCo would move.
 
-All is grey but the paper of targets, which has no blue: what shows it is reported by its colour, in the same picture as
+All is grey but the paper of targets, which has no blue: what shows it is reported by its colour, in the same image as
 its brightness.
 """
 
@@ -59,7 +59,7 @@ def body_names(stage: Stage) -> list[str]:
 
 
 def mjcf(stage: Stage, size_px: tuple[int, int], fovy_deg: float) -> str:
-    """The model as MuJoCo reads it, with a camera `eye`, whose pictures have a size and a field of view."""
+    """The model as MuJoCo reads it, with a camera `eye`, whose images have a size and a field of view."""
     width, height = size_px
     arms = "".join(_arm(robot, chain) for robot, chain in stage.chains.items())
     return f"""

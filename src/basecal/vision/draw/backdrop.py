@@ -1,4 +1,4 @@
-"""Prints drawn into pictures of what stands around them, which another program drew without a lens."""
+"""Prints drawn into images of what stands around them, which another program drew without a lens."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from basecal.vision.draw.render import (
     supersample,
 )
 
-_LARGEST_WIDENING = 2.5  # of a picture without distortion: beyond, a lens is too wide for it
+_LARGEST_WIDENING = 2.5  # of an image without distortion: beyond, a lens is too wide for it
 _BORDER_POINTS = 40  # pixels along each side of an image, that tell how far a lens sees
 
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """A picture without what is printed on the target.
+    """An image without what is printed on the target.
 
     Attributes:
         levels: (h, w), of 255.
@@ -55,7 +55,7 @@ class Flat:
     v: Levels
 
     def backdrop(self, colours: NDArray[np.uint8]) -> Backdrop:
-        """The picture (h, w, 3) as the lens images it, grey but for paper, which has no blue."""
+        """The image (h, w, 3) as the lens images it, grey but for paper, which has no blue."""
         red, blue = (np.asarray(colours[..., channel], dtype=np.float32) for channel in (0, 2))
         paper = 1 - blue / np.maximum(red, 1)
         levels, share = (cv2.remap(each, self.u, self.v, cv2.INTER_LINEAR) for each in (red, paper * (red > 0)))

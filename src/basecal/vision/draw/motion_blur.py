@@ -1,4 +1,4 @@
-"""Pictures taken while something moves: levels smeared along a line."""
+"""Images taken while something moves: levels smeared along a line."""
 
 from __future__ import annotations
 

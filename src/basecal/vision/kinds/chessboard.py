@@ -23,7 +23,7 @@ from basecal.vision.fit.local_map import grid_axes, orient_grid
 from basecal.vision.kinds.ways import Way
 
 _FEWEST_CORNERS = 3  # corners each way: OpenCV looks for no smaller board
-# Quickest first, with OpenCV's flags. Normalised, pictures of even light lose boards that uneven ones need it for; a
+# Quickest first, with OpenCV's flags. Normalised, images of even light lose boards that uneven ones need it for; a
 # quarter of the pixels is searched in a quarter of the time; where that leaves a corner out, all pixels are.
 _WAYS = (
     (Way(0.5), 0),

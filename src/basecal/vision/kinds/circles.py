@@ -35,7 +35,7 @@ _LEAST_AREA_PX2 = 12.0  # of a disc: four pixels across, less has no outline to 
 _LARGEST_SHARE = 0.05  # of the image, for a disc of a grid of at least four
 _LEAST_APART_PX = 3.0  # between middles of discs: below the least that two such discs can stand apart
 _LEAST_CONTRAST = 3.0  # of a disc to the paper, in sigmas of a pixel's noise
-# Of the print's contrast, what ellipses leave of the picture besides noise: 0.02 of discs, 0.15 and more of squares.
+# Of the print's contrast, what ellipses leave of the image besides noise: 0.02 of discs, 0.15 and more of squares.
 _MOST_SHARED_RESIDUAL = 0.1
 _DARK_BRIGHT_PERCENT = (3, 97)  # levels of print and paper in a window, past a pixel or two that are neither
 
@@ -101,7 +101,7 @@ def _centres(target: Target, image: Grey, way: Way) -> Array:
 class _Outlines(NamedTuple):
     """Ellipses, (n, 6) as `ellipse` takes them, the variance of their centres (n,), whether each can be trusted.
 
-    With them what they leave of the picture, over its contrast, (n,).
+    With them what they leave of the image, over its contrast, (n,).
     """
 
     shape: Array

@@ -23,7 +23,7 @@ from basecal.vision.kinds.ways import MARKER_WAYS, Grey, Way, best_result
 
 _TAG_CORNERS = 4
 _ENOUGH_SHARE = (
-    0.7  # of the tags: with fewer the picture may be blurred, dark or the tags small, and other ways are tried
+    0.7  # of the tags: with fewer the image may be blurred, dark or the tags small, and other ways are tried
 )
 _ARM_PX = 12.0  # along a tag's edges, which end at its corner: half as much bends as of lines that go on both ways
 _ARM_SHARE = 0.5  # of a tag's side: the other half of an edge belongs to its other corner

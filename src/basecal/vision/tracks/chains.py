@@ -1,4 +1,4 @@
-"""Matches of many pairs of pictures chained into tracks."""
+"""Matches of many pairs of images chained into tracks."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Chains(NamedTuple):
 
 
 def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Matches], min_pictures: int) -> Chains:
-    """Tracks that so many pictures show, without the pictures in which one would have two features.
+    """Tracks that so many images show, without the images in which one would have two features.
 
     Args:
-        counts: Features of each picture.
-        matches: By the indices of two pictures.
-        min_pictures: Pictures of a track.
+        counts: Features of each image.
+        matches: By the indices of two images.
+        min_pictures: Images of a track.
     """
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     pairs = [(first[i] + each.first, first[j] + each.second) for (i, j), each in matches.items()]
@@ -45,7 +45,7 @@ def chain_matches(counts: Sequence[int], matches: Mapping[tuple[int, int], Match
 
 
 def longest_chains(chains: Chains, max_count: int) -> Chains:
-    """The longest tracks, so many, by the number of pictures that show them."""
+    """The longest tracks, so many, by the number of images that show them."""
     pictures = np.bincount(chains.track)
     chosen = np.sort(np.argsort(-pictures, kind="stable")[:max_count])
     kept = np.isin(chains.track, chosen)

@@ -27,11 +27,11 @@ _SCALE = 255.0  # of a descriptor's entries, which are between 0 and 1, in a byt
 
 
 def kept_features(folder: Path, image_key: str, image: Image, excluded_pixels: Sequence[Array]) -> Features:
-    """The features of a picture: those kept, or found now and kept.
+    """The features of an image: those kept, or found now and kept.
 
     Args:
         folder: Of the cell.
-        image_key: Hash of the picture's file.
+        image_key: Hash of the image's file.
         image: Grey levels.
         excluded_pixels: Of targets that move; see `find_features`.
     """

@@ -1,4 +1,4 @@
-"""Features of a picture: places that look the same from other directions, spread evenly, with their descriptors."""
+"""Features of an image: places that look the same from other directions, spread evenly, with their descriptors."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from basecal.geometry import Array, IntArray
 from basecal.vision.detection import Image, eight_bit
 
-MAX_FEATURES = 2500  # of a picture
+MAX_FEATURES = 2500  # of an image
 DESCRIPTOR = 128  # numbers of a descriptor
-_CELLS = 24, 16  # of a picture, each of which keeps its clearest features first
+_CELLS = 24, 16  # of an image, each of which keeps its clearest features first
 _CONTRAST = 0.02  # half of OpenCV's: what is too many is thinned evenly
 _CLIP, _TILES = 2.0, (8, 8)  # of the equalised histogram
 _HULL_GROWS = 1.3  # of what a mask covers, about its middle
@@ -24,7 +24,7 @@ Descriptors = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Features of a picture.
+    """Features of an image.
 
     Attributes:
         pixels: (n, 2) [px], the centre of the top-left pixel is (0, 0).

@@ -16,7 +16,7 @@ _DIRECTIONS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 
 
 class Guided(NamedTuple):
-    """Observations of predicted points in a picture.
+    """Observations of predicted points in an image.
 
     Attributes:
         point: (n,) index of the prediction.
@@ -33,7 +33,7 @@ def match_predictions(features: Features, predicted_px: Array, descriptors: Desc
     """Features near predictions that look like their points.
 
     Args:
-        features: Of the picture.
+        features: Of the image.
         predicted_px: (p, 2) [px]; NaN where a point is not seen.
         descriptors: (p, 128) of the points.
         radius_px: How far a feature may be from its prediction [px].

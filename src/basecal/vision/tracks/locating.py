@@ -27,7 +27,7 @@ def locate_camera(features: Features, descriptors: Descriptors, points: Array, l
     """The pose that most matches agree on; None if these are too few. Source: Ke & Roumeliotis 2017 (three points).
 
     Args:
-        features: Of the picture.
+        features: Of the image.
         descriptors: (p, 128) of the points.
         points: (p, 3) in the world [m].
         lens: Of the camera.

@@ -1,4 +1,4 @@
-"""Matches of two pictures: features that look the same, of those the ones that a rigid scene can have."""
+"""Matches of two images: features that look the same, of those the ones that a rigid scene can have."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_ITERATIONS, CONFIDENCE = 2000, 0.999
 
 
 class Matches(NamedTuple):
-    """Indices of features of two pictures that show one point, (n,) each."""
+    """Indices of features of two images that show one point, (n,) each."""
 
     first: IntArray
     second: IntArray
@@ -46,7 +46,7 @@ def match_rigid(first: Features, second: Features, planes: tuple[Array, Array], 
     """Matches of one epipolar geometry; None if there are too few.
 
     Args:
-        first: Of the first picture.
+        first: Of the first image.
         second: Of the second.
         planes: (n, 2) and (m, 2) undistorted features at unit depth.
         focal_px: Focal length [px].
