@@ -14,8 +14,7 @@ from basecal.planning.sketch import Sketch
 COVERAGE_GRID = (4, 6)
 """Rows and columns into which an image is divided."""
 
-EQUAL_M, EQUAL_RAD = 2e-3, 2e-3
-"""Between arms of samples that say nearly the same."""
+_EQUAL_M, _EQUAL_RAD = 2e-3, 2e-3  # between arms of samples that say nearly the same
 
 _ENOUGH_TURN_RAD = np.radians(
     15.0
@@ -86,7 +85,7 @@ def turned_angles(sketch: Sketch, samples: Sequence[Sample]) -> dict[str, Array]
 
 
 def find_equal_sample(
-    sketch: Sketch, sample: Sample, samples: Sequence[Sample], m: float = EQUAL_M, rad: float = EQUAL_RAD
+    sketch: Sketch, sample: Sample, samples: Sequence[Sample], m: float = _EQUAL_M, rad: float = _EQUAL_RAD
 ) -> int | None:
     """The number of another sample with all arms within so much of this one; None if there is none."""
     for other in samples:
@@ -96,10 +95,10 @@ def find_equal_sample(
 
 
 def is_same_place(
-    sketch: Sketch, robot: str, first: Sample, second: Sample, m: float = EQUAL_M, rad: float = EQUAL_RAD
+    sketch: Sketch, robot: str, first: Sample, second: Sample, m: float = _EQUAL_M, rad: float = _EQUAL_RAD
 ) -> bool:
     """Whether an arm is within so much of one place in both samples."""
-    if robot not in second.robots:
+    if robot not in first.robots or robot not in second.robots:
         return False
     here, there = (sketch.base_from_flange(robot, each.robots[robot]) for each in (first, second))
     away = (here.inverse() @ there).log()

@@ -154,7 +154,7 @@ def _take_sample(taker: Taker, target_sample: Sample, samples: Sequence[Sample],
     if taker.scene is not None:
         taker.notify(f"sample {target_sample.sample}: looking at the scene")
         here = Sample(target_sample.sample, stamp_s, states)
-        new = {name: shots[name] for name in taker.scene.moved_cameras(sketch, here, samples)}
+        new = {name: shots[name] for name in taker.scene.moved_cameras(shots, sketch, here, samples)}
         sample = replace(here, images=_write_shots(folder, target_sample.sample, new)[0])
         taker.scene.check(sample)
         return sample

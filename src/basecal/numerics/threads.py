@@ -20,6 +20,7 @@ def limit_threads(function: Callable[_Parameters, _Result]) -> Callable[_Paramet
 
     @wraps(function)
     def run(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
+        """Call the function."""
         if any(name in os.environ for name in _STATED):
             return function(*args, **kwargs)
         from threadpoolctl import threadpool_limits

@@ -77,6 +77,43 @@ def test_each_picture_is_looked_at_once_it_is_taken(tmp_path, monkeypatch, capsy
     assert [sorted(sample.images) for sample in samples] == [["left_eye", "right_eye"], ["right_eye"]]
 
 
+def test_what_was_recorded_before_a_peer_dies_is_kept(tmp_path, monkeypatch, capsys) -> None:
+    """Poses that end, and images that do not come, end the capture in a line; started again it goes on."""
+    made = rendered(tmp_path, 3, "320x240")
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    left, right = cell_to_capture(made, folder)
+    assert capture(folder, [left[0], right[0], left[1]], monkeypatch, "--samples", "3") == 3
+    assert "the input has ended" in capsys.readouterr().err
+    for arm in ARMS:
+        (folder / f"{arm}_saved" / "0.png").unlink()
+    (folder / "right_saved" / "2.png").unlink()
+    text = (folder / "cell.yaml").read_text()
+    (folder / "cell.yaml").write_text(text.replace("existing: true", "existing: true\n      wait_s: 0.2"))
+    assert capture(folder, [left[1], right[1], left[2], right[2]], monkeypatch, "--samples", "2") == 3
+    assert "no new image" in capsys.readouterr().err
+    assert [sorted(sample.images) for sample in read_recording(folder).samples] == [["left_eye", "right_eye"]] * 2
+
+
+def test_cameras_and_arms_without_a_driver(tmp_path, monkeypatch, capsys) -> None:
+    """A camera without one takes no part; an arm without one, whose camera has one, is named."""
+    made = rendered(tmp_path, 3, "320x240")
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    left, _ = cell_to_capture(made, folder)
+    cell = yaml.safe_load((folder / "cell.yaml").read_text())
+    del cell["robots"]["right"]["driver"]
+    for camera in cell["cameras"].values():
+        camera["on"] = camera.pop(True) if True in camera else camera["on"]
+    (folder / "cell.yaml").write_text(yaml.safe_dump(cell))
+    assert capture(folder, left[:1], monkeypatch, "--samples", "1") == 3
+    assert "robot 'right', which carries right_eye, has no `driver`" in capsys.readouterr().err
+    del cell["cameras"]["right_eye"]["driver"]
+    (folder / "cell.yaml").write_text(yaml.safe_dump(cell))
+    assert capture(folder, left[:1], monkeypatch, "--samples", "1") == 0
+    assert [sorted(sample.images) for sample in read_recording(folder).samples] == [["left_eye"]]
+
+
 def test_arms_are_not_sent(tmp_path, capsys) -> None:
     """Where nothing is known of bases, nothing can be planned; the line says what can be done."""
     made = rendered(tmp_path, 3, "160x120")

@@ -84,7 +84,7 @@ def read_pictures(cell: Cell, recording: Recording) -> Pictures:
     fixed = [name for name in cell.cameras if cell.cameras[name].on == WORLD]
     names += fixed
     taken += [(name, own[0]) for name in fixed if (own := [s for s in recording.samples if _has_pose(cell, name, s)])]
-    read = [(name, sample, _read(cell, name, sample, recording.folder)) for name, sample in taken]
+    read = [(name, sample, read_features(cell, name, sample, recording.folder)) for name, sample in taken]
     seen = [(name, sample, found) for name, sample, found in read if not isinstance(found, str)]
     lost = [_loss(name, sample, found) for name, sample, found in read if isinstance(found, str)]
     cameras = tuple(_scene_camera(cell, name) for name in names if any(name == each for each, _, _ in seen))
@@ -116,8 +116,12 @@ def _has_pose(cell: Cell, camera: str, sample: Sample) -> bool:
     return has_view and cell.cameras[camera].on in (WORLD, *sample.robots)
 
 
-def _read(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Features, tuple[int, int]] | str:
-    """Features of a view, which are its tracks if there are any, and its width and height; or why there are none."""
+def read_features(cell: Cell, camera: str, sample: Sample, home: str | None) -> tuple[Features, tuple[int, int]] | str:
+    """Features of a view, which are its tracks if there are any, and its width and height; or why there are none.
+
+    Raises:
+        InputError: if there are no tracks, and it is not known where the images are.
+    """
     for seen in sample.tracks:
         if seen.camera == camera:
             size_px = cell.cameras[camera].size_px

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from basecal.accuracy.scene.pictures import read_features
 from basecal.acquisition.coverage import COVERAGE_GRID, covered_cells, is_same_place
 from basecal.acquisition.stillness import Unfit
 from basecal.cell import WORLD, Cell, Sample
+from basecal.errors import InputError
 from basecal.planning.sketch import Sketch
-from basecal.vision.image_file import grey_image, read_bytes
-from basecal.vision.tracks.feature_cache import kept_features
 
 _FEWEST_FEATURES = 100  # of an image: as many points as two cameras are to share
 
@@ -29,19 +28,33 @@ class ScenePictures:
         self.cells = np.zeros(COVERAGE_GRID, dtype=bool)
         self._cell, self._folder = cell, folder
 
-    def moved_cameras(self, sketch: Sketch, sample: Sample, samples: Sequence[Sample]) -> list[str]:
-        """Cameras whose arm is at a new place: one that stood still while others moved sees what it saw.
+    def check_carriers(self, cameras: Iterable[str], robots: Collection[str]) -> None:
+        """Check that the poses of all arms that carry cameras are known.
+
+        Raises:
+            InputError: if one has no driver.
+        """
+        for name in cameras:
+            on = self._cell.cameras[name].on
+            if on != WORLD and on not in robots:
+                raise InputError(f"robot {on!r}, which carries {name}, has no `driver` in cell.yaml")
+
+    def moved_cameras(
+        self, cameras: Iterable[str], sketch: Sketch, sample: Sample, samples: Sequence[Sample]
+    ) -> list[str]:
+        """Select the cameras whose arm is at a new place: an arm that stood still gives no second image.
 
         Raises:
             Unfit: if there is none.
         """
+        carriers = {name: self._cell.cameras[name].on for name in cameras}
         seen = {
             name: [
                 each.sample
                 for each in samples
-                if name in each.images and (at.on == WORLD or is_same_place(sketch, at.on, sample, each))
+                if name in each.images and (on == WORLD or is_same_place(sketch, on, sample, each))
             ]
-            for name, at in self._cell.cameras.items()
+            for name, on in carriers.items()
         }
         if all(seen.values()):
             raise Unfit(f"too like sample {next(iter(seen.values()))[0]}")
@@ -54,14 +67,13 @@ class ScenePictures:
             Unfit: if one of them shows too little.
         """
         for camera, path in sample.images.items():
-            data = read_bytes(self._folder / path)
-            image = data if isinstance(data, str) else grey_image(data, self._cell.cameras[camera].size_px)
-            if isinstance(data, str) or isinstance(image, str):
-                raise Unfit(f"{path}: {image}")
-            found = kept_features(self._folder, hashlib.sha256(data).hexdigest(), image, ())
+            read = read_features(self._cell, camera, sample, str(self._folder))
+            if isinstance(read, str):
+                raise Unfit(f"{path} {read}")
+            found, size_px = read
             if len(found) < _FEWEST_FEATURES:
                 raise Unfit(
                     f"{camera} sees {len(found)} features of the scene, {_FEWEST_FEATURES} are needed: "
                     "put printed paper or tools where it looks"
                 )
-            self.cells |= covered_cells(found.pixels, (image.shape[1], image.shape[0]))
+            self.cells |= covered_cells(found.pixels, size_px)
