@@ -20,9 +20,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import cv2
@@ -35,7 +36,7 @@ from basecal.accuracy.scene.pictures import Pictures
 from basecal.cell.files import read_cell, read_recording
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera
-from benchmarks.common import Kept, cpu_seconds, on_one_core, table, write
+from benchmarks.common import Kept, cpu_seconds, on_one_core, read, table, write
 from benchmarks.scene_rooms import (
     AMBIGUOUS,
     ARM_ERRORS,
@@ -52,9 +53,25 @@ from benchmarks.scene_rooms import (
 
 BASE = "left_base_from_right_base"
 NAMES = "left", "right"
-SIZE, FOCAL = (320, 240), 256.0
-MOST_POINTS = 500  # of a camera's own scene: a third of the usual, for speed
 FALSE_M2 = 30.0
+
+
+class Design(NamedTuple):
+    """Images of each arm, their size [px], their focal length [px], and points of a camera's own scene, at most."""
+
+    views: int
+    size: tuple[int, int]
+    focal_px: float
+    most_points: int
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Principal point [px]."""
+        return (self.size[0] - 1) / 2, (self.size[1] - 1) / 2
+
+
+SMALL = Design(VIEWS, (320, 240), 256.0, 500)  # a third of the usual points, for speed
+LARGE = Design(15, (640, 480), 512.0, one_camera._MOST_POINTS)
 OTHER_POSES = MISTAKES | ARM_ERRORS
 ORDER = ["plain", *OTHER_POSES, *(kind for kind in ROOMS if kind != "plain")]  # one after another of the same images
 HEAD = (
@@ -74,16 +91,18 @@ HEAD = (
 class Drawn:
     """Images of a room in a folder of their own, the true base, and the true flange poses of both arms."""
 
-    def __init__(self, kind: str, seed: int) -> None:
+    def __init__(self, kind: str, seed: int, design: Design) -> None:
         self._home = tempfile.TemporaryDirectory()
         self.folder = Path(self._home.name)
         rng = np.random.default_rng([seed, KINDS.index(kind)])
         room = ROOMS[kind](rng)
+        if room.views == VIEWS:
+            room = replace(room, views=design.views)
         self.base = SE3.from_rpy(
             (*rng.uniform(-0.03, 0.03, 2), rng.uniform(2.2, 4.0)), (1.4, *rng.uniform(-0.15, 0.15, 2))
         )
         looks = [_looks(rng, room, arm) for arm in range(2)]
-        _render(self.folder, room, looks, rng)
+        _render(self.folder, room, looks, design, rng)
         self.poses = tuple(
             _flange_poses(rng, at, own) for at, own in zip((SE3.identity(), self.base), looks, strict=True)
         )
@@ -102,14 +121,11 @@ def _flange_poses(rng: np.random.Generator, base: SE3, looks: Poses) -> Poses:
     return [base.inverse() @ look @ mount.inverse() @ SE3.exp(rng.standard_normal(6) * noise) for look in looks]
 
 
-def _centre() -> tuple[float, float]:
-    return (SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2
-
-
-def _render(folder: Path, room: Room, looks: Sequence[Poses], rng: np.random.Generator) -> None:
+def _render(folder: Path, room: Room, looks: Sequence[Poses], design: Design, rng: np.random.Generator) -> None:
     """Write the images of both arms, numbered through."""
-    lens = Camera("pinhole", np.array([FOCAL, FOCAL, *_centre(), *EXAMPLE.DISTORTION]), SIZE)
-    width, height = (int(room.gripper * side) for side in SIZE)
+    numbers = [design.focal_px, design.focal_px, *design.centre, *EXAMPLE.DISTORTION]
+    lens = Camera("pinhole", np.array(numbers), design.size)
+    width, height = (int(room.gripper * side) for side in design.size)
     gripper = EXAMPLE.texture(rng, (height, width), 1.0) if room.gripper else None
     (folder / "recording/images").mkdir(parents=True)
     number = 0
@@ -123,7 +139,7 @@ def _render(folder: Path, room: Room, looks: Sequence[Poses], rng: np.random.Gen
             number += 1
 
 
-def _write_cell(folder: Path, poses: tuple[Poses, Poses]) -> None:
+def _write_cell(folder: Path, poses: tuple[Poses, Poses], design: Design) -> None:
     """Write cell and samples with these poses beside the images."""
     pairs = [(name, pose) for name, own in zip(NAMES, poses, strict=True) for pose in own]
     lines = [
@@ -135,18 +151,18 @@ def _write_cell(folder: Path, poses: tuple[Poses, Poses]) -> None:
         for number, (name, pose) in enumerate(pairs)
     ]
     (folder / "recording/samples.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-    centre = _centre()
-    stated = {"status": "fixed", "fx": FOCAL, "fy": FOCAL, "cx": centre[0], "cy": centre[1]}
-    stated["distortion"] = EXAMPLE.DISTORTION
-    cameras = {f"{name}_eye": {"on": name, "size_px": SIZE, "intrinsics": stated} for name in NAMES}
+    names = "fx", "fy", "cx", "cy"
+    lens = dict(zip(names, (design.focal_px, design.focal_px, *design.centre), strict=True))
+    stated = {"status": "fixed", **lens, "distortion": EXAMPLE.DISTORTION}
+    cameras = {f"{name}_eye": {"on": name, "size_px": design.size, "intrinsics": stated} for name in NAMES}
     cell = {"schema": "basecal/cell/1", "reference": "left", "target": "scene", "robots": {"left": {}, "right": {}}}
     (folder / "cell.yaml").write_text(json.dumps(cell | {"cameras": cameras}))
 
 
 @lru_cache(maxsize=1)
-def drawn(kind: str, seed: int) -> Drawn:
+def drawn(kind: str, seed: int, design: Design) -> Drawn:
     """The images of a room, the last of which are kept."""
-    return Drawn(kind, seed)
+    return Drawn(kind, seed, design)
 
 
 _SOLVED: dict[str, OneCamera] = {}
@@ -164,16 +180,16 @@ def solve_camera_once(pictures: Pictures, camera: int, stop_noise: Array | None)
     return _SOLVED[key]
 
 
-def tried(kind: str, seed: int) -> dict[str, Any]:
+def tried(kind: str, seed: int, design: Design = SMALL) -> dict[str, Any]:
     """What comes of a cell."""
-    made = drawn("plain" if kind in OTHER_POSES else kind, seed)
-    _write_cell(made.folder, OTHER_POSES[kind](made.poses) if kind in OTHER_POSES else made.poses)
+    made = drawn("plain" if kind in OTHER_POSES else kind, seed, design)
+    _write_cell(made.folder, OTHER_POSES[kind](made.poses) if kind in OTHER_POSES else made.poses, design)
     cell = read_cell(made.folder)
     found: list[Any] = []
     recording = read_recording(made.folder, cell)
     with (
         patch.object(find_scene, "solve_camera", solve_camera_once),
-        patch.object(one_camera, "_MOST_POINTS", MOST_POINTS),
+        patch.object(one_camera, "_MOST_POINTS", design.most_points),
     ):
         cpu_s = cpu_seconds(lambda: found.append(calibrate(cell, recording, Settings(method="scene"))))
     answer = found[0]
@@ -202,23 +218,47 @@ def row(kind: str, cells: Sequence[dict[str, Any]]) -> list[object]:
     ]  # fmt: skip
 
 
+def rows(cells: Sequence[dict[str, Any]]) -> str:
+    """The table of all kinds of room that were tried."""
+    return table(HEAD, [row(kind, own) for kind in KINDS if (own := [each for each in cells if each["kind"] == kind])])
+
+
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
-    cells = result["cells"]
-    rows = [row(kind, own) for kind in KINDS if (own := [each for each in cells if each["kind"] == kind])]
+    cells, large = result["cells"], result.get("large", [])
     deceptions = [kind for kind in KINDS if kind not in (*RIGHT, *AMBIGUOUS, *ARM_ERRORS)]
     deceiving = [each for each in cells if each["kind"] in deceptions]
     false = sum(each.get("m2", 0.0) > FALSE_M2 for each in deceiving)
-    sound = [each for each in cells if each["kind"] in RIGHT]
-    answered = sum("mm" in each for each in sound)
-    about = f"""\
-Rendered rooms of two arms, {VIEWS} images of {SIZE[0]}x{SIZE[1]} each, poses off by 0.2 mm and 0.3 mrad. Of
-{len(deceiving)} cells that deceive, {false} were answered falsely (M2 of the base above {FALSE_M2:g}, 6 is right).
+    return f"""\
+Rendered rooms of two arms, {SMALL.views} images of {SMALL.size[0]}x{SMALL.size[1]} each, poses off by 0.2 mm and
+0.3 mrad. Of {len(deceiving)} cells that deceive, {false} were answered falsely (M2 of the base above {FALSE_M2:g}, 6
+is right).
 Not counted are "{AMBIGUOUS[0]}" and "{AMBIGUOUS[1]}": all that has
 texture is copied or moved as one, which no camera can tell.
-Of {len(sound)} sound cells {answered} were answered. At most {MOST_POINTS} points of each camera are taken, for speed:
-a cell takes {np.median([each["cpu_s"] for each in cells]):.0f} s of the processor (median)."""
-    return f"{about}\n\n{table(HEAD, rows)}"
+{_sound(cells)} At most {SMALL.most_points} points of each camera are taken, for speed.
+
+{rows(cells)}
+
+{_about_large(large)}"""
+
+
+def _sound(cells: Sequence[dict[str, Any]]) -> str:
+    """How many sound cells were answered, and how well."""
+    sound = [each for each in cells if each["kind"] in RIGHT]
+    answered = [each for each in sound if "mm" in each]
+    near = sum(each["mm"] <= 1.0 for each in answered), sum(each["deg"] <= 0.06 for each in answered)
+    return (
+        f"Of {len(sound)} sound cells {len(answered)} were answered, {near[0]} to 1 mm and {near[1]} to 0.06 deg;\n"
+        f"a cell takes {np.median([each['cpu_s'] for each in cells]):.0f} s of the processor (median)."
+    )
+
+
+def _about_large(cells: Sequence[dict[str, Any]]) -> str:
+    """Of rooms seen as a user's cameras see them."""
+    if not cells:
+        return ""
+    size = f"{LARGE.views} images of {LARGE.size[0]}x{LARGE.size[1]}"
+    return f"The same with {size} of each arm, and all points (`--large`).\n{_sound(cells)}\n\n{rows(cells)}"
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -229,18 +269,20 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--keep", type=Path, help="file in which cells are kept, and from which a run goes on")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no cell is begun")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=ORDER)
+    parser.add_argument("--large", action="store_true", help="images as a user's cameras take them, and more of them")
     asked = parser.parse_args(words)
     on_one_core()
     kept, end = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
     each = -(-asked.cells // (len(KINDS) - len(RIGHT) - len(AMBIGUOUS) - len(ARM_ERRORS)))
+    design, part = (LARGE, "large") if asked.large else (SMALL, "cells")
     cells = [
-        kept.of(key, lambda kind=kind, seed=seed: tried(kind, seed))
+        kept.of(key, lambda kind=kind, seed=seed: tried(kind, seed, design))
         for seed in range(asked.first, asked.first + each)
         for kind in asked.kinds
         if (key := f"{kind}:{seed}") in kept or time.monotonic() < end
     ]
-    print(section({"cells": cells}))
-    write("scene", {"cells": cells})
+    print(f"{_sound(cells)}\n\n{rows(cells)}")
+    write("scene", {key: of for key, of in read("scene").items() if key in ("cells", "large")} | {part: cells})
     return 0
 
 

@@ -59,7 +59,7 @@ def terminal(folder: Path) -> Iterator[str]:
 
 
 def drawing(folder: Path) -> str:
-    """The picture: the terminal at the left, the cell as it is captured at the right."""
+    """The drawing: the terminal at the left, the cell as it is captured at the right."""
     share = 100 / FRAMES
     turns = "".join(f".f{k}{{animation-delay:{FRAME_S * k:.1f}s}}" for k in range(1, FRAMES))
     blink = f"@keyframes turn{{0%,{share:.2f}%{{opacity:1}}{share + 0.01:.2f}%,100%{{opacity:0}}}}"

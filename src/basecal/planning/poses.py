@@ -48,7 +48,7 @@ def plan(
             found = [sample for sample in ordered if sample.sample not in unclear]
     raise InputError(
         f"only {len(found)} of {samples} poses are within the arms' limits, in view and clear: begin with the target "
-        "in mid-picture, 0.5 to 1 m away, and the arms far from their limits"
+        "in the image's middle, 0.5 to 1 m away, and the arms far from their limits"
     )
 
 

@@ -68,7 +68,7 @@ _CONTENTS = (
     ("coverage", "orientations", "Coverage"),
     ("validation", "cross_validation", "Cross-validation"),
     ("outliers", "outliers", "Outliers"),
-    ("pictures", "thumbnails", "Pictures"),
+    ("images", "thumbnails", "Images"),
     ("views", "views", "Views"),
     ("transforms", "others", "Other transforms"),
     ("provenance", "provenance", "Provenance"),

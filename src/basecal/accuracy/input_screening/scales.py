@@ -1,4 +1,4 @@
-"""Poses up to scale, as of a reconstruction from pictures: the length of their unit, by how arms moved.
+"""Poses up to scale, as of a reconstruction from images: the length of their unit, by how arms moved.
 
 Rotations do not depend on the unit. With them each loop is linear in the unit's inverse, and in
 translations over the unit.

@@ -143,7 +143,7 @@ def _look(folder: Path, files: tuple[Path, ...], progress: Callable[[int, int], 
     of_all = f"{len(damaged)} of {len(files)} images cannot be read, and will not be used: {list_names(damaged)}"
     of_sizes = f"{len(odd)} images have another size than the rest, and will not be used: {list_names(odd)}"
     gaps = missing_numbers([path.name for path in files])
-    of_gaps = f"pictures {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
+    of_gaps = f"images {list_names(gaps)} are missing in the numbering: do the tables of poses have them?"
     of_kinds = f"{len(others)} files of other kinds are left out: {list_names(others)}"
     said = ((damaged, of_all), (odd, of_sizes), (others, of_kinds), (gaps, of_gaps))
     return _Look(size_px, tuple(f"{folder}: {text}" for names, text in said if names))

@@ -226,5 +226,5 @@ def _name(row: Row, index: int) -> str:
 
 
 def plain_name(name: str) -> str:
-    """A picture's name without its folders and its ending, in which programs differ."""
+    """An image's name without its folders and its ending, in which programs differ."""
     return PurePosixPath(name.replace("\\", "/")).stem
