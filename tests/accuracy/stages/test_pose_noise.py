@@ -59,8 +59,17 @@ def test_errors_by_tilt_are_found() -> None:
     """Poses of tags are weighed by their tilt, and the mount is nearer to the truth on the whole."""
     before = [case_of(tilted_errors(seed)) for seed in range(4)]
     after = [shape_pose_noise(case) for case in before]
-    assert all(case.problem.groups[0].measurement.shape is not None for case in after)
+    assert all(case.problem.groups[0].measurement.corners is not None for case in after)
     assert np.mean([error_of(case) for case in after]) < 0.8 * np.mean([error_of(case) for case in before])
+
+
+def test_views_from_the_front_are_no_outliers() -> None:
+    """Equal errors leave out views from the front, and their tilts then say nothing; all views together say it."""
+    before = case_of(tilted_errors(15))
+    after = shape_pose_noise(before)
+    assert len(before.robust.outliers) == 7
+    assert after.robust.outliers == ()
+    assert error_of(after) < error_of(before)
 
 
 def test_equal_errors_stay_equal() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from basecal.estimation.view.measurement import Noise
+from basecal.estimation.view.pose_errors import CornerErrors
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3
 
@@ -63,13 +64,14 @@ def test_poses_of_a_batch_are_taken_with_their_rows():
     np.testing.assert_array_equal(alike.measured_camera_from_target.translation[..., 0], [0.0, 1.0, 2.0])
 
 
-def test_shaped_errors_are_weighed_by_their_whitening() -> None:
-    """Cost, gradient and the least information about a rotation are those of whitened errors."""
+def test_errors_of_corners_are_weighed() -> None:
+    """Cost, gradient and the least information about a rotation are those of whitened differences of corners."""
     rng = np.random.default_rng(3)
-    measured, near = (SE3.exp(rng.normal(size=(4, 6))) for _ in range(2))
-    shape, weight = np.tril(rng.normal(size=(4, 6, 6))), rng.uniform(1, 2, (4, 6))
-    views = PoseMeasurement(measured, np.zeros((4, 6)), weight, shape)
-    error = weight * (shape @ (measured.inverse() @ near).log()[..., None])[..., 0]
+    ahead = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0.5])
+    measured, near = (SE3.stack([ahead] * 4) @ SE3.exp(0.1 * rng.normal(size=(4, 6))) for _ in range(2))
+    corners, weight = CornerErrors.from_poses(measured, near, 0.04), rng.uniform(1, 2, (4, 6))
+    views = PoseMeasurement(measured, np.zeros((4, 6)), weight, corners)
+    error = weight * corners.differences(near)
     found = views.linearise(near, None, False)
     np.testing.assert_allclose(found.cost, np.sum(error**2, axis=1))
     step = 1e-6 * np.eye(6)[3]
@@ -81,4 +83,5 @@ def test_shaped_errors_are_weighed_by_their_whitening() -> None:
     np.testing.assert_allclose(sum(views.squares(near, None).values()), np.sum(error**2))
     plain = PoseMeasurement(measured, np.zeros((4, 6)), weight)
     np.testing.assert_array_equal(plain.least_rotation_weight(), weight[:, 3:].min(1))
-    assert np.all(views.least_rotation_weight() <= np.linalg.norm(shape[:, 3:, 3:], axis=(1, 2)) * weight[:, 3:].min(1))
+    of_rotation = corners.jacobian(measured)[:, 3:, 3:]
+    assert np.all(views.least_rotation_weight() <= np.linalg.norm(of_rotation, axis=(1, 2)) * weight[:, 3:].min(1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.outliers.noise_and_outliers import with_noise
 from basecal.estimation.problem.problem import Problem, State
 from basecal.estimation.problem.view_group import ViewGroup
-from basecal.estimation.view.pose_errors import corner_covariances, whitening_matrix
+from basecal.estimation.view.pose_errors import CornerErrors
 from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array
 
@@ -26,12 +26,25 @@ def shape_pose_noise(case: Case) -> Case:
     """Weigh poses without stated noise by what their views hold, if their errors are clearly likelier so."""
     if not is_explained(case):
         return case
-    packed = case.problem
-    sizes = {target: size for target in _open_targets(packed) if (size := likely_size(case, target)) is not None}
-    if not sizes:
+    targets = _open_targets(case.problem)
+    judged = _with_most_views(case, targets) if targets else case
+    sizes = {target: size for target in targets if (size := likely_size(judged, target)) is not None}
+    return _solve_by_corners(case, sizes) if sizes else case
+
+
+def _solve_by_corners(case: Case, sizes: Mapping[str, float]) -> Case:
+    packed = _shape_errors(case.problem, case.solution.state, sizes)
+    return leave_outliers_out(solve_all(replace(case, packed=packed, robust=None)))
+
+
+def _with_most_views(case: Case, targets: Sequence[str]) -> Case:
+    """The case, or what it is with such errors: of views that equal errors make outliers these have to be judged."""
+    assert case.robust is not None
+    if not case.robust.outliers:
         return case
-    weighed = replace(case, packed=_shape_errors(packed, case.solution.state, sizes), robust=None)
-    return leave_outliers_out(solve_all(weighed))
+    shaped = _solve_by_corners(case, dict.fromkeys(targets, _SIZES[len(_SIZES) // 2]))
+    assert shaped.robust is not None
+    return shaped if len(shaped.robust.outliers) < len(case.robust.outliers) and is_explained(shaped) else case
 
 
 def _open_targets(problem: Problem) -> list[str]:
@@ -49,13 +62,14 @@ def _is_open(group: ViewGroup) -> bool:
 def likely_size(case: Case, target: str) -> float | None:
     """Half of a target's side over its median distance, by the evidence; None if equal errors are as likely."""
     solution = replace(case.solution, problem=replace(case.solution.problem, held=False))
-    equal = with_noise(solution, case.settings).noise.minus_2_log_evidence
-    ratios = np.zeros(len(_SIZES))
-    for k, size in enumerate(_SIZES):
+
+    def evidence(size: float | None) -> float:
+        """Minus twice its logarithm, of errors of this size of the target, or of equal ones."""
         problem = _shape_errors(solution.problem, solution.state, {target: size})
-        ratios[k] = (
-            equal - with_noise(replace(solution, problem=problem), case.settings).noise.minus_2_log_evidence
-        ) / 2
+        return with_noise(replace(solution, problem=problem), case.settings).noise.minus_2_log_evidence
+
+    equal = evidence(None)
+    ratios = np.array([(equal - evidence(size)) / 2 for size in _SIZES])
     return _peak(ratios) if compare_likelihoods("pose errors by tilt", ratios).is_taken else None
 
 
@@ -68,24 +82,25 @@ def _peak(ratios: Array) -> float:
     return float(np.exp(np.clip(peak, logs[at - 1], logs[at + 1])))
 
 
-def _shape_errors(problem: Problem, state: State, sizes: Mapping[str, float]) -> Problem:
-    """The problem with the errors of these targets' poses as of four corners of this size each."""
+def _shape_errors(problem: Problem, state: State, sizes: Mapping[str, float | None]) -> Problem:
+    """The problem with the errors of these targets' poses as of four corners of this size each, or equal."""
     recorded = without_errors(problem, state)
     groups = []
     for group in problem.groups:
         views = group.measurement
         if group.target in sizes and _is_open(group) and isinstance(views, PoseMeasurement):
             pose = recorded.camera_from_target(group, problem.stops)
-            shape = _whitening(views.measured_camera_from_target, pose, sizes[group.target])
-            group = replace(group, measurement=replace(views, shape=shape))
+            size = sizes[group.target]
+            corners = None if size is None else _corner_errors(views.measured_camera_from_target, pose, size)
+            group = replace(group, measurement=replace(views, corners=corners))
         groups.append(group)
     return problem.with_groups(groups)
 
 
-def _whitening(measured_pose: SE3, predicted_pose: SE3, size: float) -> Array:
-    """(n, 6, 6) at the predicted poses, of which noise takes no part; at measured ones where these are far from it."""
+def _corner_errors(measured_pose: SE3, predicted_pose: SE3, size: float) -> CornerErrors:
+    """Errors at the predicted poses, of which noise takes no part; at measured ones where these are far from it."""
     distance = np.linalg.norm(measured_pose.translation, axis=-1)
     is_near = np.linalg.norm(predicted_pose.translation - measured_pose.translation, axis=-1) < distance / 2
     rotation = np.where(is_near[:, None, None], predicted_pose.rotation, measured_pose.rotation)
     at = SE3(rotation, np.where(is_near[:, None], predicted_pose.translation, measured_pose.translation))
-    return whitening_matrix(corner_covariances(at, size * float(np.median(distance))))
+    return CornerErrors.from_poses(measured_pose, at, size * float(np.median(distance)))

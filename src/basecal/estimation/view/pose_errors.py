@@ -1,18 +1,60 @@
-"""How errors of a pose that was found from a flat target's points go with its distance, size and tilt.
+"""Errors of a pose that was found from a flat target's points, as they go with its distance, size and tilt.
 
 A target seen from the front holds its tilt by perspective alone, a tenth as well as one seen aslant. The covariance is
 the inverse of the information of four corners of a square, seen by a pinhole: their size is what has to be known.
+Seen nearly from the front a target tilted the other way has its corners at almost the same places, so poses are
+compared by these.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from basecal.geometry import SE3, Array
+from basecal.geometry import SE3, Array, Rows
 from basecal.geometry.rotation import cross_matrix
+from basecal.numerics.batch import take
 
 _CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 _BLOCK_FREEDOMS = 3  # of a translation, and of a rotation
+_NEAREST = 0.1  # of half a side: a trial pose that is nearer, or behind the camera, counts as so near
+
+
+@dataclass(frozen=True, eq=False)
+class CornerErrors:
+    """Differences of poses, (n, 6) [m, rad], by where they put the corners of a square, to first order their tangents.
+
+    Attributes:
+        half_size_m: Half of the side of the square.
+        measured: (n, 8) where measured poses put its corners, in focal lengths.
+        whitening: (n, 6, 8) makes differences independent and equal over views.
+    """
+
+    half_size_m: float
+    measured: Array
+    whitening: Array
+
+    @classmethod
+    def from_poses(cls, measured_pose: SE3, expected_pose: SE3, half_size_m: float) -> CornerErrors:
+        """Errors of measured poses, (n,), by the covariances that they have at expected ones, (n,)."""
+        jacobian = _corner_jacobian(expected_pose, half_size_m)
+        covariance = corner_covariances(expected_pose, half_size_m)
+        whitening = whitening_matrix(covariance) @ covariance @ jacobian.mT
+        return cls(half_size_m, _corners(measured_pose, half_size_m), whitening)
+
+    def differences(self, camera_from_target: SE3) -> Array:
+        """Whitened differences of poses, (..., n), from the measured ones, (..., n, 6)."""
+        apart = _corners(camera_from_target, self.half_size_m) - self.measured
+        return np.asarray((self.whitening @ apart[..., None])[..., 0])
+
+    def jacobian(self, camera_from_target: SE3) -> Array:
+        """Derivative of the differences to right tangents of poses, (..., n, 6, 6)."""
+        return np.asarray(self.whitening @ _corner_jacobian(camera_from_target, self.half_size_m))
+
+    def take_batch(self, rows: Rows) -> CornerErrors:
+        """The rows of a batch; what all rows share stays."""
+        return take(self, rows) if self.measured.ndim > 2 else self
 
 
 def corner_covariances(camera_from_target: SE3, half_size_m: float) -> Array:
@@ -22,16 +64,31 @@ def corner_covariances(camera_from_target: SE3, half_size_m: float) -> Array:
         camera_from_target: (n,) poses of a target whose plane is z = 0.
         half_size_m: Half of the side of a square in it.
     """
-    points_in_target = half_size_m * _CORNERS
-    moved = np.concatenate([np.broadcast_to(np.eye(3), (4, 3, 3)), -cross_matrix(points_in_target)], axis=-1)
-    points_in_camera = camera_from_target.spread() @ points_in_target
-    x, y, z = np.moveaxis(points_in_camera, -1, 0)
+    jacobian = _corner_jacobian(camera_from_target, half_size_m)
+    return np.asarray(np.linalg.inv(jacobian.mT @ jacobian), dtype=np.float64)
+
+
+def _points_in_camera(camera_from_target: SE3, half_size_m: float) -> tuple[Array, Array, Array]:
+    points = camera_from_target.spread() @ (half_size_m * _CORNERS)
+    x, y, z = np.moveaxis(points, -1, 0)
+    return x, y, np.maximum(z, _NEAREST * half_size_m)
+
+
+def _corners(camera_from_target: SE3, half_size_m: float) -> Array:
+    """Where a pinhole sees the corners of a square, (..., 8), in focal lengths."""
+    x, y, z = _points_in_camera(camera_from_target, half_size_m)
+    seen = np.stack([x / z, y / z], -1)
+    return seen.reshape(*seen.shape[:-2], -1)
+
+
+def _corner_jacobian(camera_from_target: SE3, half_size_m: float) -> Array:
+    """Derivative of the corners to a right tangent of the pose, (..., 8, 6)."""
+    moved = np.concatenate([np.broadcast_to(np.eye(3), (4, 3, 3)), -cross_matrix(half_size_m * _CORNERS)], axis=-1)
+    x, y, z = _points_in_camera(camera_from_target, half_size_m)
     one, zero = np.ones_like(z), np.zeros_like(z)
     seen = np.stack([np.stack([one, zero, -x / z], -1), np.stack([zero, one, -y / z], -1)], -2) / z[..., None, None]
     jacobian = seen @ camera_from_target.rotation[..., None, :, :] @ moved
-    rows = jacobian.reshape(len(jacobian), -1, 6)
-    inverse: Array = np.linalg.inv(rows.mT @ rows)
-    return inverse
+    return np.asarray(jacobian.reshape(*jacobian.shape[:-3], -1, 6))
 
 
 def whitening_matrix(covariance: Array) -> Array:

@@ -12,6 +12,7 @@ from basecal.estimation.view.measurement import (
     make_information,
     take_batch_rows,
 )
+from basecal.estimation.view.pose_errors import CornerErrors
 from basecal.geometry import SE3, Array, BoolArray, Camera, IntArray, Rows
 from basecal.geometry.se3_jacobians import right_jacobian_inverse
 from basecal.numerics.batch import take
@@ -25,29 +26,29 @@ class PoseMeasurement:
         measured_camera_from_target: (n,).
         stated: (n, 6) 1 / sigma, or 0 where none was stated [1/m, 1/rad].
         weight: (n, 6) 1 / sigma in use [1/m, 1/rad].
-        shape: (n, 6, 6) which makes errors [m, rad] of views independent and equal; None if they are so already.
+        corners: How errors of views go with what these hold; None if they are independent and equal.
     """
 
     measured_camera_from_target: SE3
     stated: Array
     weight: Array
-    shape: Array | None = None
+    corners: CornerErrors | None = None
 
     def _error(self, camera_from_target: SE3) -> Array:
+        """In units of which all views have the same sigmas, (n, 6) [m, rad]."""
+        if self.corners is not None:
+            return self.corners.differences(camera_from_target)
         return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:
         """See `Measurement`."""
         error = self._error(camera_from_target)
-        whitening = self.weight[..., None] * (np.eye(6) if self.shape is None else self.shape)
-        jacobian = whitening @ right_jacobian_inverse(error)
-        return make_information((whitening @ error[..., None])[..., 0], jacobian.mT)
+        by_pose = right_jacobian_inverse(error) if self.corners is None else self.corners.jacobian(camera_from_target)
+        return make_information(self.weight * error, (self.weight[..., None] * by_pose).mT)
 
     def squares(self, camera_from_target: SE3, camera: Camera | None) -> dict[str, float]:
         """See `Measurement`."""
-        error = self._error(camera_from_target)
-        shaped = error if self.shape is None else (self.shape @ error[..., None])[..., 0]
-        squared = (shaped * self.weight * (self.stated == 0)) ** 2
+        squared = (self._error(camera_from_target) * self.weight * (self.stated == 0)) ** 2
         return {"pose_m": float(squared[:, :3].sum()), "pose_rad": float(squared[:, 3:].sum())}
 
     def with_noise(self, noise: Noise) -> PoseMeasurement:
@@ -79,17 +80,17 @@ class PoseMeasurement:
         """See `Measurement`."""
         measured = self.measured_camera_from_target
         measured = measured[rows] if len(measured.shape) > 1 else measured
-        shape = None if self.shape is None else take_batch_rows(self.shape, rows, 3)
+        corners = None if self.corners is None else self.corners.take_batch(rows)
         return PoseMeasurement(
-            measured, take_batch_rows(self.stated, rows, 2), take_batch_rows(self.weight, rows, 2), shape
+            measured, take_batch_rows(self.stated, rows, 2), take_batch_rows(self.weight, rows, 2), corners
         )
 
     def least_rotation_weight(self) -> Array:
         """Below what each view holds of any direction of its rotation, (n,), as 1 / sigma [1/rad]."""
         least = self.weight[:, 3:].min(1)
-        if self.shape is None:
+        if self.corners is None:
             return np.asarray(least)
-        inverse = np.linalg.inv(self.shape[:, 3:, 3:])
+        inverse = np.linalg.inv(self.corners.jacobian(self.measured_camera_from_target)[:, 3:, 3:])
         return np.asarray(least / np.linalg.norm(inverse, axis=(1, 2)))  # of the inverse of a least singular value
 
     def equations(self) -> IntArray:
