@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from basecal.cell.files import read_recording
 from basecal.cli import main
+from basecal.geometry import SE3
+from colmap_files import Image, write_reconstruction
 from lens_texts import COLMAP, tells_the_lens
 
 
@@ -25,3 +29,20 @@ def test_one_of_several(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert not (tmp_path / "c").exists()
     assert main([*words, "--camera-id", "7"]) == 0
     assert "650" in (tmp_path / "c" / "cell.yaml").read_text()
+
+
+def test_images_of_one_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two folders of one camera hold equal names: it is asked which, and takes the folder that is named."""
+    names = [f"{folder}/{k}.png" for folder in ("left", "right") for k in range(3)]
+    poses = [SE3.exp([0.1 * k, 0, 1, 0.2 * k, 0.1, 0]) for k in range(6)]
+    write_reconstruction(tmp_path / "sparse", [Image(n, 1, p) for n, p in zip(names, poses, strict=True)])
+    words = ["import", "colmap", str(tmp_path / "c"), str(tmp_path / "sparse"), "--camera", "eye", "--on", "arm"]
+    words += ["--target", "room"]
+    assert main(words) == 3
+    assert 'images 0, 1, 2 are in several folders: choose one by --images "left/*"' in capsys.readouterr().err
+    assert main([*words, "--images", "middle/*"]) == 3
+    assert "no image is named middle/*; its images: left/0.png" in capsys.readouterr().err
+    assert main([*words, "--images", "right/*"]) == 0
+    samples = read_recording(tmp_path / "c").samples
+    seen = [sample.observations[0].camera_from_target.translation for sample in samples]
+    np.testing.assert_allclose(seen, [pose.translation for pose in poses[3:]], atol=1e-6)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from basecal.errors import InputError, list_names
@@ -9,6 +11,7 @@ from basecal.exchange.colmap_images import ReconstructedImage, read_colmap_image
 from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported, Row
 from basecal.exchange.importing.lens import LensStatus, lens_of_file
+from basecal.exchange.importing.pairing import plain_name
 from basecal.exchange.importing.seen_poses import Sight, seen_rows, sight_entry
 from basecal.exchange.lens_files import colmap
 from basecal.geometry import SE3
@@ -25,6 +28,7 @@ def read_colmap(
     camera_id: int | None = None,
     target: str | None = None,
     target_on: str | None = None,
+    images: str = "*",
 ) -> Imported:
     """The lens of a camera from a reconstruction of COLMAP; with --target, how it stood to what it saw.
 
@@ -45,6 +49,7 @@ def read_colmap(
 
         basecal import colmap mycell sparse/0 --camera wrist
         basecal import colmap mycell sparse/0 --camera wrist --target room
+        basecal import colmap mycell sparse/0 --camera wrist --target room --images "left/*"
 
     Args:
         cell: Folder of the cell.
@@ -55,13 +60,14 @@ def read_colmap(
         camera_id: Which one, where the file has several.
         target: Name of what was reconstructed, whose poses are read in place of the lens.
         target_on: What carries it: the world, unless a robot shows it to a camera that is still.
+        images: Which images the camera took, by their names in the reconstruction.
 
     Raises:
         InputError: if it cannot be read, does not fit the cell, or the images have another size.
     """
     if target is not None:
         sight = Sight(_choose_camera(cell, camera), target, on, target_on)
-        return _poses(cell, str(file), camera_id, sight)
+        return _poses(cell, str(file), camera_id, images, sight)
     lenses = colmap.read_colmap(file)
     chosen = next(iter(lenses)) if camera_id is None and len(lenses) == 1 else camera_id
     if chosen is None or chosen not in lenses:
@@ -69,9 +75,9 @@ def read_colmap(
     return lens_of_file(cell, lenses[chosen], file, camera, on, status)
 
 
-def _poses(folder: str | Path, file: str, camera_id: int | None, sight: Sight) -> Imported:
+def _poses(folder: str | Path, file: str, camera_id: int | None, pattern: str, sight: Sight) -> Imported:
     """Poses of the reconstruction in the frames of a camera's images."""
-    cell, images = known_cell(folder), _select_images(file, camera_id)
+    cell, images = known_cell(folder), _select_images(file, camera_id, pattern)
     entry = sight_entry(cell, sight)
     if cell is None or sight.target not in cell.targets:
         entry["targets"][sight.target]["scale"] = "free"
@@ -94,15 +100,24 @@ def _choose_camera(folder: str | Path, camera: str | None) -> str:
     return camera or names[0]
 
 
-def _select_images(file: str, camera_id: int | None) -> list[ReconstructedImage]:
+def _select_images(file: str, camera_id: int | None, pattern: str) -> list[ReconstructedImage]:
     """The images of one camera.
 
     Raises:
-        InputError: if several cameras took them and none is chosen, or the chosen one took none.
+        InputError: if several cameras took them and none is chosen, the chosen one took none, or two have one name.
     """
     images = read_colmap_images(file)
-    numbers = list_names([str(number) for number in sorted({image.camera for image in images})])
-    chosen = [image for image in images if camera_id in (None, image.camera)]
+    named = [image for image in images if fnmatchcase(image.name, pattern)]
+    if not named:
+        raise InputError(f"{file}: no image is named {pattern}; its images: {list_names([i.name for i in images])}")
+    numbers = list_names([str(number) for number in sorted({image.camera for image in named})])
+    chosen = [image for image in named if camera_id in (None, image.camera)]
     if len({image.camera for image in chosen}) != 1:
         raise InputError(f"{file} has images of cameras {numbers}: say which one by --camera-id")
+    twice = [name for name, count in Counter(plain_name(image.name) for image in chosen).items() if count > 1]
+    if twice:
+        folder = chosen[0].name.rpartition("/")[0] or "FOLDER"
+        raise InputError(
+            f'{file}: images {list_names(twice)} are in several folders: choose one by --images "{folder}/*"'
+        )
     return chosen
