@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import io
 import re
 import subprocess
 import sys
@@ -10,9 +11,10 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from basecal.cell.files import read_cell, read_recording
-from basecal.cli import _VERBS, main
+from basecal.cli import _VERBS, build_app, main
 from basecal.exchange.importers.registry import IMPORTERS
 from pose_files import options, pose_files
 
@@ -54,15 +56,13 @@ def test_examples_survive_copying(
 @pytest.mark.parametrize(
     "verb", ["", *dict.fromkeys([*_VERBS, *VERBS, "import", "driver", "driver check", "study paper"])]
 )
-def test_words_of_help_are_not_broken_again(
-    verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_words_of_help_are_not_broken_again(verb: str) -> None:
     """On 80 columns the words above the tables have the lines of a wide terminal, but for the first sentence."""
     told = []
-    for columns in ("80", "300"):
-        monkeypatch.setenv("COLUMNS", columns)
-        assert main([*verb.split(), "--help"]) == 0
-        usage, first, *others = capsys.readouterr().out.partition("╭")[0].split("\n\n")
+    for width in (80, 300):
+        text = io.StringIO()
+        build_app(verb.split()).help_print(verb.split(), console=Console(file=text, width=width))
+        usage, first, *others = text.getvalue().partition("╭")[0].split("\n\n")
         told.append([line.rstrip() for line in "\n\n".join(others).splitlines()])
         assert usage.startswith("Usage: ")
         assert first

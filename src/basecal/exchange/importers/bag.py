@@ -48,8 +48,8 @@ def read_bag(
 
     Robots come from joint states with /robot_description, which is written into
     the cell, else from tf, or from topics of PoseStamped. Images may be raw or
-    compressed; camera_info gives the lens of a camera that is new. Topics are found by their usual names, and printed;
-    with --list nothing is written.
+    compressed; camera_info gives the lens of a camera that is new. Topics are
+    found by their usual names, and printed; with --list nothing is written.
 
     Of a recording in which arms stop, each stop at which something was seen is a
     sample: all robots represent 0.3 s around an image. With --streams all is

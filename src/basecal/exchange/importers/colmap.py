@@ -49,7 +49,8 @@ def read_colmap(
 
         basecal import colmap mycell sparse/0 --camera wrist
         basecal import colmap mycell sparse/0 --camera wrist --target room
-        basecal import colmap mycell sparse/0 --camera wrist --target room --images "left/*"
+        basecal import colmap mycell sparse/0 --camera wrist --target room \\
+            --images "left/*"
 
     Args:
         cell: Folder of the cell.

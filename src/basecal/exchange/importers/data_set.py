@@ -26,9 +26,10 @@ def read_data_set(
 ) -> Imported:
     """Images and robot poses of a data set of industrial_calibration or robot_cal_tools.
 
-    Reads the list of images and poses (metres, quaternions). Reads the camera's intrinsics, which become a start, and
-    the ChArUco board or grid of circles. They may be in the list or in files of their own. Guesses of mounts are taken
-    over.
+    Reads the list of images and poses (metres, quaternions). Reads the camera's
+    intrinsics, which become a start, and the ChArUco board or grid of circles.
+    They may be in the list or in files of their own. Guesses of mounts are
+    taken over.
 
     For example:
 

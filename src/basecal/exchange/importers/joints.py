@@ -23,10 +23,11 @@ def read_joints(
 ) -> Imported:
     """Import a robot's joints; they are checked against the limits of its URDF.
 
-    The file is a table in the order of the URDF's joints, or with a header that names or numbers them (j1, q1, A1).
-    Commas, semicolons, tabs or spaces separate its columns. Rows belong to the samples that are there in order, unless
-    a column `image`, `sample` or `stamp_s` says otherwise. A robot that has no URDF in the cell yet gets it here; it is
-    copied into the cell.
+    The file is a table in the order of the URDF's joints, or with a header that
+    names or numbers them (j1, q1, A1). Commas, semicolons, tabs or spaces
+    separate its columns. Rows belong to the samples that are there in order,
+    unless a column `image`, `sample` or `stamp_s` says otherwise. A robot that
+    has no URDF in the cell yet gets it here; it is copied into the cell.
 
     For example:
 

@@ -48,13 +48,16 @@ def read_poses(
     """Import robots' flange poses as their controllers write them, a robot at a time;
     or make a recording of matrices of all robots and of a target at once.
 
-    A file of one robot is a table with or without a header. Commas, semicolons, tabs or spaces separate its columns. It
-    may also hold poses as they are pasted from a controller: p[...], {X ..., A ...}, [[...],[...]]. Rows belong to the
-    samples that are there in order, unless a column `image`, `sample` or `stamp_s` says otherwise; where nothing is
-    recorded they make the samples. A robot that is recorded is never overwritten. With --camera and --target instead of
-    --robot the table is of the target's poses in the camera. With --streams rows keep the times they have and make
-    lines of their own: devices that recorded each at its own rate, by its own clock; `basecal calibrate` finds by how
-    much the clocks differ.
+    A file of one robot is a table with or without a header. Commas, semicolons,
+    tabs or spaces separate its columns. It may also hold poses as they are
+    pasted from a controller: p[...], {X ..., A ...}, [[...],[...]]. Rows belong
+    to the samples that are there in order, unless a column `image`, `sample` or
+    `stamp_s` says otherwise; where nothing is recorded they make the samples. A
+    robot that is recorded is never overwritten. With --camera and --target
+    instead of --robot the table is of the target's poses in the camera. With
+    --streams rows keep the times they have and make lines of their own: devices
+    that recorded each at its own rate, by its own clock; `basecal calibrate`
+    finds by how much the clocks differ.
 
     For example:
 
@@ -69,9 +72,10 @@ def read_poses(
             --on arm --format ros --streams
 
     Without FILE, pose i of each file belongs to the same instant. A file is
-    then 4x4 matrices one below the other (.txt: rows of four numbers), or an array (n, 4, 4) (.npz, .npz:key, .npy).
-    Else it is a .csv whose header names x, y, z, qx, qy, qz, qw or m00 ... m23. Without a hand file the target stands
-    on the world; without an eye file the camera does.
+    then 4x4 matrices one below the other (.txt: rows of four numbers), or an
+    array (n, 4, 4) (.npz, .npz:key, .npy). Else it is a .csv whose header names
+    x, y, z, qx, qy, qz, qw or m00 ... m23. Without a hand file the target
+    stands on the world; without an eye file the camera does.
 
     Args:
         cell: Folder of the cell.
