@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.lerobot import joint_rows, read_episode, read_motor_ranges
+from basecal.exchange.lerobot import joint_rows, read_episode, read_motor_ranges, select_motors, sparse_frames
 from basecal.kinematics import SerialChain
 
 pyarrow = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
 
+ALL = np.arange(1)
 DEGREES = np.array([[0, -90, 90, 10, -20, 30, 40.0], [5, -80, 80, 12, -22, 33, 41], [9, -70, 70, 14, -24, 36, 42]])
 
 
@@ -45,7 +46,7 @@ def test_degrees_of_an_episode(tmp_path: Path, arm: SerialChain, layout: str, mo
     names: object = {"motors": names_of(arm)} if motors else names_of(arm)
     for number in (0, 1):
         episode = read_episode(dataset(tmp_path / f"d{number}", names, layout), number)
-        rows = joint_rows(episode, "left", arm, "deg", None, 0.0)
+        rows = joint_rows(episode, "left", arm, "deg", None, sparse_frames(episode.stamps_s, 0.0))
         joints = np.array([row.robots["left"].joints_rad for row in rows])
         np.testing.assert_allclose(np.degrees(joints), DEGREES[:, :6] + number * np.eye(6)[0], atol=1e-9)
         assert [row.stamp_s for row in rows] == [0, 0.5, 1]
@@ -55,13 +56,13 @@ def test_joints_by_name_or_in_order(tmp_path: Path, arm: SerialChain) -> None:
     """By name in any order; where names differ in theirs; where neither fits it is said."""
     names = names_of(arm)
     turned = read_episode(dataset(tmp_path / "a", [*names[1:6], names[6], names[0]]), 0)
-    first = joint_rows(turned, "left", arm, "deg", None, 0.0)[0].robots["left"].joints_rad
+    first = joint_rows(turned, "left", arm, "deg", None, ALL)[0].robots["left"].joints_rad
     np.testing.assert_allclose(np.degrees(first), DEGREES[0, [6, 0, 1, 2, 3, 4]])
     other = read_episode(dataset(tmp_path / "b", ["gripper", *"abcdef"]), 0)
-    first = joint_rows(other, "left", arm, "deg", None, 0.0)[0].robots["left"].joints_rad
+    first = joint_rows(other, "left", arm, "deg", None, ALL)[0].robots["left"].joints_rad
     np.testing.assert_allclose(np.degrees(first), DEGREES[0, 1:])
     with pytest.raises(InputError, match="motors a, b, c, d, e, f, g, the URDF has the joints"):
-        joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, 0.0)
+        joint_rows(read_episode(dataset(tmp_path / "c", list("abcdefg")), 0), "left", arm, "deg", None, ALL)
 
 
 def test_normalised_by_the_range(tmp_path: Path, arm: SerialChain) -> None:
@@ -71,19 +72,27 @@ def test_normalised_by_the_range(tmp_path: Path, arm: SerialChain) -> None:
     motors = {name: motor | {"drive_mode": int(i == 1)} for i, name in enumerate(arm.joint_names)}
     (tmp_path / "arm.json").write_text(json.dumps(motors))
     ranges = read_motor_ranges(tmp_path / "arm.json")
-    first = joint_rows(episode, "left", arm, "normalised", ranges, 0.0)[0].robots["left"].joints_rad
+    first = joint_rows(episode, "left", arm, "normalised", ranges, ALL)[0].robots["left"].joints_rad
     assert first is not None
     # lerobot: norm = (ticks - min) / (max - min) * 200 - 100, degrees = (ticks - middle) * 360 / 4095.
     ticks = (np.array([0, 90, 90, 10, -20, 30]) + 100) / 200 * 2048 + 1024
     np.testing.assert_allclose(np.degrees(first), (ticks - 2048) * 360 / 4095, atol=1e-9)
     with pytest.raises(InputError, match="give --calibration"):
-        joint_rows(episode, "left", arm, "normalised", None, 0.0)
+        joint_rows(episode, "left", arm, "normalised", None, ALL)
 
 
 def test_a_frame_every_so_often(tmp_path: Path, arm: SerialChain) -> None:
     """Frames in between are passed over."""
     episode = read_episode(dataset(tmp_path / "d", names_of(arm)), 0)
-    assert [row.stamp_s for row in joint_rows(episode, "left", arm, "deg", None, 1.0)] == [0, 1]
+    taken = sparse_frames(episode.stamps_s, 1.0)
+    assert [row.stamp_s for row in joint_rows(episode, "left", arm, "deg", None, taken)] == [0, 1]
+
+
+def test_frames_are_taken_from_the_first_on() -> None:
+    """At least so far apart; all of them at no distance."""
+    stamps_s = np.array([0.0, 0.4, 1.0, 1.4, 2.1])
+    assert sparse_frames(stamps_s, 1.0).tolist() == [0, 2, 4]
+    assert sparse_frames(stamps_s, 0.0).tolist() == [0, 1, 2, 3, 4]
 
 
 def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
@@ -104,3 +113,14 @@ def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:
     (tmp_path / "x.json").write_text(f'{{"a": {{"range_min": 0, "range_max": 1{"0" * 400}, "drive_mode": 0}}}}')
     with pytest.raises(DatasetError, match="not a calibration of LeRobot"):
         read_motor_ranges(tmp_path / "x.json")
+
+
+def test_motors_of_one_of_two_arms(tmp_path: Path, arm: SerialChain) -> None:
+    """They are chosen by their names, and then named as the URDF's joints are."""
+    names = [*(f"left_{name}.pos" for name in arm.joint_names[:3]), *(f"right_{name}.pos" for name in "abcd")]
+    episode = read_episode(dataset(tmp_path / "d", names), 0)
+    left = select_motors(episode, "left_*")
+    assert left.names == tuple(arm.joint_names[:3])
+    np.testing.assert_array_equal(left.values, DEGREES[:, :3])
+    with pytest.raises(InputError, match=r"no motor is named middle_\*; there are: left_"):
+        select_motors(episode, "middle_*")

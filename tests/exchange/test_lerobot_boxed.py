@@ -17,6 +17,7 @@ pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
 lerobot_boxed = pytest.importorskip("basecal.exchange.lerobot_boxed")
 
+COLUMNS = "timestamp,observation.state"
 _MOTORS = 7
 
 
@@ -38,10 +39,10 @@ def run_lengths(folder: Path, rows: int, groups: int = 1, numbers: int = _MOTORS
 def test_rows_come_a_few_at_a_time(tmp_path: Path) -> None:
     """However many a group has; of an episode that is not there only its numbers."""
     path = run_lengths(tmp_path, 40_000)
-    frames = list(lerobot_boxed.read_frames(["0", path]))
+    frames = list(lerobot_boxed.read_frames(["0", COLUMNS, path]))
     assert [len(content) // 8 // (1 + _MOTORS) for _, content in frames] == [2**14, 2**14, 40_000 - 2**15]
-    assert list(lerobot_boxed.read_frames(["3", path])) == [([0, 0, 0], b"")] * 3
-    assert list(lerobot_boxed.read_frames(["0", run_lengths(tmp_path / "none", 0)])) == []
+    assert list(lerobot_boxed.read_frames(["3", COLUMNS, path])) == [([0, 0, 0], b"")] * 3
+    assert list(lerobot_boxed.read_frames(["0", COLUMNS, run_lengths(tmp_path / "none", 0)])) == []
 
 
 def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,7 +51,7 @@ def test_rows_are_counted_before_any_is_read(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(lerobot_boxed, "_MOST_ROWS", 999)
     monkeypatch.setattr(lerobot_boxed.ParquetFile, "iter_batches", None)
     with pytest.raises(InputError, match="has more than 999 rows; cut it"):
-        list(lerobot_boxed.read_frames(["0", path]))
+        list(lerobot_boxed.read_frames(["0", COLUMNS, path]))
 
 
 @pytest.mark.parametrize(
@@ -73,16 +74,18 @@ def test_columns_of_something_else(tmp_path: Path, state: object, stamp: object,
     columns = {"timestamp": stamp, "episode_index": episode} | ({} if state is None else {"observation.state": state})
     path = tmp_path / "a.parquet"
     pq.write_table(pa.table(columns), path)
-    with pytest.raises(InputError, match=r"a\.parquet: not a table of LeRobot \(\w+\), expected observation\.state"):
-        list(lerobot_boxed.read_frames(["0", str(path)]))
+    with pytest.raises(
+        InputError, match=r"a\.parquet: not a table of LeRobot \(\w+\), expected timestamp, observation\.state"
+    ):
+        list(lerobot_boxed.read_frames(["0", COLUMNS, str(path)]))
 
 
 def test_stamps_may_be_lists_of_one(tmp_path: Path) -> None:
     """As some versions write them."""
     columns = {"observation.state": [[1, 2], [3, 4]], "timestamp": [[0.0], [0.5]], "episode_index": [0, 0]}
     pq.write_table(pa.table(columns), tmp_path / "a.parquet")
-    ((sizes, content),) = lerobot_boxed.read_frames(["0", str(tmp_path / "a.parquet")])
-    assert sizes == [2, 0, 0]
+    ((sizes, content),) = lerobot_boxed.read_frames(["0", COLUMNS, str(tmp_path / "a.parquet")])
+    assert sizes == [3, 0, 0]
     np.testing.assert_array_equal(np.frombuffer(content).reshape(2, 3), [[0, 1, 2], [0.5, 3, 4]])
 
 

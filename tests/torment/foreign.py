@@ -26,6 +26,7 @@ from basecal.exchange.lens_files.kalibr import read_camchain, read_target
 from basecal.exchange.lens_files.mrcal import read_cameramodel
 from basecal.exchange.lens_files.opencv import read_opencv
 from basecal.exchange.lerobot import read_episode
+from basecal.exchange.lerobot_films import Film, write_images
 from basecal.kinematics import read_chain
 from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes
@@ -34,6 +35,7 @@ from torment.outcome import of_reader
 Trial = Callable[[Random, Path], str]
 _BY_BYTES = 0.4  # of the trials; in the others the data is damaged, and written as JSON
 _SIX_AXIS = Path(__file__).parents[1] / "data" / "urdf" / "six_axis.urdf"
+_FILM = Path(__file__).parents[1] / "data" / "film_av1.mp4"
 _TORN = 0.8  # of the tables of LeRobot
 _MATRIX = [766.5, 0.0, 640.9, 0.0, 765.4, 358.8, 0.0, 0.0, 1.0]
 _POSE = {"translation": {"x": 0.1, "y": 0.2, "z": 0.3}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
@@ -142,6 +144,13 @@ def write_damaged_tables(chance: Random, folder: Path) -> Path:
     if chance.random() < _TORN:
         path.write_bytes(content[:at] + torn_bytes(content[at:], chance))
     return path
+
+
+def read_damaged_film(chance: Random, folder: Path) -> str:
+    """A film of LeRobot, damaged."""
+    path = folder / "film.mp4"
+    path.write_bytes(torn_bytes(_FILM.read_bytes(), chance))
+    return of_reader(lambda: write_images(Film(path, chance.choice([0.0, 0.5, 1e9])), np.array([0.0, 0.5]), folder))
 
 
 FOREIGN: dict[str, Trial] = {

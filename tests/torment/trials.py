@@ -24,7 +24,7 @@ from torment import besides, disks, system_calls
 from torment.cells import KINDS, calibration, cell_text, made, moved_or_good, write
 from torment.damage import HOSTILE_TEXTS, at, damaged, places
 from torment.exports import EXPORTS
-from torment.foreign import read_damaged_tables
+from torment.foreign import read_damaged_film, read_damaged_tables
 from torment.hostile_cell import hostile_cell
 from torment.numbers import calibrate_strange
 from torment.others import OTHERS
@@ -234,6 +234,7 @@ WHOLE: dict[str, Trial] = {
     "slow disk": disks.slow_disk,
     "read-only": disks.read_only,
     "lerobot": read_damaged_tables,
+    "lerobot film": read_damaged_film,
     "import bag": besides.import_damaged_bag,
     "verify": verify_damaged,
     "compare": compare_damaged,

@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
@@ -23,12 +24,12 @@ from basecal.box import Frame, frames
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, InputError, MissingExtra
 from basecal.exchange.importing.imported import Row
-from basecal.geometry import Array
+from basecal.geometry import Array, IntArray
 from basecal.kinematics import SerialChain
 
 JointUnit = Literal["deg", "rad", "normalised"]
 
-_LARGEST_INFO = 2**24  # bytes
+LARGEST_INFO = 2**24  # bytes
 _LARGEST_CALIBRATION = 2**20  # bytes
 _TICKS = 4096 - 1  # of a whole turn, as lerobot counts them
 _STATE = "observation.state"
@@ -56,30 +57,50 @@ def read_episode(folder: Path, number: int) -> Episode:
         MissingExtra: if the library of parquet is not installed.
         DatasetError: if the folder is no dataset of LeRobot, or has no such episode.
     """
+    names = _names(folder / "meta" / "info.json")
+    rows = read_columns(folder, folder / "data", number, ["timestamp", _STATE], 1 + len(names))
+    return Episode(names, rows[:, 1:], rows[:, 0])
+
+
+def read_columns(folder: Path, tables: Path, number: int, columns: Sequence[str], width: int | None = None) -> Array:
+    """Rows of an episode, (n, numbers of all columns), from the tables of a dataset.
+
+    Args:
+        folder: Of the dataset.
+        tables: Folder of its tables.
+        number: Of the episode.
+        columns: Their names.
+        width: How many numbers a row has; as many as columns if None.
+
+    Raises:
+        MissingExtra: if the library of parquet is not installed.
+        DatasetError: if they cannot be read, or have no such episode.
+    """
     if find_spec("pyarrow") is None:
         raise MissingExtra("lerobot", "a recording of LeRobot")
-    names = _names(folder / "meta" / "info.json")
-    expected = f"expected {len(names)} finite numbers in every {_STATE}"
+    width = len(columns) if width is None else width
+    expected = f"expected {width - len(columns) + 1} finite numbers in every {columns[-1]}"
     parts: list[Array] = []
     known: list[int] = []
-    for (count, *ends), content in _frames(folder, number):
+    for (count, *ends), content in _frames(folder, tables, number, columns):
         known = [min(known + ends), max(known + ends)]
-        if content and count != len(names):
+        if content and count != width:
             raise DatasetError(str(folder), expected)
-        parts += [np.frombuffer(content).reshape(-1, 1 + len(names))] if content else []
+        parts += [np.frombuffer(content).reshape(-1, width)] if content else []
     if not parts:
         raise DatasetError(str(folder), f"has no episode {number}; it has {' to '.join(map(str, known)) or 'none'}")
     rows = np.concatenate(parts)
     if not np.isfinite(rows).all():
         raise DatasetError(str(folder), expected)
-    return Episode(names, rows[:, 1:], rows[:, 0])
+    return rows
 
 
-def _frames(folder: Path, number: int) -> Iterator[Frame]:
-    paths = sorted((folder / "data").rglob("*.parquet"))
+def _frames(folder: Path, tables: Path, number: int, columns: Sequence[str]) -> Iterator[Frame]:
+    paths = sorted(tables.rglob("*.parquet"))
     for path in paths:
         check_regular(path)
-    words, size = [str(number), *(os.path.abspath(path) for path in paths)], sum(path.stat().st_size for path in paths)
+    words = [str(number), ",".join(columns), *(os.path.abspath(path) for path in paths)]
+    size = sum(path.stat().st_size for path in paths)
     try:
         yield from frames("basecal.exchange.lerobot_boxed", words, size) if paths else ()
     except DatasetError:
@@ -88,15 +109,39 @@ def _frames(folder: Path, number: int) -> Iterator[Frame]:
         raise DatasetError(str(folder), str(error)) from None
 
 
+def select_motors(episode: Episode, pattern: str) -> Episode:
+    """The motors whose names match a pattern such as `left_*`, named without what precedes its star.
+
+    Raises:
+        InputError: if none does.
+    """
+    places = [i for i, name in enumerate(episode.names) if fnmatchcase(name, pattern)]
+    if not places:
+        raise InputError(f"no motor is named {pattern}; there are: {', '.join(episode.names)}")
+    prefix = pattern.partition("*")[0] if pattern.endswith("*") else ""
+    names = tuple(episode.names[i].removeprefix(prefix) for i in places)
+    return replace(episode, names=names, values=episode.values[:, places])
+
+
+def sparse_frames(stamps_s: Array, every_s: float) -> IntArray:
+    """Frames at least so far apart in time [s], from the first on."""
+    taken, last = [], -math.inf
+    for i, stamp in enumerate(stamps_s):
+        if stamp - last >= every_s:
+            taken.append(i)
+            last = float(stamp)
+    return np.array(taken, dtype=np.int64)
+
+
 def joint_rows(
     episode: Episode,
     robot: str,
     chain: SerialChain,
     unit: JointUnit,
     calibration: Mapping[str, Mapping[str, float]] | None,
-    every_s: float,
+    frame_indices: IntArray,
 ) -> tuple[Row, ...]:
-    """Rows with a robot's joints [rad] at a frame every so often; the gripper is no joint of the chain.
+    """Rows with a robot's joints [rad] at some frames; the gripper is no joint of the chain.
 
     Args:
         episode: What was recorded.
@@ -104,7 +149,7 @@ def joint_rows(
         chain: Its kinematics; motors are found by its joints' names, else in order without the gripper.
         unit: Of what was recorded.
         calibration: Ranges of the motors, which normalised values need.
-        every_s: Time between frames that are taken [s]; 0 for all.
+        frame_indices: (n,) which frames.
 
     Raises:
         InputError: if the motors do not suit the chain, or the calibration lacks one.
@@ -115,14 +160,12 @@ def joint_rows(
         places = [i for i, name in enumerate(episode.names) if "gripper" not in name]
     if len(places) != chain.n:
         there = f"motors {', '.join(episode.names)}, the URDF has the joints {', '.join(chain.joint_names)}"
-        raise InputError(f"{there}: as many as motors without the gripper are needed, or the same names")
+        need = "as many as motors without the gripper are needed, or the same names; of two arms choose by --motors"
+        raise InputError(f"{there}: {need}")
     joints = np.stack([_radians(episode, place, unit, calibration) for place in places], axis=-1)
-    taken, last = [], -math.inf
-    for i, stamp in enumerate(episode.stamps_s):
-        if stamp - last >= every_s:
-            taken.append(i)
-            last = float(stamp)
-    return tuple(Row({robot: RobotState(joints_rad=joints[i])}, stamp_s=float(episode.stamps_s[i])) for i in taken)
+    return tuple(
+        Row({robot: RobotState(joints_rad=joints[i])}, stamp_s=float(episode.stamps_s[i])) for i in frame_indices
+    )
 
 
 def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
@@ -148,7 +191,7 @@ def read_motor_ranges(path: Path) -> dict[str, dict[str, float]]:
 
 
 def _names(path: Path) -> tuple[str, ...]:
-    text = read_bounded(path, _LARGEST_INFO)
+    text = read_bounded(path, LARGEST_INFO)
     try:
         feature: Any = json.loads(text)["features"][_STATE]
         names = feature["names"]

@@ -1,6 +1,6 @@
-"""The process that reads the tables of a LeRobot dataset: frames of one episode, a few at a time.
+"""The process that reads the tables of a LeRobot dataset: rows of one episode, a few at a time.
 
-Words are the episode and the tables.
+Words are the episode, the columns and the tables.
 """
 
 from __future__ import annotations
@@ -16,40 +16,38 @@ from basecal.box import Frame, is_own_fault
 from basecal.errors import InputError
 from basecal.geometry import Array
 
-STATE = "observation.state"
-_COLUMNS = [STATE, "timestamp", "episode_index"]
+_EPISODE = "episode_index"
 _MOST_ROWS = 20_000_000  # of a table: 100 hours at 50 Hz
 _AT_ONCE = 2**14  # rows
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
-    """`[motors, first episode, last episode]` of some rows, with stamp and values of each that is of the episode."""
+    """`[numbers of a row, first episode, last episode]` of some rows, with the numbers of those of the episode."""
     pa.set_memory_pool(pa.system_memory_pool())  # the others reserve more than they use
-    for path in words[1:]:
+    columns = words[1].split(",")
+    for path in words[2:]:
         try:
-            yield from _frames(path, int(words[0]))
+            yield from _frames(path, int(words[0]), columns)
         except (MemoryError, InputError):
             raise
         except Exception as error:  # of Arrow, of a dozen kinds
             if is_own_fault(error):
                 raise
-            expected = f"expected {', '.join(_COLUMNS[:2])} and {_COLUMNS[2]}"
+            expected = f"expected {', '.join(columns)} and {_EPISODE}"
             raise InputError(f"{path}: not a table of LeRobot ({type(error).__name__}), {expected}") from None
 
 
-def _frames(path: str, episode: int) -> Iterator[Frame]:
+def _frames(path: str, episode: int, columns: Sequence[str]) -> Iterator[Frame]:
     table = ParquetFile(path)
     if table.metadata.num_rows > _MOST_ROWS:
         raise InputError(f"{path}: has more than {_MOST_ROWS} rows; cut it")
-    for batch in table.iter_batches(_AT_ONCE, columns=_COLUMNS, use_threads=False):
-        episodes = _numbers(batch, "episode_index")[:, 0]
+    for batch in table.iter_batches(_AT_ONCE, columns=[*columns, _EPISODE], use_threads=False):
+        episodes = _numbers(batch, _EPISODE)[:, 0]
         of_episode = batch.filter(pa.array(episodes == episode))
-        rows = _rows(of_episode) if len(of_episode) else np.zeros((0, 1))
-        yield [rows.shape[1] - 1, int(episodes.min()), int(episodes.max())], rows.tobytes()
-
-
-def _rows(batch: pa.RecordBatch) -> Array:
-    return np.column_stack([_numbers(batch, "timestamp")[:, 0], _numbers(batch, STATE)])
+        rows = (
+            np.column_stack([_numbers(of_episode, name) for name in columns]) if len(of_episode) else np.zeros((0, 0))
+        )
+        yield [rows.shape[1], int(episodes.min()), int(episodes.max())], rows.tobytes()
 
 
 def _numbers(batch: pa.RecordBatch, name: str) -> Array:

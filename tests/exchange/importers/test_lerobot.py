@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.exchange.test_lerobot import DEGREES, dataset, names_of
 
-from basecal.cell.files import read_recording
+from basecal.cell.files import read_cell, read_recording
 from basecal.cli import main
 from basecal.exchange.urdf import chain_urdf
 from basecal.kinematics import SerialChain
@@ -29,3 +31,57 @@ def test_a_dataset_makes_a_cell(tmp_path: Path, arm: SerialChain, capsys: pytest
     found = [sample.robots["left"].joints_rad for sample in read_recording(tmp_path / "c").samples]
     np.testing.assert_allclose(np.degrees(found), DEGREES[:, :6], atol=1e-9)
     assert main([*base, "--unit", "deg", "--calibration", "x.json"]) == 2
+
+
+def two_arms(folder: Path, arm: SerialChain) -> Path:
+    """An episode of two arms with a film of each one's wrist, 60 frames at 30 Hz; the arms rest at the ninth."""
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    names = [f"{side}_{name}.pos" for side in ("left", "right") for name in (*arm.joint_names, "gripper")]
+    films = [f"observation.images.{side}_wrist" for side in ("left", "right")]
+    features = {"observation.state": {"names": names}, **{film: {"dtype": "video"} for film in films}}
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text(json.dumps({"features": features}))
+    moved = np.maximum(np.arange(60) - 8.0, 0)[:, None] + np.concatenate([DEGREES[0], DEGREES[1]])
+    rows = [
+        {"observation.state": [float(v) for v in row], "timestamp": k / 30, "episode_index": 0}
+        for k, row in enumerate(moved)
+    ]
+    table = folder / "data" / "chunk-000" / "episode_000000.parquet"
+    table.parent.mkdir(parents=True)
+    parquet.write_table(pyarrow.Table.from_pylist(rows), table)
+    for film in films:
+        place = folder / "videos" / "chunk-000" / film / "episode_000000.mp4"
+        place.parent.mkdir(parents=True)
+        shutil.copy(Path(__file__).parents[2] / "data" / "film_av1.mp4", place)
+    return folder
+
+
+def test_two_arms_with_the_films_of_their_wrists(
+    tmp_path: Path, arm: SerialChain, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both arms and both cameras join the same samples, at the frames in which the arms moved least."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    data, cell = two_arms(tmp_path / "d", arm), tmp_path / "c"
+    for side in ("left", "right"):
+        words = ["import", "lerobot", str(cell), str(data), "--robot", side, "--unit", "deg", "--motors", f"{side}_*"]
+        words += ["--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+        words += ["--camera", f"{side}_eye"]
+        assert main(words) == 3
+        assert "has the films left_wrist, right_wrist: say which one by --film" in capsys.readouterr().err
+        assert main([*words, "--film", f"{side}_wrist"]) == 0
+        assert f"joints of '{side}' in deg, with what '{side}_eye' saw" in capsys.readouterr().out
+    found, samples = read_cell(cell), read_recording(cell).samples
+    assert {name: (camera.on, camera.size_px) for name, camera in found.cameras.items()} == {
+        "left_eye": ("left", (64, 48)),
+        "right_eye": ("right", (64, 48)),
+    }
+    assert [sorted(sample.images) for sample in samples] == [["left_eye", "right_eye"]] * 2
+    np.testing.assert_allclose(np.degrees(samples[0].robots["right"].joints_rad), DEGREES[1, :6], atol=1e-9)
+    assert not list(tmp_path.glob(".film-*"))
+
+
+def test_films_go_with_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whose film it is has to be said."""
+    words = ["import", "lerobot", str(tmp_path / "c"), str(tmp_path), "--robot", "left", "--unit", "deg"]
+    assert main([*words, "--film", "wrist"]) == 2
+    assert "--film and --on belong to --camera" in capsys.readouterr().err

@@ -1,13 +1,31 @@
-"""A robot's joints from an episode of LeRobot."""
+"""A robot's joints from an episode of LeRobot, and what its camera saw."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
-from basecal.errors import UsageError
+import numpy as np
+
+from basecal.cell import Cell
+from basecal.errors import InputError, UsageError
+from basecal.exchange.importing.cell_content import known_cell
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
-from basecal.exchange.lerobot import JointUnit, joint_rows, read_episode, read_motor_ranges
+from basecal.exchange.lerobot import (
+    Episode,
+    JointUnit,
+    joint_rows,
+    read_episode,
+    read_motor_ranges,
+    select_motors,
+    sparse_frames,
+)
+from basecal.exchange.lerobot_films import Film, find_film, still_frames, write_images
+from basecal.exchange.pictures import picture_size
+from basecal.geometry import IntArray
 
 
 def read_lerobot(
@@ -24,6 +42,10 @@ def read_lerobot(
     base_link: str | None = None,
     flange_link: str | None = None,
     offset_sigma_deg: float | None = None,
+    motors: str = "*",
+    camera: str | None = None,
+    film: str | None = None,
+    on: str | None = None,
 ) -> Imported:
     """Import a robot's joints from an episode that LeRobot recorded (v2 or v3).
 
@@ -31,14 +53,17 @@ def read_lerobot(
     URDF's joints, or taken in order. Samples that have times are paired by time;
     where nothing is recorded a frame a second makes a sample. Values are degrees
     (`use_degrees=true`), or normalised to -100 to 100, which needs the arm's
-    calibration file. Films are not read: save their frames under their times,
-    and import them by `basecal import images --by time`.
+    calibration file. With --camera its film is read too: of each second the
+    frame in which the motors moved least. Of two arms in one dataset --motors
+    chooses one.
 
     For example:
 
         basecal import lerobot mycell my_dataset --robot left --unit deg \\
             --urdf so101.urdf --base-link base_link --flange-link gripper_link \\
             --offset-sigma-deg 2
+        basecal import lerobot mycell my_dataset --robot left --unit deg \\
+            --motors "left_*" --camera left_eye --film left_wrist
 
     Args:
         cell: Folder of the cell.
@@ -52,6 +77,10 @@ def read_lerobot(
         base_link: Link of that URDF that the robot stands on.
         flange_link: Link of that URDF that is the flange.
         offset_sigma_deg: How far each joint's zero may be off, one sigma; they are then estimated with the rest.
+        motors: Which motors are the robot's, by their names.
+        camera: Name of the camera whose film is read; the robot carries it, unless --on says what does.
+        film: Which film, where the dataset has several.
+        on: What carries a new camera: a robot, or world.
 
     Raises:
         UsageError: if options do not go together, or a number is out of range.
@@ -62,10 +91,54 @@ def read_lerobot(
         raise UsageError("--calibration belongs to --unit normalised")
     if episode < 0 or not every_s >= 0:
         raise UsageError("--episode and --every-s are at least 0")
+    if camera is None and (film is not None or on is not None):
+        raise UsageError("--film and --on belong to --camera")
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     ranges = None if calibration is None else read_motor_ranges(calibration)
     recorded = read_episode(Path(folder), episode)
-    rows = joint_rows(recorded, robot, model.chain, unit, ranges, every_s)
+    taken = _choose_frames(recorded, every_s, is_seen=camera is not None)
+    rows = joint_rows(select_motors(recorded, motors), robot, model.chain, unit, ranges, taken)
     what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
     advice = "check --unit, the calibration and the URDF"
-    return Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
+    imported = Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
+    if camera is None:
+        return imported
+    entry = _camera_entry(known_cell(cell), camera, on, robot)
+    return _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
+
+
+def _choose_frames(episode: Episode, every_s: float, is_seen: bool) -> IntArray:
+    """Frames to take; where a camera saw them, those in which no arm moved."""
+    if is_seen:
+        return still_frames(episode.values, episode.stamps_s, every_s)
+    return sparse_frames(episode.stamps_s, every_s)
+
+
+def _camera_entry(cell: Cell | None, name: str, stated_carrier: str | None, robot: str) -> dict[str, Any]:
+    """Entry of `cell.yaml` of a camera; of one that is new what carries it, and a free lens.
+
+    Raises:
+        InputError: if the cell says that something else carries it.
+    """
+    if cell is None or name not in cell.cameras:
+        return {"on": stated_carrier or robot, "intrinsics": {"status": "free"}}
+    if stated_carrier not in (None, cell.cameras[name].on):
+        raise InputError(f"camera {name!r} is on {cell.cameras[name].on!r} in cell.yaml, not on {stated_carrier!r}")
+    return {}
+
+
+def _with_images(source: Imported, cell: Path, camera: str, entry: dict[str, Any], film: Film) -> Imported:
+    """A copy whose rows have the images of a film."""
+    beside = next(above for above in cell.absolute().parents if above.exists())
+    scratch = TemporaryDirectory(prefix=".film-", dir=beside)
+    try:
+        stamps = np.array([row.stamp_s for row in source.rows], dtype=np.float64)
+        paths = write_images(film, stamps, Path(scratch.name))
+    except BaseException:
+        scratch.cleanup()
+        raise
+    size_px = picture_size(paths[0])
+    rows = tuple(replace(row, pictures={camera: path}) for row, path in zip(source.rows, paths, strict=True))
+    cameras = {camera: {**({} if size_px is None else {"size_px": list(size_px)}), **entry}}
+    what = f"{source.what}, with what {camera!r} saw"
+    return replace(source, what=what, rows=rows, cell={**source.cell, "cameras": cameras}, scratch=scratch)

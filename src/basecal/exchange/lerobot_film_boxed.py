@@ -1,0 +1,44 @@
+"""The process that decodes a film: images at given times, in grey, one after another.
+
+Words are the film and the times [s].
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+
+from basecal.box import Frame
+from basecal.errors import InputError
+
+_MOST_FRAMES = 5_000_000  # of a film: 46 hours at 30 Hz
+_MOST_PIXELS = 2**25  # of an image
+
+
+def read_frames(words: Sequence[str]) -> Iterator[Frame]:
+    """`[place of the time]` and an image as PNG, by rising times, as long as the film goes on."""
+    os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = "threads;1"
+    import cv2
+
+    cv2.setNumThreads(1)
+    film = cv2.VideoCapture(words[0], cv2.CAP_FFMPEG)
+    rate_hz = film.get(cv2.CAP_PROP_FPS) if film.isOpened() else 0.0
+    if not 0 < rate_hz < 1e4:
+        raise InputError("cannot be decoded")
+    width, height = film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)
+    if width * height > _MOST_PIXELS:
+        raise InputError(f"has images of {width:g} x {height:g} px, which is more than is read")
+    wanted = sorted((round(float(word) * rate_hz), place) for place, word in enumerate(words[1:]))
+    now = -1
+    for frame, place in wanted:
+        while now < min(frame, _MOST_FRAMES):
+            if not film.grab():
+                if now < 0:
+                    raise InputError("cannot be decoded")
+                return
+            now += 1
+        is_read, image = film.retrieve()
+        if not is_read:
+            raise InputError(f"frame {frame} cannot be decoded")
+        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+        yield [place], cv2.imencode(".png", grey)[1].tobytes()

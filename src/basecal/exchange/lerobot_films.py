@@ -1,0 +1,121 @@
+"""Films of LeRobot's recordings: which file shows an episode, and its images at given times.
+
+Source: huggingface.co, LeRobotDataset v2.1 (a film an episode, videos/chunk-000/KEY/episode_000000.mp4) and v3.0 (films
+of many episodes, videos/KEY/chunk-000/file-000.mp4; meta/episodes/ has the `from_timestamp` of each).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from basecal.bounded_file import check_regular, read_bounded
+from basecal.box import frames
+from basecal.errors import DatasetError, InputError, list_names
+from basecal.exchange.lerobot import LARGEST_INFO, read_columns
+from basecal.geometry import Array, IntArray
+
+_PREFIX = "observation.images."
+_EPISODES = "meta", "episodes"
+
+
+class Film(NamedTuple):
+    """A file, and when the episode begins in it [s]."""
+
+    path: Path
+    start_s: float
+
+
+def find_film(folder: Path, number: int, name: str | None) -> Film:
+    """The film of an episode.
+
+    Args:
+        folder: Of the dataset.
+        number: Of the episode.
+        name: Feature of `info.json`, with or without "observation.images."; the only one if None.
+
+    Raises:
+        DatasetError: if there is no such film.
+    """
+    key = _choose_feature(folder, name)
+    if (folder / Path(*_EPISODES)).is_dir():
+        return _shared_film(folder, number, key)
+    found = sorted((folder / "videos").glob(f"*/{key}/episode_{number:06d}.mp4"))
+    if not found:
+        raise DatasetError(str(folder), f"has no film videos/*/{key}/episode_{number:06d}.mp4")
+    return Film(found[0], 0.0)
+
+
+def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
+    """Images of a film at times of its episode, (n,) [s], as files of a folder named by these; in grey.
+
+    Raises:
+        DatasetError: if the film cannot be decoded, or ends before.
+    """
+    check_regular(film.path)
+    words = [os.path.abspath(film.path), *(repr(float(film.start_s + stamp)) for stamp in stamps_s)]
+    paths = [folder / f"{stamp:010.3f}.png" for stamp in stamps_s]
+    done = 0
+    try:
+        for (at,), content in frames("basecal.exchange.lerobot_film_boxed", words, film.path.stat().st_size):
+            paths[int(at)].write_bytes(content)
+            done += 1
+    except DatasetError:
+        raise
+    except InputError as error:
+        advice = "save its frames under their times, and import them by `basecal import images --by time`"
+        raise DatasetError(str(film.path), f"{error}; {advice}") from None
+    if done < len(paths):
+        raise DatasetError(str(film.path), f"ends before {stamps_s[done]:g} s of the episode")
+    return paths
+
+
+def still_frames(values: Array, stamps_s: Array, every_s: float) -> IntArray:
+    """Frame of each period in which the motors moved least, as image and joints may be of different instants.
+
+    Args:
+        values: (frames, motors).
+        stamps_s: (frames,), rising.
+        every_s: The period [s]; 0 for all frames.
+    """
+    if every_s == 0 or len(values) < 2:
+        return np.arange(len(values))
+    spread = np.maximum(np.ptp(values, axis=0), np.finfo(np.float64).tiny)
+    motion = np.abs(np.gradient(values / spread, axis=0)).max(axis=1)
+    period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
+    order = np.lexsort((motion, period))
+    first = np.flatnonzero(np.diff(period[order], prepend=-1))
+    return np.sort(order[first])
+
+
+def _choose_feature(folder: Path, name: str | None) -> str:
+    """The full name of a film.
+
+    Raises:
+        DatasetError: if there is none, or it is not clear which.
+    """
+    path = folder / "meta" / "info.json"
+    try:
+        features: Any = json.loads(read_bounded(path, LARGEST_INFO))["features"]
+        films = [str(key) for key, of in features.items() if of.get("dtype") == "video" and Path(key).name == key]
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise DatasetError(str(path), "not the info.json of LeRobot, expected features") from None
+    chosen = [key for key in films if name in (None, key, key.removeprefix(_PREFIX))]
+    if len(chosen) == 1:
+        return chosen[0]
+    short = list_names([key.removeprefix(_PREFIX) for key in films])
+    raise DatasetError(str(folder), f"has the films {short}: say which one by --film")
+
+
+def _shared_film(folder: Path, number: int, key: str) -> Film:
+    names = [f"videos/{key}/{field}" for field in ("chunk_index", "file_index", "from_timestamp")]
+    rows = read_columns(folder, folder.joinpath(*_EPISODES), number, names)
+    chunk, file, start_s = (float(value) for value in rows[0])
+    path = folder / "videos" / key / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4"
+    if not path.is_file():
+        raise DatasetError(str(path), "is not there, though meta/episodes names it")
+    return Film(path, start_s)
