@@ -38,7 +38,8 @@ def match(first: Descriptors, second: Descriptors) -> Matches:
     alike[rows, best] = value
     # Of unit vectors the squared distance is 2 - 2 cos.
     is_clear = 1 - value < _RATIO**2 * (1 - runner_up)
-    kept = np.flatnonzero(is_clear & (alike.argmax(0)[best] == rows))
+    mutual = np.flatnonzero(is_clear & (alike.max(0)[best] == value))
+    kept = mutual[np.sort(np.unique(best[mutual], return_index=True)[1])]  # of equal ones the first
     return Matches(kept.astype(np.int64), best[kept].astype(np.int64))
 
 
