@@ -18,9 +18,12 @@ from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
+import cv2
+
 from basecal import box
 from shared.ros2_domain import LOOPBACK
 
+cv2.setNumThreads(1)  # a fork has none of its parent's threads, and OpenCV would wait for them
 _FORK = multiprocessing.get_context("fork")
 _MODULE_AT = 3  # of the words of a box's process: the first after `python -m basecal.box`
 _PRELOADED = ["basecal.cli.driver_check", "basecal.acquisition.driver_check.check_process", "basecal.cell.files"]
