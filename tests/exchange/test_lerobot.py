@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError, InputError
-from basecal.exchange.lerobot import joint_rows, read_episode, read_motor_ranges, select_motors, sparse_frames
+from basecal.exchange.lerobot import (
+    Episode,
+    joint_rows,
+    nearest_frames,
+    read_episode,
+    read_motor_ranges,
+    select_motors,
+    still_frames,
+)
 from basecal.kinematics import SerialChain
 
 pyarrow = pytest.importorskip("pyarrow")
@@ -46,7 +54,7 @@ def test_degrees_of_an_episode(tmp_path: Path, arm: SerialChain, layout: str, mo
     names: object = {"motors": names_of(arm)} if motors else names_of(arm)
     for number in (0, 1):
         episode = read_episode(dataset(tmp_path / f"d{number}", names, layout), number)
-        rows = joint_rows(episode, "left", arm, "deg", None, sparse_frames(episode.stamps_s, 0.0))
+        rows = joint_rows(episode, "left", arm, "deg", None, still_frames(episode, 0.0))
         joints = np.array([row.robots["left"].joints_rad for row in rows])
         np.testing.assert_allclose(np.degrees(joints), DEGREES[:, :6] + number * np.eye(6)[0], atol=1e-9)
         assert [row.stamp_s for row in rows] == [0, 0.5, 1]
@@ -81,18 +89,23 @@ def test_normalised_by_the_range(tmp_path: Path, arm: SerialChain) -> None:
         joint_rows(episode, "left", arm, "normalised", None, ALL)
 
 
-def test_a_frame_every_so_often(tmp_path: Path, arm: SerialChain) -> None:
-    """Frames in between are passed over."""
-    episode = read_episode(dataset(tmp_path / "d", names_of(arm)), 0)
-    taken = sparse_frames(episode.stamps_s, 1.0)
-    assert [row.stamp_s for row in joint_rows(episode, "left", arm, "deg", None, taken)] == [0, 1]
+def episode_of(values: np.ndarray, stamps_s: np.ndarray) -> Episode:
+    return Episode(tuple(f"m{k}" for k in range(values.shape[1])), values, stamps_s)
 
 
-def test_frames_are_taken_from_the_first_on() -> None:
-    """At least so far apart; all of them at no distance."""
-    stamps_s = np.array([0.0, 0.4, 1.0, 1.4, 2.1])
-    assert sparse_frames(stamps_s, 1.0).tolist() == [0, 2, 4]
-    assert sparse_frames(stamps_s, 0.0).tolist() == [0, 1, 2, 3, 4]
+def test_frame_that_moved_least_of_each_period() -> None:
+    """Of each second, whatever a motor's unit is, and beside motors that stand still; all frames of no period."""
+    moved = np.arange(20.0)
+    moved[4], moved[14] = moved[3], moved[13]
+    episode = episode_of(moved[:, None] * [1.0, 100.0, 0.0] + [0.0, 0.0, 40.0], np.arange(20) / 10)
+    assert still_frames(episode, 1.0).tolist() == [3, 13]
+    assert still_frames(episode, 0.0).tolist() == list(range(20))
+
+
+def test_frames_nearest_to_samples() -> None:
+    """Each once, and none that is too far away."""
+    episode = episode_of(np.zeros((4, 1)), np.array([0.0, 1.0, 2.0, 3.0]))
+    assert nearest_frames(episode, np.array([2.04, 0.96, 1.98, 2.9])).tolist() == [1, 2]
 
 
 def test_what_is_no_dataset_is_said(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import socket
 from pathlib import Path
 
 import cv2
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from basecal.errors import DatasetError
-from basecal.exchange.lerobot_films import Film, find_film, still_frames, write_images
+from basecal.exchange.lerobot_films import Film, find_film, write_images
 
 FILM = (
     Path(__file__).parents[1] / "data" / "film_av1.mp4"
@@ -31,10 +32,10 @@ def levels(paths: list[Path]) -> list[float]:
 
 
 def test_images_at_times_of_an_episode(tmp_path: Path) -> None:
-    """In any order, from where the episode begins; they are named by their times."""
-    paths = write_images(Film(FILM, 0.0), np.array([0.0, 1.5, 0.5]), tmp_path)
-    assert [path.name for path in paths] == ["000000.000.png", "000001.500.png", "000000.500.png"]
-    np.testing.assert_allclose(levels(paths), [0, 180, 60], atol=3)
+    """From where the episode begins; they are named by their times."""
+    paths = write_images(Film(FILM, 0.0), np.array([0.0, 0.5, 1.5]), tmp_path)
+    assert [path.name for path in paths] == ["000000.000.png", "000000.500.png", "000001.500.png"]
+    np.testing.assert_allclose(levels(paths), [0, 60, 180], atol=3)
     later = write_images(Film(FILM, 1.0), np.array([0.1]), tmp_path)
     np.testing.assert_allclose(levels(later), [4 * 33], atol=3)
 
@@ -85,21 +86,45 @@ def test_film_of_many_episodes(tmp_path: Path) -> None:
     np.testing.assert_allclose(levels(write_images(film, np.array([0.1]), tmp_path)), [4 * 18], atol=3)
 
 
-def test_names_that_lead_elsewhere_are_no_films(tmp_path: Path) -> None:
+@pytest.mark.parametrize("key", ["../../secret", "..", "*", "a" * 300, "a\0b", "a,b"])
+def test_names_that_lead_elsewhere_are_no_films(tmp_path: Path, key: str) -> None:
     """A dataset from a stranger does not say which file beside it is read."""
     (tmp_path / "meta").mkdir()
-    info = {"features": {"../../secret": {"dtype": "video"}}}
-    (tmp_path / "meta" / "info.json").write_text(json.dumps(info))
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"features": {key: {"dtype": "video"}}}))
     with pytest.raises(DatasetError, match="has the films none"):
         find_film(tmp_path, 0, None)
 
 
-def test_frame_that_moved_least_of_each_period() -> None:
-    """Of each second; all of them where no period is given."""
-    stamps_s = np.arange(20) / 10
-    values = np.cumsum(np.where((np.arange(20) % 10) == 4, 0.0, 1.0))[:, None] * [1.0, 100.0]
-    values[4] = values[3]
-    values[14] = values[13]
-    taken = still_frames(values, stamps_s, 1.0)
-    assert taken.tolist() == [3, 13]
-    assert still_frames(values, stamps_s, 0.0).tolist() == list(range(20))
+@pytest.mark.parametrize("number", [-1.0, 1e300])
+def test_files_of_no_number_are_refused(tmp_path: Path, number: float) -> None:
+    """A table of episodes may hold any number."""
+    pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    data, key = dataset(tmp_path / "d", "wrist"), "videos/observation.images.wrist"
+    row = {"episode_index": 0, f"{key}/chunk_index": 0.0, f"{key}/file_index": number, f"{key}/from_timestamp": 0.0}
+    (data / "meta" / "episodes").mkdir()
+    parquet.write_table(pyarrow.Table.from_pylist([row]), data / "meta" / "episodes" / "a.parquet")
+    with pytest.raises(DatasetError, match=r"has the film of episode 0 in chunk 0, file"):
+        find_film(data, 0, None)
+
+
+PLAYLISTS = {
+    "HLS": "#EXTM3U\n#EXT-X-TARGETDURATION:2\n#EXTINF:2,\n{0}\n#EXT-X-ENDLIST\n",
+    "concat": "ffconcat version 1.0\nfile '{0}'\n",
+    "SDP": "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=a\nc=IN IP4 127.0.0.1\nt=0 0\nm=video {1} RTP/AVP 96\n",
+}
+
+
+@pytest.mark.parametrize("kind", PLAYLISTS)
+def test_lists_of_addresses_are_no_films(tmp_path: Path, kind: str) -> None:
+    """A film that names an address, or a film beside it, opens neither: the peer that listens hears nothing."""
+    path = tmp_path / "film.mp4"
+    with socket.create_server(("127.0.0.1", 0)) as peer:
+        peer.settimeout(0.2)
+        port = peer.getsockname()[1]
+        for there in (f"http://127.0.0.1:{port}/a.mp4", f"tcp://127.0.0.1:{port}", str(FILM), "beside.mp4"):
+            shutil.copy(FILM, tmp_path / "beside.mp4")
+            path.write_text(PLAYLISTS[kind].format(there, port))
+            with pytest.raises(DatasetError, match="cannot be decoded"):
+                write_images(Film(path, 0.0), np.array([0.0]), tmp_path)
+        with pytest.raises(TimeoutError):
+            peer.accept()

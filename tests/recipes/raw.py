@@ -17,6 +17,7 @@ from basecal.cell.targets.charuco import charuco_target
 from basecal.geometry import SE3
 from basecal.simulation import SimulatedCell
 from basecal.simulation.images import render_recording
+from tests.film_dataset import write_dataset
 from tests.journeys.raw import FIRST_STAMP_NS, cell, photographs, recorded, written
 from tests.journeys.test_hobby_arms import OFFSET_DEG, dataset
 from tests.journeys.test_production import krl, rapid
@@ -152,6 +153,12 @@ def scene(folder: Path) -> None:
         written(folder / f"{robot}.txt", teach_pendant(poses.translation, Rotation.from_matrix(poses.rotation)))
         for i, sample in enumerate(mine):
             (made / sample.images[f"{robot}_eye"]).rename(folder / f"photos_{robot}" / f"{i + 1}.png")
+    arms = {}
+    for robot in ("left", "right"):
+        mine = [sample for sample in samples if robot in sample.robots]
+        poses = SE3.stack([sample.robots[robot].base_from_flange for sample in mine])
+        arms[robot] = poses, [folder / f"photos_{robot}" / f"{i + 1}.png" for i in range(len(mine))]
+    write_dataset(folder / "dataset", folder / "arm.urdf", arms)
     scene_bag(folder, {robot: [s for s in samples if robot in s.robots] for robot in ("left", "right")})
 
 

@@ -17,7 +17,7 @@ LISTED = {
     path.stem: path for path in (*sorted((ROOT / "docs" / "recipes").glob("*.md")), ROOT / "docs" / "tutorial.md")
 }
 PAGES = {**LISTED, "README": ROOT / "README.md"}
-NEEDED = {"lerobot": "pyarrow", "scene": "rosbags"}
+NEEDED = {"lerobot": ("pyarrow",), "scene": ("rosbags", "pyarrow")}
 QUICK = {"camera_beside", "touches", "tracker"}
 """Pages that run with the fast tests."""
 
@@ -43,8 +43,8 @@ def test_commands_run_and_end_in_good(
 
     Of the README's ten stops the error is larger than the tolerance that it states: 5.
     """
-    if name in NEEDED:
-        pytest.importorskip(NEEDED[name], reason=f"the extra for {NEEDED[name]} is not installed")
+    for library in NEEDED.get(name, ()):
+        pytest.importorskip(library, reason=f"the extra for {library} is not installed")
     RAW[name](tmp_path)
     monkeypatch.chdir(tmp_path)
     for program, *words in commands(PAGES[name]):

@@ -26,7 +26,7 @@ from basecal.exchange.lens_files.kalibr import read_camchain, read_target
 from basecal.exchange.lens_files.mrcal import read_cameramodel
 from basecal.exchange.lens_files.opencv import read_opencv
 from basecal.exchange.lerobot import read_episode
-from basecal.exchange.lerobot_films import Film, write_images
+from basecal.exchange.lerobot_films import find_film, write_images
 from basecal.kinematics import read_chain
 from colmap_files import IMAGES, binary_images, text_images
 from torment.damage import damaged, torn_bytes
@@ -147,10 +147,24 @@ def write_damaged_tables(chance: Random, folder: Path) -> Path:
 
 
 def read_damaged_film(chance: Random, folder: Path) -> str:
-    """A film of LeRobot, damaged."""
-    path = folder / "film.mp4"
-    path.write_bytes(torn_bytes(_FILM.read_bytes(), chance))
-    return of_reader(lambda: write_images(Film(path, chance.choice([0.0, 0.5, 1e9])), np.array([0.0, 0.5]), folder))
+    """A film of LeRobot: it, what describes it, or the table of its episodes is damaged."""
+    if find_spec("pyarrow") is None:
+        return "no pyarrow"
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    key, strange = "observation.images.wrist", chance.random()
+    (folder / "meta" / "episodes").mkdir(parents=True)
+    features: object = {"features": {key: {"dtype": "video"}, "observation.state": {"names": ["a.pos"]}}}
+    (folder / "meta" / "info.json").write_text(json.dumps(damaged(features, chance) if strange < 0.2 else features))
+    numbers = [chance.choice([0.0, -1.0, 1e300, 0.5, 1e9]) if 0.2 < strange < 0.4 else 0.0 for _ in range(3)]
+    names = [f"videos/{key}/{name}" for name in ("chunk_index", "file_index", "from_timestamp")]
+    row = dict(zip(names, numbers, strict=True)) | {"episode_index": 0}
+    pq.write_table(pa.Table.from_pylist([row]), folder / "meta" / "episodes" / "a.parquet")
+    path = folder / "videos" / key / "chunk-000" / "file-000.mp4"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(torn_bytes(_FILM.read_bytes(), chance) if strange > 0.3 else _FILM.read_bytes())
+    return of_reader(lambda: write_images(find_film(folder, 0, None), np.array([0.0, 0.5]), folder))
 
 
 FOREIGN: dict[str, Trial] = {

@@ -24,6 +24,7 @@ from basecal.box import Frame, frames
 from basecal.cell import RobotState
 from basecal.errors import DatasetError, InputError, MissingExtra
 from basecal.exchange.importing.imported import Row
+from basecal.exchange.importing.pairing import LARGEST_DIFFERENCE_S
 from basecal.geometry import Array, IntArray
 from basecal.kinematics import SerialChain
 
@@ -123,14 +124,28 @@ def select_motors(episode: Episode, pattern: str) -> Episode:
     return replace(episode, names=names, values=episode.values[:, places])
 
 
-def sparse_frames(stamps_s: Array, every_s: float) -> IntArray:
-    """Frames at least so far apart in time [s], from the first on."""
-    taken, last = [], -math.inf
-    for i, stamp in enumerate(stamps_s):
-        if stamp - last >= every_s:
-            taken.append(i)
-            last = float(stamp)
-    return np.array(taken, dtype=np.int64)
+def still_frames(episode: Episode, every_s: float) -> IntArray:
+    """Frame of each period in which the motors moved least: image and joints may be of different instants.
+
+    Args:
+        episode: With the motors of all arms, so that each import of it takes the same frames.
+        every_s: The period [s]; 0 for all frames.
+    """
+    values, stamps_s = episode.values, episode.stamps_s
+    if every_s == 0 or len(values) < 2:
+        return np.arange(len(values))
+    spread = np.ptp(values, axis=0)
+    motion = np.abs(np.gradient(values, axis=0) / np.where(spread > 0, spread, 1.0)).max(axis=1)
+    period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
+    order = np.lexsort((motion, period))
+    return np.sort(order[np.flatnonzero(np.diff(period[order], prepend=-1))])
+
+
+def nearest_frames(episode: Episode, times_s: Array) -> IntArray:
+    """The frames nearest to some times [s], each once; those nearer than `LARGEST_DIFFERENCE_S`."""
+    apart = np.abs(episode.stamps_s[:, None] - times_s)
+    nearest = apart.argmin(0)
+    return np.unique(nearest[apart[nearest, np.arange(len(times_s))] <= LARGEST_DIFFERENCE_S])
 
 
 def joint_rows(

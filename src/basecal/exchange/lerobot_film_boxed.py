@@ -11,13 +11,15 @@ from collections.abc import Iterator, Sequence
 from basecal.box import Frame
 from basecal.errors import InputError
 
+# A film may be a list of addresses in disguise: no other format is read, and nothing but this file is opened.
+_OPTIONS = "threads;1|format_whitelist;mov,mp4,m4a,3gp,3g2,mj2|protocol_whitelist;file"
 _MOST_FRAMES = 5_000_000  # of a film: 46 hours at 30 Hz
 _MOST_PIXELS = 2**25  # of an image
 
 
 def read_frames(words: Sequence[str]) -> Iterator[Frame]:
     """`[place of the time]` and an image as PNG, by rising times, as long as the film goes on."""
-    os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = "threads;1"
+    os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = _OPTIONS
     import cv2
 
     cv2.setNumThreads(1)

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from basecal.bounded_file import check_regular, read_bounded
 from basecal.box import frames
 from basecal.errors import DatasetError, InputError, list_names
 from basecal.exchange.lerobot import LARGEST_INFO, read_columns
-from basecal.geometry import Array, IntArray
+from basecal.geometry import Array
 
 _PREFIX = "observation.images."
 _EPISODES = "meta", "episodes"
+_NAME = re.compile(r"\w[\w.-]{0,99}")  # of a feature, which becomes a folder's
+_MOST_FILES = 10**6  # of a chunk, and chunks
 
 
 class Film(NamedTuple):
@@ -51,7 +52,7 @@ def find_film(folder: Path, number: int, name: str | None) -> Film:
 
 
 def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
-    """Images of a film at times of its episode, (n,) [s], as files of a folder named by these; in grey.
+    """Images of a film at rising times of its episode, (n,) [s], as files of a folder named by these; in grey.
 
     Raises:
         DatasetError: if the film cannot be decoded, or ends before.
@@ -74,24 +75,6 @@ def write_images(film: Film, stamps_s: Array, folder: Path) -> list[Path]:
     return paths
 
 
-def still_frames(values: Array, stamps_s: Array, every_s: float) -> IntArray:
-    """Frame of each period in which the motors moved least, as image and joints may be of different instants.
-
-    Args:
-        values: (frames, motors).
-        stamps_s: (frames,), rising.
-        every_s: The period [s]; 0 for all frames.
-    """
-    if every_s == 0 or len(values) < 2:
-        return np.arange(len(values))
-    spread = np.maximum(np.ptp(values, axis=0), np.finfo(np.float64).tiny)
-    motion = np.abs(np.gradient(values / spread, axis=0)).max(axis=1)
-    period = np.floor((stamps_s - stamps_s[0]) / every_s).astype(np.int64)
-    order = np.lexsort((motion, period))
-    first = np.flatnonzero(np.diff(period[order], prepend=-1))
-    return np.sort(order[first])
-
-
 def _choose_feature(folder: Path, name: str | None) -> str:
     """The full name of a film.
 
@@ -101,7 +84,7 @@ def _choose_feature(folder: Path, name: str | None) -> str:
     path = folder / "meta" / "info.json"
     try:
         features: Any = json.loads(read_bounded(path, LARGEST_INFO))["features"]
-        films = [str(key) for key, of in features.items() if of.get("dtype") == "video" and Path(key).name == key]
+        films = [str(key) for key, of in features.items() if of.get("dtype") == "video" and _NAME.fullmatch(key)]
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         raise DatasetError(str(path), "not the info.json of LeRobot, expected features") from None
     chosen = [key for key in films if name in (None, key, key.removeprefix(_PREFIX))]
@@ -115,6 +98,8 @@ def _shared_film(folder: Path, number: int, key: str) -> Film:
     names = [f"videos/{key}/{field}" for field in ("chunk_index", "file_index", "from_timestamp")]
     rows = read_columns(folder, folder.joinpath(*_EPISODES), number, names)
     chunk, file, start_s = (float(value) for value in rows[0])
+    if not (0 <= chunk < _MOST_FILES and 0 <= file < _MOST_FILES):
+        raise DatasetError(str(folder), f"has the film of episode {number} in chunk {chunk:g}, file {file:g}")
     path = folder / "videos" / key / f"chunk-{int(chunk):03d}" / f"file-{int(file):03d}.mp4"
     if not path.is_file():
         raise DatasetError(str(path), "is not there, though meta/episodes names it")

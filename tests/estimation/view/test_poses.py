@@ -69,9 +69,9 @@ def test_errors_of_corners_are_weighed() -> None:
     rng = np.random.default_rng(3)
     ahead = SE3.from_rotvec([np.pi, 0, 0], [0, 0, 0.5])
     measured, near = (SE3.stack([ahead] * 4) @ SE3.exp(0.1 * rng.normal(size=(4, 6))) for _ in range(2))
-    corners, weight = CornerErrors.from_poses(measured, near, 0.04), rng.uniform(1, 2, (4, 6))
+    corners, weight = CornerErrors.from_poses(near, 0.04), rng.uniform(1, 2, (4, 6))
     views = PoseMeasurement(measured, np.zeros((4, 6)), weight, corners)
-    error = weight * corners.differences(near)
+    error = weight * corners.differences(measured, near)
     found = views.linearise(near, None, False)
     np.testing.assert_allclose(found.cost, np.sum(error**2, axis=1))
     step = 1e-6 * np.eye(6)[3]

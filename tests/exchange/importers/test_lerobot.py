@@ -33,15 +33,15 @@ def test_a_dataset_makes_a_cell(tmp_path: Path, arm: SerialChain, capsys: pytest
     assert main([*base, "--unit", "deg", "--calibration", "x.json"]) == 2
 
 
-def two_arms(folder: Path, arm: SerialChain) -> Path:
-    """An episode of two arms with a film of each one's wrist, 60 frames at 30 Hz; the arms rest at the ninth."""
+def two_arms(folder: Path, arm: SerialChain, rest: int = 8) -> Path:
+    """An episode of two arms with a film of each one's wrist, 60 frames at 30 Hz; the arms rest up to a frame."""
     pyarrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     names = [f"{side}_{name}.pos" for side in ("left", "right") for name in (*arm.joint_names, "gripper")]
     films = [f"observation.images.{side}_wrist" for side in ("left", "right")]
     features = {"observation.state": {"names": names}, **{film: {"dtype": "video"} for film in films}}
     (folder / "meta").mkdir(parents=True)
     (folder / "meta" / "info.json").write_text(json.dumps({"features": features}))
-    moved = np.maximum(np.arange(60) - 8.0, 0)[:, None] + np.concatenate([DEGREES[0], DEGREES[1]])
+    moved = np.maximum(np.arange(60) - float(rest), 0)[:, None] + np.concatenate([DEGREES[0], DEGREES[1]])
     rows = [
         {"observation.state": [float(v) for v in row], "timestamp": k / 30, "episode_index": 0}
         for k, row in enumerate(moved)
@@ -78,6 +78,18 @@ def test_two_arms_with_the_films_of_their_wrists(
     assert [sorted(sample.images) for sample in samples] == [["left_eye", "right_eye"]] * 2
     np.testing.assert_allclose(np.degrees(samples[0].robots["right"].joints_rad), DEGREES[1, :6], atol=1e-9)
     assert not list(tmp_path.glob(".film-*"))
+
+
+def test_arm_without_a_camera_joins_the_samples_of_the_other(tmp_path: Path, arm: SerialChain) -> None:
+    """A camera on one arm and a board on the other, each arm in a dataset of its own: frames follow the samples."""
+    (tmp_path / "arm.urdf").write_text(chain_urdf(arm, "base", "tool"))
+    one, other, cell = two_arms(tmp_path / "one", arm), two_arms(tmp_path / "other", arm, rest=40), tmp_path / "c"
+    base = ["--unit", "deg", "--urdf", str(tmp_path / "arm.urdf"), "--base-link", "base", "--flange-link", "tool"]
+    first = ["import", "lerobot", str(cell), str(one), "--robot", "left", "--motors", "left_*", "--camera", "eye"]
+    assert main([*first, *base, "--film", "left_wrist"]) == 0
+    assert main(["import", "lerobot", str(cell), str(other), "--robot", "right", "--motors", "right_*", *base]) == 0
+    samples = read_recording(cell).samples
+    assert [sorted(sample.robots) for sample in samples] == [["left", "right"]] * 2
 
 
 def test_films_go_with_a_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

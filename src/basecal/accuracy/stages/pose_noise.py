@@ -38,7 +38,7 @@ def _solve_by_corners(case: Case, sizes: Mapping[str, float]) -> Case:
 
 
 def _with_most_views(case: Case, targets: Sequence[str]) -> Case:
-    """The case, or what it is with such errors: of views that equal errors make outliers these have to be judged."""
+    """The case, or the case with errors by corners if that leaves fewer views out: all of these are to be judged."""
     assert case.robust is not None
     if not case.robust.outliers:
         return case
@@ -103,4 +103,4 @@ def _corner_errors(measured_pose: SE3, predicted_pose: SE3, size: float) -> Corn
     is_near = np.linalg.norm(predicted_pose.translation - measured_pose.translation, axis=-1) < distance / 2
     rotation = np.where(is_near[:, None, None], predicted_pose.rotation, measured_pose.rotation)
     at = SE3(rotation, np.where(is_near[:, None], predicted_pose.translation, measured_pose.translation))
-    return CornerErrors.from_poses(measured_pose, at, size * float(np.median(distance)))
+    return CornerErrors.from_poses(at, size * float(np.median(distance)))

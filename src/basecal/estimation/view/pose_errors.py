@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from basecal.estimation.view.measurement import take_batch_rows
 from basecal.geometry import SE3, Array, Rows
 from basecal.geometry.rotation import cross_matrix
-from basecal.numerics.batch import take
 
 _CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
 _BLOCK_FREEDOMS = 3  # of a translation, and of a rotation
@@ -23,30 +23,28 @@ _NEAREST = 0.1  # of half a side: a trial pose that is nearer, or behind the cam
 
 @dataclass(frozen=True, eq=False)
 class CornerErrors:
-    """Differences of poses, (n, 6) [m, rad], by where they put the corners of a square, to first order their tangents.
+    """Differences of poses by where they put the corners of a square; to first order those of their tangents.
 
     Attributes:
         half_size_m: Half of the side of the square.
-        measured: (n, 8) where measured poses put its corners, in focal lengths.
-        whitening: (n, 6, 8) makes differences independent and equal over views.
+        whitening: (n, 6, 8) from corners in focal lengths to differences [m, rad], independent and equal over views.
     """
 
     half_size_m: float
-    measured: Array
     whitening: Array
 
     @classmethod
-    def from_poses(cls, measured_pose: SE3, expected_pose: SE3, half_size_m: float) -> CornerErrors:
-        """Errors of measured poses, (n,), by the covariances that they have at expected ones, (n,)."""
-        jacobian = _corner_jacobian(expected_pose, half_size_m)
-        covariance = corner_covariances(expected_pose, half_size_m)
-        whitening = whitening_matrix(covariance) @ covariance @ jacobian.mT
-        return cls(half_size_m, _corners(measured_pose, half_size_m), whitening)
+    def from_poses(cls, camera_from_target: SE3, half_size_m: float) -> CornerErrors:
+        """Errors of the covariances that they have at poses, (n,)."""
+        jacobian = _corner_jacobian(camera_from_target, half_size_m)
+        covariance = corner_covariances(camera_from_target, half_size_m)
+        return cls(half_size_m, whitening_matrix(covariance) @ covariance @ jacobian.mT)
 
-    def differences(self, camera_from_target: SE3) -> Array:
-        """Whitened differences of poses, (..., n), from the measured ones, (..., n, 6)."""
-        apart = _corners(camera_from_target, self.half_size_m) - self.measured
-        return np.asarray((self.whitening @ apart[..., None])[..., 0])
+    def differences(self, measured_camera_from_target: SE3, camera_from_target: SE3) -> Array:
+        """Differences of poses, (..., n), from measured ones, (..., n, 6)."""
+        poses = camera_from_target, measured_camera_from_target
+        corners, measured_corners = (_corners(each, self.half_size_m) for each in poses)
+        return np.asarray((self.whitening @ (corners - measured_corners)[..., None])[..., 0])
 
     def jacobian(self, camera_from_target: SE3) -> Array:
         """Derivative of the differences to right tangents of poses, (..., n, 6, 6)."""
@@ -54,7 +52,7 @@ class CornerErrors:
 
     def take_batch(self, rows: Rows) -> CornerErrors:
         """The rows of a batch; what all rows share stays."""
-        return take(self, rows) if self.measured.ndim > 2 else self
+        return CornerErrors(self.half_size_m, take_batch_rows(self.whitening, rows, 3))
 
 
 def corner_covariances(camera_from_target: SE3, half_size_m: float) -> Array:

@@ -37,7 +37,7 @@ class PoseMeasurement:
     def _error(self, camera_from_target: SE3) -> Array:
         """In units of which all views have the same sigmas, (n, 6) [m, rad]."""
         if self.corners is not None:
-            return self.corners.differences(camera_from_target)
+            return self.corners.differences(self.measured_camera_from_target, camera_from_target)
         return (self.measured_camera_from_target.inverse() @ camera_from_target).log()
 
     def linearise(self, camera_from_target: SE3, camera: Camera | None, lens: bool) -> ViewInformation:

@@ -11,19 +11,20 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.errors import InputError, UsageError
-from basecal.exchange.importing.cell_content import known_cell
+from basecal.exchange.importing.cell_content import known_cell, recorded_samples
 from basecal.exchange.importing.imported import Imported
 from basecal.exchange.importing.joint_model import joint_model
 from basecal.exchange.lerobot import (
     Episode,
     JointUnit,
     joint_rows,
+    nearest_frames,
     read_episode,
     read_motor_ranges,
     select_motors,
-    sparse_frames,
+    still_frames,
 )
-from basecal.exchange.lerobot_films import Film, find_film, still_frames, write_images
+from basecal.exchange.lerobot_films import Film, find_film, write_images
 from basecal.exchange.pictures import picture_size
 from basecal.geometry import IntArray
 
@@ -50,12 +51,12 @@ def read_lerobot(
     """Import a robot's joints from an episode that LeRobot recorded (v2 or v3).
 
     The gripper is left out, the other motors are found by the names of the
-    URDF's joints, or taken in order. Samples that have times are paired by time;
-    where nothing is recorded a frame a second makes a sample. Values are degrees
+    URDF's joints, or taken in order. Of each second the frame in which the motors
+    moved least makes a sample; where samples with times wait for the robot, the
+    frames nearest to these join them. Values are degrees
     (`use_degrees=true`), or normalised to -100 to 100, which needs the arm's
-    calibration file. With --camera its film is read too: of each second the
-    frame in which the motors moved least. Of two arms in one dataset --motors
-    chooses one.
+    calibration file. With --camera its film is read too. Of two arms in one
+    dataset --motors chooses one.
 
     For example:
 
@@ -71,7 +72,7 @@ def read_lerobot(
         robot: Name of the robot.
         unit: What the joints are in.
         episode: Which episode.
-        every_s: Time between frames that are taken [s]; 0 for all.
+        every_s: Time of which one frame is taken [s]; 0 for all frames.
         calibration: LeRobot's calibration file of the arm, for normalised values.
         urdf: The robot's URDF, where the cell has none of it.
         base_link: Link of that URDF that the robot stands on.
@@ -96,22 +97,24 @@ def read_lerobot(
     model = joint_model(cell, robot, urdf, base_link, flange_link, offset_sigma_deg)
     ranges = None if calibration is None else read_motor_ranges(calibration)
     recorded = read_episode(Path(folder), episode)
-    taken = _choose_frames(recorded, every_s, is_seen=camera is not None)
+    present_cell = known_cell(cell)
+    taken = _choose_frames(cell, present_cell, robot, recorded, every_s)
     rows = joint_rows(select_motors(recorded, motors), robot, model.chain, unit, ranges, taken)
     what = f"{len(rows)} of {len(recorded.stamps_s)} frames of episode {episode}: joints of {robot!r} in {unit}"
     advice = "check --unit, the calibration and the URDF"
     imported = Imported(str(folder), what, rows, model.entry, files=model.files, advice=advice)
     if camera is None:
         return imported
-    entry = _camera_entry(known_cell(cell), camera, on, robot)
+    entry = _camera_entry(present_cell, camera, on, robot)
     return _with_images(imported, Path(cell), camera, entry, find_film(Path(folder), episode, film))
 
 
-def _choose_frames(episode: Episode, every_s: float, is_seen: bool) -> IntArray:
-    """Frames to take; where a camera saw them, those in which no arm moved."""
-    if is_seen:
-        return still_frames(episode.values, episode.stamps_s, every_s)
-    return sparse_frames(episode.stamps_s, every_s)
+def _choose_frames(folder: str | Path, cell: Cell | None, robot: str, episode: Episode, every_s: float) -> IntArray:
+    """The frames of samples that have a time and wait for the robot; where none does, those in which it moved least."""
+    samples = () if cell is None else recorded_samples(folder, cell)
+    waiting = [sample.stamp_s for sample in samples if sample.stamp_s is not None and robot not in sample.robots]
+    found = nearest_frames(episode, np.array(waiting)) if waiting else np.zeros(0, dtype=np.int64)
+    return found if len(found) else still_frames(episode, every_s)
 
 
 def _camera_entry(cell: Cell | None, name: str, stated_carrier: str | None, robot: str) -> dict[str, Any]:
