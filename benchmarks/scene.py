@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import resource
 import sys
 import tempfile
 import time
@@ -72,6 +73,12 @@ class Design(NamedTuple):
 
 SMALL = Design(VIEWS, (320, 240), 256.0, 500)  # a third of the usual points, for speed
 LARGE = Design(15, (640, 480), 512.0, one_camera._MOST_POINTS)
+TIMED = {
+    "1280x720": Design(25, (1280, 720), 1024.0, one_camera._MOST_POINTS),
+    "1920x1200": Design(30, (1920, 1200), 1536.0, one_camera._MOST_POINTS),
+}
+DESIGNS = {"small": SMALL, "large": LARGE, **TIMED}
+_PARTS = {"small": "cells"}  # of the results, where not called as the design
 OTHER_POSES = MISTAKES | ARM_ERRORS
 ORDER = ["plain", *OTHER_POSES, *(kind for kind in ROOMS if kind != "plain")]  # one after another of the same images
 HEAD = (
@@ -195,6 +202,7 @@ def tried(kind: str, seed: int, design: Design = SMALL) -> dict[str, Any]:
     answer = found[0]
     codes = [each.code for each in answer.findings if each.severity == "error"]
     result: dict[str, Any] = {"kind": kind, "seed": seed, "verdict": answer.verdict, "errors": codes, "cpu_s": cpu_s}
+    result["peak_gb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     if BASE in answer.transforms:
         base = answer.transforms[BASE]
         off = (made.base.inverse() @ base.mean).log()
@@ -239,7 +247,9 @@ texture is copied or moved as one, which no camera can tell.
 
 {rows(cells)}
 
-{_about_large(large)}"""
+{_about_large(large)}
+
+{_about_time(result)}"""
 
 
 def _sound(cells: Sequence[dict[str, Any]]) -> str:
@@ -258,7 +268,19 @@ def _about_large(cells: Sequence[dict[str, Any]]) -> str:
     if not cells:
         return ""
     size = f"{LARGE.views} images of {LARGE.size[0]}x{LARGE.size[1]}"
-    return f"The same with {size} of each arm, and all points (`--large`).\n{_sound(cells)}\n\n{rows(cells)}"
+    return f"The same with {size} of each arm, and all points (`--images large`).\n{_sound(cells)}\n\n{rows(cells)}"
+
+
+def _about_time(result: dict[str, Any]) -> str:
+    """How long images of common sizes take, and how much memory."""
+    rows = [
+        (name, f"2 x {design.views}", len(own), f"{np.median([each['cpu_s'] for each in own]):.0f}",
+         f"{max(each['peak_gb'] for each in own):.2f}", f"{max(each['mm'] for each in own):.2f}")
+        for name, design in TIMED.items() if (own := result.get(name))
+    ]  # fmt: skip
+    head = "image [px]", "images", "cells", "processor [s]", "memory [GB]", "worst [mm]"
+    about = "On one core (`--images 1280x720`); memory is the largest, with what renders the images."
+    return f"{about}\n\n{table(head, rows)}" if rows else ""
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -269,12 +291,14 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--keep", type=Path, help="file in which cells are kept, and from which a run goes on")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no cell is begun")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=ORDER)
-    parser.add_argument("--large", action="store_true", help="images as a user's cameras take them, and more of them")
+    parser.add_argument(
+        "--images", choices=DESIGNS, default="small", help="their size and number; all but `small` are those of users"
+    )
     asked = parser.parse_args(words)
     on_one_core()
     kept, end = Kept(asked.keep), time.monotonic() + 60 * asked.minutes
     each = -(-asked.cells // (len(KINDS) - len(RIGHT) - len(AMBIGUOUS) - len(ARM_ERRORS)))
-    design, part = (LARGE, "large") if asked.large else (SMALL, "cells")
+    design, part = DESIGNS[asked.images], _PARTS.get(asked.images, asked.images)
     cells = [
         kept.of(key, lambda kind=kind, seed=seed: tried(kind, seed, design))
         for seed in range(asked.first, asked.first + each)
@@ -282,7 +306,8 @@ def main(words: Sequence[str] | None = None) -> int:
         if (key := f"{kind}:{seed}") in kept or time.monotonic() < end
     ]
     print(f"{_sound(cells)}\n\n{rows(cells)}")
-    write("scene", {key: of for key, of in read("scene").items() if key in ("cells", "large")} | {part: cells})
+    parts = {_PARTS.get(name, name) for name in DESIGNS}
+    write("scene", {key: of for key, of in read("scene").items() if key in parts} | {part: cells})
     return 0
 
 
