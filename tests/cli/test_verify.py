@@ -89,6 +89,17 @@ def test_samples_join_by_the_settings_of_the_run(cell: Path, tmp_path: Path) -> 
     assert second.tolerance is not None
 
 
+def test_a_missed_tolerance_is_told_when_samples_join(
+    cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Words and exit code are those of `calibrate`."""
+    copy = Path(shutil.copytree(cell, tmp_path / "cell"))
+    assert main(["calibrate", str(copy), "--task-point", "0.5", "0", "0.5", "--tolerance", "1um"]) == 5
+    capsys.readouterr()
+    assert main(["verify", str(copy), str(copy / "new.jsonl"), "--recalibrate"]) == 5
+    assert "6 new samples, fail: run" in capsys.readouterr().out
+
+
 def test_what_is_to_be_verified_is_asked_for(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words in ([], ["--recalibrate"], ["--recalibrate", "--history"]):
         assert main(["verify", str(cell), *words]) == 2

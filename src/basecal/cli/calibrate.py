@@ -47,8 +47,8 @@ def calibrate(
     Reads CELL/cell.yaml and CELL/recording/samples.jsonl, writes the answer
     and its report, as text and as a page to look at, to CELL/runs. Prints the
     verdict, what was requested with its sigma, the cross-validation error and
-    what to do; all else with --verbose. Ends with 0 if the answer is good,
-    with 1 where it is doubtful or refused, or not as exact as --tolerance asks.
+    what to do; all else with --verbose. Ends with 0 if the answer is good
+    or the tolerance met, 1 if doubtful, 4 if refused, 5 if it is missed.
 
     For example:
 

@@ -109,8 +109,8 @@ def capture(
     --pattern shifts and a task the stations are those that lower the error
     there the most, planned once: as many as a tolerance needs, or --samples.
 
-    With --freedrive no arm is sent anywhere: you lead them. Held still for a
-    second at a new place, or at the space bar, a sample is taken; q ends.
+    With --freedrive no arm is sent anywhere: you lead them. Held still for
+    0.8 s at a new place, or at the space bar, a sample is taken; q ends.
     A cell with `target: scene` is captured so; images that show too little
     of the scene are refused at once.
     With --touch you lead tips to marks, and type which mark it is.

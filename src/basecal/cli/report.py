@@ -32,8 +32,8 @@ def report(
     calibration.json, says the same with figures; it opens in a browser and
     needs no network.
 
-    Ends with 0 if the answer is good, with 1 where it is doubtful or
-    refused, or not as exact as --tolerance asks.
+    Ends with 0 if the answer is good or the tolerance met, 1 if doubtful,
+    4 if refused, 5 if the tolerance is missed.
 
     For example:
 

@@ -132,6 +132,7 @@ def _recalibrate(
     from basecal.cli.calibrate import calibrate_folder, exit_code
     from basecal.estimation.settings import Settings
     from basecal.exchange.importing.cell_files import place_files
+    from basecal.reporting.statement.verdict import verdict_word
 
     if verification.moved is not False:
         return None, 1
@@ -144,7 +145,8 @@ def _recalibrate(
         append_samples(folder, added)
     asked = read_calibration(run).settings
     made = calibrate_folder(folder, cell, Settings.from_dict(asked), needed_m=asked.get("tolerance_m"))
-    told = {"run": made.run.name, "verdict": made.calibration.verdict, "added": [s.sample for s in added]}
+    word = verdict_word(made.calibration).lower()
+    told = {"run": made.run.name, "verdict": word, "added": [sample.sample for sample in added]}
     return told, exit_code(made.calibration)
 
 
