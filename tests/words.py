@@ -217,15 +217,15 @@ def documents() -> Iterator[Text]:
         line = 1
         for block in text.split("\n\n"):
             kept = [each for each in block.split("\n") if not re.match(r"\s*(?:[|#>]|:::|    |!\[|<)", each)]
-            if kept and path.name not in ("mathematics.md", "benchmarks.md"):
+            if kept:
                 yield Text("document", str(path.relative_to(ROOT)), line, "\n".join(kept))
             line += block.count("\n") + 2
 
 
 def sentences(text: str) -> list[str]:
     """Sentences of a text, and items of its lists."""
-    plain = re.sub(r"`[^`]*`", "code", text)
-    parts = re.split(r"(?<=[.?!:;])[*_)\"]*\s+|\n\s*(?:[-*]|\d+\.)\s+|\n\s*\n|\n(?=\s+\w+: )", plain)
+    plain = re.sub(r"`[^`]*`|(?<!\$)\$[^$\n]+\$", "code", text)
+    parts = re.split(r"(?<=[.?!])[*_)\"]*\s+|\n\s*(?:[-*]|\d+\.)\s+|\n\s*\n|\n(?=\s+\w+: )", plain)
     return [" ".join(part.split()) for part in parts if part.strip()]
 
 
