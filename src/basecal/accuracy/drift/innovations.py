@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from basecal.accuracy.drift.own_poses import ViewTangents, first_order, view_tangents
 from basecal.accuracy.residuals.evaluation import known_views
 from basecal.accuracy.systematic_errors.situation import Situation
 from basecal.cell import Calibration, Cell, Recording
@@ -22,11 +23,13 @@ from basecal.effects import smooth
 from basecal.effects.faces.random_effect import RandomEffect
 from basecal.effects.faces.robot_parameter import Posture
 from basecal.effects.registry import RANDOM_EFFECTS
-from basecal.estimation.least_squares.normal_equations import linearise
 from basecal.estimation.noise.robot_noise import without_errors
 from basecal.estimation.problem.build import recorded_by_joints
 from basecal.estimation.problem.correspondence import choose_correspondence
 from basecal.estimation.problem.problem import Stops
+from basecal.estimation.problem.view_group import ViewGroup
+from basecal.estimation.view.pixels import PixelMeasurement
+from basecal.estimation.view.target_points import require_camera
 from basecal.geometry import SE3, Array, IntArray
 from basecal.numerics.batch import concatenate
 from basecal.numerics.spectral import VIEW_ROUNDING, spectrum
@@ -147,10 +150,10 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     situation = _situation(cell, calibration, recording)
     groups = situation.problem.groups
     root, off = [np.zeros((0, 6, 6))], [np.zeros((0, 6))]
-    for views in linearise(situation.problem, situation.state).views:
-        of = spectrum(views.information[:, :6, :6], VIEW_ROUNDING)
-        root.append(of.root)
-        off.append(-(of.inverse_root.mT @ views.gradient[:, :6, None])[..., 0])
+    for group in groups:
+        views = _tangents(group, situation)
+        root.append(spectrum(views.information, VIEW_ROUNDING).root)
+        off.append((root[-1].mT @ views.tangent[..., None])[..., 0])
     sample = np.concatenate([np.zeros(0, dtype=np.int64), *(group.sample for group in groups)])
     flat = np.concatenate(off).ravel()
     exact = Innovations(situation, np.concatenate(root), flat, np.zeros((len(flat), len(flat))), sample)
@@ -162,6 +165,15 @@ def innovations(cell: Cell, calibration: Calibration, recording: Recording) -> I
     robots = calibration.noise.get("robots", {})
     freedoms = min((robots.get(robot, {}).get("freedoms") or np.inf for robot in exact.robots), default=np.inf)
     return replace(exact, predicted=predicted, freedoms_of_noise=float(freedoms))
+
+
+def _tangents(group: ViewGroup, situation: Situation) -> ViewTangents:
+    """How far the views of a group are off their prediction."""
+    state = situation.state
+    predicted, camera = state.camera_from_target(group, situation.problem.stops), state.cameras.get(group.camera)
+    if isinstance(group.measurement, PixelMeasurement):
+        return view_tangents(group.measurement, predicted, require_camera(camera))
+    return first_order(group.measurement.linearise(predicted, camera, False))
 
 
 def _situation(cell: Cell, calibration: Calibration, recording: Recording) -> Situation:
