@@ -8,7 +8,7 @@ import numpy as np
 
 from basecal.cell import Cell
 from basecal.estimation.noise.estimate import NoiseEstimate
-from basecal.estimation.outliers.robust_solve import RobustSolution, judge_again, solve_robustly
+from basecal.estimation.outliers.robust_solve import RobustSolution, judge_again, leave_out_suspects, solve_robustly
 from basecal.estimation.settings import Settings
 from basecal.estimation.solve import Solution, solve_at_mode, solve_from
 from basecal.estimation.view.measurement import Noise
@@ -49,7 +49,7 @@ def solve_with_noise(
     """The solution of all but the gross outliers, with the most likely unstated sigmas.
 
     Noise is estimated of all views first: outliers make it larger, yet stand out among the others. The noise is
-    estimated again from what is left, and all views are judged by it, until none changes sides. Where the first noise
+    estimated again without those that stand out, and all views are judged by it, until none changes sides. Where the first noise
     is more than arms have, what agrees as if robots were exact goes before it.
 
     Args:
@@ -61,9 +61,11 @@ def solve_with_noise(
     """
     stated = replace(settings, robot_noise="stated")
     solution, before = noisy if exact is None else with_noise(exact.solution, settings), exact
-    for _ in range(_JUDGING_PASSES):
+    for judging_pass in range(_JUDGING_PASSES):
         with settings.stage("outliers"):
             robust = _judge(cell, stated, plain, solution, before)
+            if not judging_pass and not robust.outliers:
+                robust = leave_out_suspects(robust, plain.problem, cell, stated) or robust
         if _places(robust) == _places(before):
             break
         before = robust

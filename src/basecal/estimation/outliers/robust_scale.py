@@ -8,7 +8,7 @@ how many it is comes from the median over the lower fifth, which few outliers re
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri, fdtri
@@ -39,6 +39,10 @@ class Scale:
     freedoms: float
     shape: float
     chance: float
+
+    def with_chance(self, chance: float) -> Scale:
+        """A copy by which a clean deviation counts as gross so often."""
+        return replace(self, chance=chance)
 
     def limit(self, freedoms: IntArray) -> Array:
         """The squared deviation of so many freedoms that a clean one exceeds by this chance."""

@@ -16,6 +16,7 @@ from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized_residuals import judged_by_view, studentize_views
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
+    CHANCE_OF_SUSPECT,
     Classification,
     classify_inliers,
     is_stated,
@@ -127,6 +128,36 @@ def judge_again(
     sees = rest.solution.observability.unobservable
     convinces = convincing(end) and end.solution.converged and end.solution.observability.unobservable <= sees
     return _make_result(cell, recorded_problem, end) if end is not None and convinces else None
+
+
+def leave_out_suspects(
+    whole: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
+) -> RobustSolution | None:
+    """What is left without views that stand out, though none is gross; None if none does or no answer is left.
+
+    A gross view enlarges the noise that is estimated with it, and hides behind it. The views that stand out are to be
+    judged once more, by the noise of all others.
+
+    Args:
+        whole: Nothing is left out of it.
+        recorded_problem: All that was seen, as it was recorded.
+        cell: What exists and what is known.
+        settings: How to solve.
+    """
+    problem, state = whole.solution.problem, whole.solution.state
+    every = all_inliers(problem)
+    judgement = classify_inliers(problem, state, every)
+    suspect = judgement.view_scale.with_chance(CHANCE_OF_SUSPECT)
+    kept = replace(every, views=tuple(~suspect.gross_mask(squares) for squares in judgement.views))
+    left = inlier_problem(problem, kept)
+    if kept.same_as(every) or sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
+        return None
+    try:
+        solution = solve_from(left, without_unseen_stops(left, state), settings)
+    except (BasecalError, np.linalg.LinAlgError):
+        return None
+    end = Consensus(problem, kept, solution, judgement)
+    return _make_result(cell, recorded_problem, end) if is_answer(end, whole.solution) else None
 
 
 def _ends(
