@@ -259,11 +259,13 @@ def shown(found: list[dict[str, Any]]) -> str:
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     about = f"""\
-Two simulated UR5e, {SAMPLES} poses all around as `basecal capture` plans them, corners within {PIXEL_PX:g} px, joints
-that stop up to {1e6 * STOP_RAD:g} microradians beside where they were sent, mounts free. Sigmas: by how many of them an
-answer moves that knows nothing of the error, all noise known. A perfect test knows all noise and looks for nothing but
-parameters of that kind, at a chance of {CHANCE:g}: no test of these recordings finds more. Own sigmas: by how many of
-those that it states the answer is off; 2.3 is right."""
+Two simulated UR5e with free mounts take {SAMPLES} poses all around, as `basecal capture` plans them. Corners have
+errors of {PIXEL_PX:g} px, and joints stop up to {1e6 * STOP_RAD:g} microradians from their commanded position.
+
+- `sigmas` is the size of the error: so many sigmas move an answer that ignores it, with all noise known.
+- A perfect test knows all noise, tests only for parameters of that kind, and has a false-alarm probability of
+  {CHANCE:g}. No test of these recordings finds more.
+- `own sigmas` is the error of the answer in the sigmas that it states. 2.3 is right."""
     return f"{about}\n\n{shown(result['rows'])}"
 
 

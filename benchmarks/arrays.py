@@ -107,11 +107,11 @@ def section(result: dict[str, Any]) -> str:
     rows = [(name, f"{1e3 * m:.2f}", f"{1e3 * rad:.2f}") for name, (m, rad) in result["rms"].items()]
     length, angle = result["of_best"]
     about = f"""\
-`basecal.hand_eye` on {result["draws"]} draws of {result["samples"]} pairs of poses with noise, beside OpenCV's methods.
-Its rms is {length:.2f} times the best of them in length, and {angle:.2f} times in angle.
-The 95 % ellipsoid holds {result["held"]:.1%} of the errors: arms that state nothing are expected to err smoothly, and
-these do not. With the noise of arm and camera stated as `total` it holds {result["held_stated"]:.1%}.
-{len(result["not_good"])} answers are not good."""
+`basecal.hand_eye` on {result["draws"]} draws of {result["samples"]} pairs of poses with noise, compared with OpenCV's
+methods. Its rms is {length:.2f} times that of the best of them in length, and {angle:.2f} times in angle. The 95 %
+ellipsoid contains {result["held"]:.1%} of the errors. It allows for smooth errors of an arm whose noise is unstated,
+and these arms have none. With the noise of arm and camera stated as `total` it contains {result["held_stated"]:.1%}.
+Answers that are not good: {len(result["not_good"])}."""
     return f"{about}\n\n{table(('method', 'rms [mm]', '[mrad]'), rows)}"
 
 

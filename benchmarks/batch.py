@@ -34,7 +34,7 @@ OFF = 2e-3  # of the starts from the truth, per axis [m, rad]
 SIGMA_PX = 0.2
 CHUNK = 256  # draws solved side by side: more gain nothing, and take memory
 COMPARED = 8
-HEAD = ("processes", "calibrations", "a second", "asked", "largest difference from its own solve")
+HEAD = ("processes", "calibrations", "a second", "required", "largest difference from a separate solve")
 ASKED = 4000.0
 
 

@@ -76,9 +76,9 @@ def section(result: dict[str, Any]) -> str:
     views = result["rows"][0]["views"]
     head = ("target", "softness (sigma)", "still", f"still, limit {OLD_PX:g} px")
     about = f"""\
-How many of {views} views a capture refuses as blurred, by the softness of lens or print: still views, which should all
-pass, also by the fixed limit of earlier versions; and views that moved in a random direction while they were exposed.
-Motion that is short beside the softness changes nothing, and passes."""
+The table counts how many of {views} views a capture refuses as blurred, by the softness of lens or print. All still
+views should pass. They are also judged by the fixed limit of earlier versions. The other views moved in a random
+direction during the exposure. A motion that is short relative to the softness changes nothing, and passes."""
     return f"{about}\n\n{table((*head, *(f'moved by {motion:g} px' for motion in MOTIONS_PX)), rows)}"
 
 

@@ -138,7 +138,7 @@ def measured(name: str, cell: Cell, recording: Recording) -> dict[str, Any]:
     }
 
 
-HEAD = ("recording", "views", "verdict", "before", "units", "asked", "holds", "[ms]", "longest stages, in units")
+HEAD = ("recording", "views", "verdict", "before", "units", "required", "holds", "[ms]", "longest stages, in units")
 SHOWN = 4
 
 

@@ -234,19 +234,21 @@ def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     wanted, kills = result["wanted"], result["kills"]
     about = f"""\
-Simulated cells captured by {result["samples"]} samples and calibrated; asked are {wanted["sound"]} without a fault, of
-which at most 3 % are not good and 90.5 to 99 % inside the 95 % ellipsoid, and {wanted["each fault"]} of each fault, of
-which nine in ten are inside the 99.7 % ellipsoid or named first. A fault has the size that moves the base of a plain
-answer by {SIGMAS:g} of its sigmas, measured on one cell, or its usual one where still arms hide it. As many as the
-table says have been tried{_since(result)}."""
+Simulated cells are captured by {result["samples"]} samples and calibrated. Required:
+
+- {wanted["sound"]} cells without a fault: at most 3 % are not good, and 90.5 to 99 % are inside the 95 % ellipsoid.
+- {wanted["each fault"]} cells of each fault: nine in ten are inside the 99.7 % ellipsoid, or the fault is named first.
+
+A fault has the size that moves the base of a plain answer by {SIGMAS:g} of its sigmas, measured on one cell. If arms at
+rest hide the fault, it has its usual size. The table gives the number of cells tried{_since(result)}."""
     lines = table(result["rows"][0], [list(each.values()) for each in result["rows"]])
     if kills is None:
         return f"{about}\n\n{lines}"
     equal = "equal" if kills["is_equal"] else "do not equal"
     told = f"""\
-{kills["captures"]} captures killed {kills["kills"]} times (asked: {wanted["kills"]}) at random instants:
-{kills["lost"]} samples lost, {kills["twice"]} asked twice; in the end samples and states {equal} those of ones that
-nobody killed."""
+{kills["captures"]} captures were killed {kills["kills"]} times (required: {wanted["kills"]}) at random instants.
+{kills["lost"]} samples were lost, and {kills["twice"]} were requested twice. At the end samples and states {equal}
+those of captures that were not killed."""
     return f"{about}\n\n{lines}\n\n{told}"
 
 

@@ -38,7 +38,7 @@ from basecal.vision.detection import Detection, Image
 from basecal.vision.detectors import find
 from basecal.vision.draw.light import LightSettings, render_light
 from basecal.vision.draw.render import RenderSettings, render
-from benchmarks.common import Kept, table, write
+from benchmarks.common import Kept, label, table, write
 from benchmarks.detectors import CAMERA, KINDS, Light, _poses, lights
 from benchmarks.direct_rig import direct_rig
 
@@ -215,7 +215,7 @@ def main(words: Sequence[str] | None = None) -> int:
     return int(bool(missed))
 
 
-HEAD = ("what", "measured", "asked")
+HEAD = ("what", "measured", "required")
 
 
 def section(result: dict[str, Any]) -> str:
@@ -223,27 +223,30 @@ def section(result: dict[str, Any]) -> str:
     goals, speed, still = result["goals"], result["speed"], result["stillness"]
     most = 1e3 / goals["pictures_a_second"]
     rows: list[tuple[object, ...]] = [
-        (f"time of an image: {name}", f"{each:.1f} ms", f"{most:g} ms") for name, each in speed["milliseconds"].items()
+        (f"time of an image: {label(name)}", f"{each:.1f} ms", f"{most:g} ms")
+        for name, each in speed["milliseconds"].items()
     ]
     rows.append((f"within half a second of ringing, of {still['samples']} samples", still["within_ring"], 0))
     rows.append(("time lost beyond it, at most", f"{still['most_lost_s']:.2f} s", f"{goals['lost_s']:g} s"))
     for name in ("reflections, switched", "reflections, always on"):
         of = result[name]
         share = f"{of['right']} of {of['pictures']}, named in {of['named']} of {of['cells']} cells"
-        rows.append((f"{name}: told right", share, f"{100 * goals['reflections']:g} %"))
+        rows.append((f"{name}: LED identified", share, f"{100 * goals['reflections']:g} %"))
     worst = max(each["rms_over_bound"] for each in result["lights"]["of"])
     images = result["lights"]["pictures"]
     rows.append(
         (
-            f"error of a light over the photon bound, worst condition of {images} pictures",
+            f"error of an LED over the photon bound, worst condition of {images} images",
             f"{worst:.2f}",
             goals["bound"],
         )
     )
     about = f"""\
-What a capture sees in images of 1280 x 720: time of one process for each, with other programs beside it (the load
-was {speed["load"]:.1f}); arms that ring for half a second after they arrive; a tray that shows a light again, asked for
-in {WANTED} images, of which as many as the table says have been tried."""
+Detection in images of 1280 x 720 during a capture:
+
+- The time is that of one process for each image, beside other programs (the load was {speed["load"]:.1f}).
+- Arms ring for half a second after they arrive.
+- A tray reflects an LED. {WANTED} images are required, and the table gives the number tried."""
     return f"{about}\n\n{table(HEAD, rows)}"
 
 

@@ -29,9 +29,9 @@ SPREADS_RAD = (0.6, 1.2, 3.0)
 SIZES = (30, 300, 3000, 10000)
 TARGET = 0.95
 WELL_POSED_RAD = 1.0
-HEAD = ("what is unknown", "turned by up to [rad]", "noise [rad]", "proven", "median [ms]", "slowest [ms]")
+HEAD = ("cell", "rotation up to [rad]", "noise [rad]", "proven", "median [ms]", "slowest [ms]")
 TIME_HEAD = ("samples", "proof of the rotations [ms]", "with the descents [ms]")
-FOE_HEAD = ("cells made to deceive", "cells", "claimed", "random starts", "false")
+FOE_HEAD = ("adversarial cells", "cells", "claimed", "random starts", "false")
 
 
 class Claims(NamedTuple):

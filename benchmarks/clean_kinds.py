@@ -19,7 +19,7 @@ from basecal.cell import Calibration
 from basecal.geometry import SE3
 from basecal.simulation import Scenario, simulate
 from benchmarks import target_poses
-from benchmarks.common import cell_by_cell, table
+from benchmarks.common import cell_by_cell, label, table
 
 CELLS, HOLD = 600, 0.99
 SAMPLES = (16, 30)  # of a recording, at least and at most
@@ -95,14 +95,14 @@ def _row(name: str, found: list[dict[str, Any]]) -> tuple[object, ...]:
     codes = sorted({code for each in found for code in each["codes"]})
     held = f"{np.mean(squares < chi2.ppf(HOLD, 6)):.1%}" if len(squares) else ""
     mean = f"{squares.mean() / 6:.2f}" if len(squares) else ""
-    return name, len(found), sum(each["verdict"] != "good" for each in found), ", ".join(codes), held, mean
+    return label(name), len(found), sum(each["verdict"] != "good" for each in found), ", ".join(codes), held, mean
 
 
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     about = f"""\
-Clean recordings of ten kinds in turn, {len(result["rows"])} of {CELLS} so far, of {SAMPLES[0]} samples and more. Nobody
-states their noise. At most 1 % should be not good."""
+Clean recordings of ten kinds in turn, {len(result["rows"])} of {CELLS} so far, of {SAMPLES[0]} samples and more. Their
+noise is unstated. Required: at most 1 % are not good."""
     return f"{about}\n\n{shown(result['rows'])}"
 
 

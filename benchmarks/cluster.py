@@ -35,8 +35,8 @@ from benchmarks.study import BOARD
 WAYS = {"1 process": 1, "2 processes": 2, "Dask, 2 workers": 2, "Dask, 4 workers": 4}
 MOST_OVERHEAD = 0.15
 MOST_BYTES = 2**30
-HEAD = ("by", "wall time [s]", "processor [s]", "over processes, wall", "processor", "largest process [MB]", "numbers")
-KILLED_HEAD = ("killed midway", "numbers", "chunks there before", "done again")
+HEAD = ("by", "wall time [s]", "CPU time [s]", "more wall time", "more CPU time", "largest process [MB]", "numbers")
+KILLED_HEAD = ("killed midway", "numbers", "chunks kept", "chunks repeated")
 _LEAST_DONE = 3  # chunks before something is killed
 
 

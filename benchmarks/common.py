@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,6 +16,14 @@ from typing import Any
 import numpy as np
 
 RESULTS = Path(__file__).parent / "results"
+_TERMS = {
+    "a light": "an LED",
+    "light": "LED",
+    "a picture": "an image",
+    "picture": "image",
+    "pictures": "images",
+    "in common": "shared",
+}
 
 
 def on_one_core() -> None:
@@ -54,6 +63,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     lines += ["| " + " | ".join(str(cell) for cell in row) + " |" for row in rows]
     return "\n".join(lines)
+
+
+def label(name: str) -> str:
+    """The name of a row as the page has it; stored results and their keys may have an older word."""
+    for old, new in _TERMS.items():
+        name = re.sub(rf"\b{old}\b", new, name)
+    return name
 
 
 def machine() -> dict[str, str | int | None]:

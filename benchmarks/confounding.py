@@ -187,8 +187,8 @@ def shown(found: list[dict[str, Any]]) -> str:
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     about = """\
-Cells that have one of two effects which move the data nearly alike; no noise is stated. `named`: a warning names the
-true effect and not the other."""
+Each cell has one of two effects with nearly the same influence on the data. No noise is stated. `named`: a warning
+names the true effect and not the other."""
     return f"{about}\n\n{shown(result['rows'])}"
 
 

@@ -39,7 +39,7 @@ from tests.shared.consistency_trial import (
     error_of,
 )
 
-from benchmarks.common import table, write
+from benchmarks.common import label, table, write
 
 MOST = 1.05
 ERRORS = 3.5
@@ -120,9 +120,9 @@ def run(names: Iterable[str], cells: int, first_seed: int, pool: Executor) -> It
 
 
 _NUMBERS = ("mean NEES / 6", "standard error", "beyond 99 %", "worst NEES")
-_OVER = ("shift / bound", "turn / bound", "whitened / bound", "well-posed")
-HEAD = ("scenario", *_NUMBERS, "not seen", "no optimum", *_OVER, "inside")
-ESTIMATED_HEAD = ("scenario", "cells", "mean NEES / 6", "standard error", "theory", "sigmas found", "inside")
+_OVER = ("translation / bound", "rotation / bound", "whitened / bound", "well-posed")
+HEAD = ("scenario", *_NUMBERS, "unobservable", "not converged", *_OVER, "inside")
+ESTIMATED_HEAD = ("scenario", "cells", "mean NEES / 6", "standard error", "theory", "estimated sigmas", "inside")
 
 
 def row(found: dict[str, Any]) -> tuple[str, ...]:
@@ -131,7 +131,7 @@ def row(found: dict[str, Any]) -> tuple[str, ...]:
     counts = f"{found['worst']:.1f}", str(found["unseen"]), str(found["not_converged"])
     over = [f"{found[key]:.3f}" for key in ("shift_over_bound", "turn_over_bound", "over_bound")]
     posed = "yes" if found["well_posed"] else "no"
-    return (found["scenario"], *numbers, *counts, *over, posed, "yes" if found["inside"] else "NO")
+    return (label(found["scenario"]), *numbers, *counts, *over, posed, "yes" if found["inside"] else "NO")
 
 
 def estimated_row(found: dict[str, Any]) -> tuple[str, ...]:
@@ -141,7 +141,7 @@ def estimated_row(found: dict[str, Any]) -> tuple[str, ...]:
     if "robots" in found:
         (shift, turn), (off, turned) = found["robots"], found["robots_scatter"]
         sigmas = f"{1e3 * shift:.3f} +- {1e3 * off:.3f} mm, {1e3 * turn:.3f} +- {1e3 * turned:.3f} mrad"
-    return (found["scenario"], str(found["cells"]), *numbers, sigmas, "yes" if found["inside"] else "NO")
+    return (label(found["scenario"]), str(found["cells"]), *numbers, sigmas, "yes" if found["inside"] else "NO")
 
 
 def main(arguments: list[str]) -> None:

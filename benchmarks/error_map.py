@@ -180,12 +180,19 @@ def row(kind: str, of: dict[str, Any]) -> tuple[object, ...]:
 def section(result: dict[str, Any]) -> str:
     """Of docs/benchmarks.md."""
     about = f"""\
-Both flanges are sent to one point, at the middle of the map and at a corner: are they as near as the map expects of 95
-in 100? Asked: {100 * LOW:g} to {100 * HIGH:g} % of {TRIALS}. `joints`: arms whose joints and links are off, estimated
-by their priors (`stated`), or taken for what the URDF says (`estimated`), as `exact joints` are, which nobody knows.
-What an arm's errors shift its flange by everywhere alike is in the mount of what hangs on it and in no recording, and
-makes the larger part of them (`but for mounts`: without): what recorded poses show of an arm's errors says how large
-that may be. Of exact arms no recording proves that they are, so that lengths there are held more often than need be."""
+Both flanges are sent to one point, at the middle of the map and at a corner. Are their distance and their angle within
+the 95 % bounds of the map? Required: in {100 * LOW:g} to {100 * HIGH:g} % of up to {TRIALS} trials. The kinds of cells
+are:
+
+- `poses`: robots are recorded by poses. `stated` and `estimated` say whether their noise is stated.
+- `joints, stated`: joints and links have errors, which are estimated with their priors.
+- `joints, estimated`: the same errors, with the arms assumed to be as in the URDF, and no noise stated.
+- `exact joints, estimated`: the arms are as in the URDF, which the calibration does not know.
+
+The errors of an arm shift its flange by a part that is the same everywhere. The mount of the camera or target absorbs
+this part, and no recording shows it. It is the larger part of the errors. The rows `but for mounts` leave it out. The
+errors that recorded poses show determine how large it may be. No recording proves that an exact arm is exact, so that
+bounds on lengths hold there more often than required."""
     return f"{about}\n\n{table(HEAD, [row(kind, of) for kind, of in result['rows'].items()])}"
 
 

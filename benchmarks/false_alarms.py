@@ -52,16 +52,18 @@ def shown(found: list[dict[str, Any]]) -> str:
     seeds = f", of seeds {', '.join(str(cell['seed']) for cell in wrong)}" if wrong else ""
     rate = f"{len(wrong)} of {len(found)} cells ({100 * len(wrong) / max(len(found), 1):.1f} %)"
     taken = sum(bool(cell["shared"]) for cell in found)
-    shared = f"A variance of errors that stops share is taken, and told as an info, in {taken} of {len(found)}."
-    return f"{table(('code', 'a rule', 'cells'), rows)}\n\nFalse alarms: {rate}{seeds}.\n\n{shared}"
+    shared = (
+        f"In {taken} of {len(found)} cells a variance of errors that stops share is estimated, and reported as an info."
+    )
+    return f"{table(('code', 'counts', 'cells'), rows)}\n\nFalse alarms: {rate}{seeds}.\n\n{shared}"
 
 
 def section(result: dict[str, Any]) -> str:
     """What the page says of a run."""
     about = f"""\
-The simulated cells of `benchmarks.reference`, none of which has anything amiss, {result["cells"]} of {CELLS} so far. A
-false alarm is a warning or an error by which a wider or another model would be believed; codes that say how much the
-data determine, or which samples disagree, are none. Asked: at most {100 * result["asked"]:.0f} %, by all rules."""
+The simulated cells of `benchmarks.reference`, all of them free of faults, {result["cells"]} of {CELLS} so far. A
+false alarm is a warning or an error that supports a wider or another model. Codes on how much the data determine, or
+on samples that disagree, do not count. Required: at most {100 * result["asked"]:.0f} %, over all rules."""
     return f"{about}\n\n{shown(result['rows'])}"
 
 

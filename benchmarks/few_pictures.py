@@ -35,8 +35,8 @@ ENOUGH = 10
 BAND = (0.7, 1.4)
 HELD, LEAST_HELD = 0.95, 35 / 40
 BEYOND = 0.999
-HEAD = ("pictures", "cells", "refused", "doubtful", "good", "NEES/6, mean", "median", "within 95 %",
-        "good beyond 99.9 %", "shift, rms [mm]", "turn, rms [mrad]", "findings", "holds")  # fmt: skip
+HEAD = ("images", "cells", "refused", "doubtful", "good", "NEES/6, mean", "median", "within 95 %",
+        "good beyond 99.9 %", "translation, rms [mm]", "rotation, rms [mrad]", "findings", "holds")  # fmt: skip
 
 
 class Outcome(NamedTuple):

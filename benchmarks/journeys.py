@@ -100,9 +100,9 @@ def section(result: dict[str, Any]) -> str:
         for row in result["rows"]
     ]
     about = """\
-Newcomers, each with files as other programs write them and new data in every draw. They type the commands of their page
-and nothing else. `held` is the share of answers within their 99 % ellipsoid."""
-    head = ("who", "commands", "draws", "a command failed", "not good", "findings", "held", "mean square / 6")
+First-time users have files as other programs write them, with new data in every draw. They type the commands of their
+page of the documentation and nothing else. `held` is the share of answers within their 99 % ellipsoid."""
+    head = ("user", "commands", "draws", "a command failed", "not good", "findings", "held", "mean square / 6")
     return f"{about}\n\n{table(head, rows)}"
 
 

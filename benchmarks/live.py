@@ -28,7 +28,7 @@ from shared.ros2_domain import ros2, watching
 JOINTS_HZ, PICTURES_HZ, SIZE_PX = 500, 30, (1280, 720)
 WARM_S = 10.0  # before memory is measured
 TOLERANCE_S = 1e-6  # of a stamp as a float of seconds
-HEAD = ("what", "sent", "taken", "stamps that are not their own", "largest gap, s")
+HEAD = ("what", "sent", "taken", "wrong stamps", "largest gap [s]")
 
 
 class Watched:

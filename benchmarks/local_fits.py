@@ -110,9 +110,9 @@ def rows(found: Sequence[dict[str, Any]]) -> list[tuple[object, ...]]:
 def section(result: dict[str, Any]) -> str:
     """Of docs/benchmarks.md."""
     about = f"""\
-Parts of a workspace calibrated by themselves or from all samples, robots with noise alone or bent by a wave besides:
-right is a recommendation beside which the other calibration has no less than {CLEARLY:g} of its true error. Asked:
-{100 * RIGHT:g} %."""
+Parts of a workspace are calibrated separately or from all samples. The robots have noise alone, or also errors in the
+form of a wave over the workspace. A recommendation is right if the true error of the other calibration is at least
+{CLEARLY:g} times that of the recommended one. Required: {100 * RIGHT:g} %."""
     return f"{about}\n\n{table(HEAD, rows(result['rows']))}"
 
 

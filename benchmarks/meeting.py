@@ -42,7 +42,7 @@ BEGUN, MOST = 8, 30  # samples that are taken before it plans, and at most
 TOLERANCES_M = (8e-4, 2e-3)
 LIVE = Scenario(samples=9, robot_noise=NOISE, state_robot_noise=False, state_pixel_noise=False)
 HEAD_KEYS = ("median_mm_95", "true_mm_95", "ratio")
-HEAD = ("cells", "meetings", "within the 95 %", "median of 95 % [mm]", "95 % of true errors [mm]", "ratio")
+HEAD = ("cells", "meetings", "within the bound", "median of the bound [mm]", "95 % of true errors [mm]", "ratio")
 
 
 def trial(kind: str, seed: int) -> list[dict[str, float]]:
@@ -149,10 +149,14 @@ def section(result: dict[str, Any]) -> str:
     captures = result["captures"]
     agreed = sum(each["met"] == each["reached"] for each in captures)
     about = f"""\
-Both flanges are sent to places where the target was seen: are they as near as the first line has it of 95 in 100?
-Asked: {100 * LOW:g} to {100 * HIGH:g} % in all, and a median of what is expected of at most {MOST_RATIO} times what 95
-of 100 true errors of the same cells are below. Of {len(captures)} captures to a tolerance, planned and taken one sample
-after another with noise that nobody states, {agreed} end as `calibrate` has it."""
+Both flanges are sent to places where the target was seen. Is their distance within the 95 % bound in the first line of
+the report? Required over all cells:
+
+- the bound holds in {100 * LOW:g} to {100 * HIGH:g} %;
+- its median is at most {MOST_RATIO} times the 95 % quantile of the true errors of the same cells.
+
+{len(captures)} captures end at a tolerance. Their samples are planned and taken one after another, with unstated noise.
+{agreed} of them agree with `calibrate` on whether the tolerance is reached."""
     return f"{about}\n\n{table(HEAD, lines)}"
 
 

@@ -41,9 +41,9 @@ PACKAGES = ("geometry", "numerics", "kinematics", "cell", "estimation", "accurac
 SLOWER = 5.0  # tests that compute so many times as long as without a mutant are taken to hang
 SPARE_S = 20.0  # to load and collect
 WAITS = 20.0  # so many times as long by the clock: they wait for what never comes
-HEAD = ("room", "mutants", "equivalent", "killed", "of the others", "with the tests added", "of the others")
+HEAD = ("package", "mutants", "equivalent", "killed", "of the others", "with the tests added", "of the others")
 HEAD_OF_SURVIVORS = ("survived", "was", "became", "why")
-UNKNOWN = "no test of its room tells the two apart so far"
+UNKNOWN = "no test of its folder distinguishes the two so far"
 CHANGE = ("file", "text", "old", "new")
 NICE = 10
 

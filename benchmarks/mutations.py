@@ -214,7 +214,7 @@ def summary(trials: list[Trial]) -> list[dict[str, Any]]:
     return out
 
 
-HEAD = ("mix-up", "named", "missed", "harmless", "rate", "good though moved", "processor, median [s]")
+HEAD = ("mix-up", "named", "missed", "harmless", "rate", "good though moved", "CPU time, median [s]")
 
 
 def told(of: dict[str, Any]) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ from basecal.estimation.view.poses import PoseMeasurement
 from basecal.geometry import SE3, Array, BoolArray, IntArray
 from basecal.simulation import Scenario, SimulatedCell, simulate
 from basecal.simulation.draw import SIZE_PX
-from benchmarks.common import on_one_core, table, write
+from benchmarks.common import label, on_one_core, table, write
 
 BASE = "eye_base_from_hand_base"
 SAMPLES, POINTS = 0.3, 0.2
@@ -384,7 +384,7 @@ def row(found: dict[str, Any]) -> tuple[str, ...]:
     shares = tuple(f"{100 * found[key]:.2f} %" for key in ("found", "lost_samples", "lost_points"))
     numbers = f"{found['oracle_mm']:.2f}", f"{found['oracle_mrad']:.2f}", f"{found['ratio']:.3f}"
     times = f"{found['median_ms']:.0f}", f"{found['slowest_ms']:.0f}"
-    return (found["outliers"], found["cells"], str(found["count"]), *numbers, *shares, *times)
+    return (found["outliers"], label(found["cells"]), str(found["count"]), *numbers, *shares, *times)
 
 
 def main(arguments: list[str]) -> None:

@@ -98,7 +98,7 @@ def measured(names: list[str]) -> Iterator[dict[str, Any]]:
         yield of_viewer()
 
 
-HEAD = ("page", "MB", "s", "errors of the console", "holds")
+HEAD = ("page", "MB", "s", "console errors", "holds")
 
 
 def row(found: dict[str, Any]) -> tuple[str, ...]:
@@ -113,8 +113,9 @@ def row(found: dict[str, Any]) -> tuple[str, ...]:
 def section(result: dict[str, Any]) -> str:
     """Of docs/benchmarks.md."""
     about = f"""\
-Pages in a Chromium without a window that never saw them: the time from the start of loading until all is there and
-its scripts answer, the median of {TIMES}. Asked: {MOST_S:g} s, {MOST_BYTES / 1e6:g} MB, and no error in the console."""
+Pages in headless Chromium with an empty cache. The time is from the start of loading until the page is complete and its
+scripts answer, the median of {TIMES}. Required: at most {MOST_S:g} s and {MOST_BYTES / 1e6:g} MB, and no error in the
+console."""
     return f"{about}\n\n{table(HEAD, map(row, result['rows']))}"
 
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from tests.shared.pose_trial import SIGMAS, sources, tried
 
-from benchmarks.common import table, write
+from benchmarks.common import label, table, write
 
 
 def section(result: dict[str, Any]) -> str:
@@ -24,11 +24,13 @@ def section(result: dict[str, Any]) -> str:
     sigma = np.median([row["sigma_px"] for row in result["rows"]])
     most = max(row["most_px"] for row in result["rows"])
     about = f"""\
-An image belongs to its pose if the points found in it lie where the recorded pose puts them, within {SIGMAS:g} sigma
-of a point ({sigma:.3f} px). Moves take 0.3 s, images come 30 times a second (20 times into folders), and a sample
-follows the other at once or after half a second. Servers and programs that save run in processes of their own; streams
-are read by OpenCV. Of {taken} samples {wrong} had an image of another pose; the largest difference was {most:.3f} px.
-The version before took {before[0]} wrong ones of {before[1]}."""
+An image belongs to its pose if its points are within {SIGMAS:g} sigma of their places by the recorded pose. The sigma
+of a point is {sigma:.3f} px. Moves take 0.3 s, and images come 30 times a second (20 times into folders). A sample
+follows the previous one at once or after half a second. Servers and programs that save images run in processes of
+their own. OpenCV reads the streams.
+
+Of {taken} samples {wrong} had an image of another pose. The largest difference was {most:.3f} px. The previous version
+took a wrong image in {before[0]} of {before[1]} samples."""
     head = ("camera", "samples", "taken", "wrong", "largest difference", "latency (measured)", "wrong before")
     return f"{about}\n\n{table(head, rows)}"
 
@@ -39,7 +41,7 @@ def _rows(rows: list[dict[str, Any]], earlier: dict[str, dict[str, Any]]) -> Ite
         was = f"{before['wrong']} of {before['taken']}" if before else "-"
         measured = row["reports"][0].split("arrive ")[1].split(" after")[0] if row["reports"] else "-"
         most = f"{row['most_px']:.3f} px"
-        yield row["source"], row["samples"], row["taken"], row["wrong"], most, measured, was
+        yield label(row["source"]), row["samples"], row["taken"], row["wrong"], most, measured, was
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -50,8 +50,8 @@ CERTIFIED = {"X": (10.9, 0.77, 20.6, 1.37), "Y": (3.7, 0.62, 9.9, 1.34)}
 VIEWS = (25, 50, 100, 200)
 TURNS_RAD = (1.5, 0.5)
 CERTIFIED_HEAD = (
-    "of",
-    "turned by up to [rad]",
+    "transform",
+    "rotation up to [rad]",
     "views",
     "cells",
     "ours [mm]",
@@ -168,6 +168,13 @@ def beside_certified(turn_rad: float, views: int, cells: int) -> list[dict[str, 
 
 def _lengths(off: list[Array], part: slice) -> float:
     return float(np.linalg.norm(np.stack(off)[:, part], axis=-1).mean())
+
+
+def beats_published(found: dict[str, Any]) -> bool:
+    """Whether ours over the linear method is below the published ratio, both in length and in angle."""
+    mm, deg, linear_mm, linear_deg = CERTIFIED[found["of"]]
+    in_length = found["ours_mm"] / found["linear_mm"] < mm / linear_mm
+    return bool(in_length and found["ours_deg"] / found["linear_deg"] < deg / linear_deg)
 
 
 def certified_row(found: dict[str, Any]) -> tuple[str, ...]:

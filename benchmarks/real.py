@@ -9,7 +9,7 @@ from typing import Any
 from tests.shared.real_recordings import RECORDINGS
 
 from basecal.errors import DatasetError
-from benchmarks.common import table, write
+from benchmarks.common import label, table, write
 
 HEAD = ("recording", "what", "measured", "required", "holds")
 
@@ -17,7 +17,13 @@ HEAD = ("recording", "what", "measured", "required", "holds")
 def row(found: dict[str, Any]) -> tuple[str, ...]:
     """A line of the table with `HEAD`."""
     limit = f"{found['sense']} {found['required']:g}"
-    return found["recording"], found["what"], f"{found['measured']:.3g}", limit, "yes" if found["holds"] else "NO"
+    return (
+        label(found["recording"]),
+        found["what"],
+        f"{found['measured']:.3g}",
+        limit,
+        "yes" if found["holds"] else "NO",
+    )
 
 
 def main(arguments: list[str]) -> None:

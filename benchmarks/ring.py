@@ -26,7 +26,7 @@ from benchmarks.robots import made_of
 ROBOTS = (20, 100)
 PER_ROBOT = 100
 NOISE = ("stated", "estimated")
-HEAD = ("robots", "samples", "noise", "processor [s]", "wall time [s]", "largest memory [MB]", "exit code")
+HEAD = ("robots", "samples", "noise", "CPU time [s]", "wall time [s]", "peak memory [MB]", "exit code")
 
 
 def _calibrated(folder: Path, answer: Any) -> None:

@@ -33,7 +33,7 @@ HEAD = (
     "line time",
     "recordings",
     "NEES/6",
-    "base off, median [mm]",
+    "base error, median [mm]",
     "truth beyond 99.9 %",
     "of these good",
     "line time within 95 %",

@@ -70,7 +70,7 @@ HEAD_FAULT = (
     "delay in samples, median and largest",
     "early",
 )
-HEAD_REAL = ("recording", "samples", "odd samples", "lasting", "what lasts")
+HEAD_REAL = ("recording", "samples", "odd samples", "lasting changes", "report")
 
 
 @cache
@@ -330,22 +330,30 @@ def section(result: dict[str, Any]) -> str:
     rows = [row_fault(kind, result[kind]) for kind in KINDS]
     moved = sum(any("moved" in message for message in each["lasting"]) for each in result["by_poses"])
     about = f"""\
-Captures of two UR5e by {SAMPLES} samples, simulated as points. The running sigma of the base after the last sample is
-within 20 % of the report's in {within(result["sigma"])} of {len(result["sigma"])} captures of good and bad arms. Of
-{len(result["clean"])} captures without a fault, {reported} of {samples} samples are reported. Of
-{len(result["by_poses"])} captures of arms that are built otherwise than stated and record poses alone, in an order in
-which neighbours follow one another, {moved} are told that something moved, and nothing did. The check of the
-thirtieth sample takes {time_s["units"]:.0f} units of the times of `calibrate`, of 8 ms on a machine that does nothing
-else ({1e3 * time_s["median_s"]:.0f} ms of CPU time beside other work).
+Captures of two UR5e by {SAMPLES} samples, simulated as points:
 
-A fault has a random size: bumps and remounted boards of 0.5 to 5 mm, joint offsets of 0.05 to 0.5 deg. It can be seen
-from the sample at which the likelihood ratio of the true fault passes the threshold of 1 % false alarms. The test knows
-the fault, and like the capture neither bases and mounts nor the level of the noise. In time is at most {LATEST} samples
-later. To a test that knows the noise as well, {known} of {sum(len(result[kind]) for kind in KINDS)} are in time.
-A test that knows neither joint nor sign can see {len(delays(by_joint))} of {len(by_joint)} joint offsets. Of these
-{in_time(by_joint)} are in time; of the others {sum(of["reported"] is not None for of in hidden)} are reported. Of
-ur3e_88_images the report of `calibrate` says the same as the running check: flanges at nearly equal poses before and
-after that sample have the board in places that differ by more than those on one side do."""
+- The running sigma of the base after the last sample is compared with the report's, on good and bad arms. It is
+  within 20 % in {within(result["sigma"])} of {len(result["sigma"])} captures.
+- {len(result["clean"])} captures without a fault have false reports at {reported} of {samples} samples.
+- Other arms differ from their stated model and record poses alone, in an order in which neighbouring poses
+  follow one another. Nothing moves, and {moved} of {len(result["by_poses"])} captures report that something moved.
+- The check of the thirtieth sample takes {time_s["units"]:.0f} units of the section on [times of the whole
+  command](#time-of-the-whole-command), of 8 ms on an idle machine. Beside other work it took
+  {1e3 * time_s["median_s"]:.0f} ms of CPU time.
+
+A fault has a random size: bumps and remounted boards of 0.5 to 5 mm, joint offsets of 0.05 to 0.5 deg. It is
+detectable from the sample at which the likelihood ratio of the true fault passes the threshold of 1 % false alarms.
+This test knows the fault. Like the capture it knows neither bases and mounts nor the level of the noise. A report is
+in time at most {LATEST} samples later. By a test that also knows the noise, {known} of
+{sum(len(result[kind]) for kind in KINDS)} are in time.
+
+A test that knows neither joint nor sign detects {len(delays(by_joint))} of {len(by_joint)} joint offsets. Of these
+{in_time(by_joint)} are reported in time, and of the others {sum(of["reported"] is not None for of in hidden)} are
+reported.
+
+For ur3e_88_images the report of `calibrate` agrees with the running check. Flanges at nearly equal poses see the
+board in different places before and after the sample named below. These differ by more than places on the same side
+of it."""
     return f"{about}\n\n{table(HEAD_FAULT, rows)}\n\n{table(HEAD_REAL, map(row_real, result['real']))}"
 
 

@@ -32,9 +32,9 @@ CHANCE = 1e-3  # that is told as a warning
 FREEDOMS = {"any": 3, "known": 1}  # of a sag, by what is known of where down is
 HEAD = (
     "sag [mrad/m]",
-    "turns [mrad]",
-    "less a tilt [mrad]",
-    "shift, median",
+    "rotation [mrad]",
+    "rotation without the tilt [mrad]",
+    "noncentrality, median",
     "found, down unknown",
     "found, down known",
 )
@@ -89,10 +89,13 @@ def row(of: dict[str, float]) -> tuple[str, ...]:
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     about = f"""\
-{result["cells"]} of the cells above whose hand sags, by {1e3 * SAG_PER_M:g} mrad a metre there, and the same with other
-sags. What all poses have of it in common is a tilt of the base by definition, and what is left turns the hand by no
-more than its noise of {1e3 * NOISE[1]:g} mrad does there. Found: in so many of the cells by a perfect test, which knows
-all noise and looks for nothing else, at a chance of {CHANCE:g}."""
+{result["cells"]} cells of `benchmarks.wrong_answers` whose hand sags, with sags of other sizes as well. The sag there
+is {1e3 * SAG_PER_M:g} mrad a metre. The part of the sag that all poses share is by definition a tilt of the base. At
+{1e3 * SAG_PER_M:g} mrad a metre the remaining rotation of the hand is no larger than its noise of {1e3 * NOISE[1]:g}
+mrad.
+
+`found` is the expected number of cells in which a perfect test finds the sag. This test knows all noise, tests for
+nothing else, and has a false-alarm probability of {CHANCE:g}. The noncentrality is that of its chi-square."""
     return f"{about}\n\n{table(HEAD, map(row, result['rows']))}"
 
 

@@ -37,7 +37,7 @@ from basecal.accuracy.scene.pictures import Pictures
 from basecal.cell.files import read_cell, read_recording
 from basecal.estimation.settings import Settings
 from basecal.geometry import SE3, Array, Camera
-from benchmarks.common import Kept, cpu_seconds, on_one_core, read, table, write
+from benchmarks.common import Kept, cpu_seconds, label, on_one_core, read, table, write
 from benchmarks.scene_rooms import (
     AMBIGUOUS,
     ARM_ERRORS,
@@ -218,11 +218,11 @@ def row(kind: str, cells: Sequence[dict[str, Any]]) -> list[object]:
     false = sum(each["m2"] > FALSE_M2 for each in answered)
     codes = sorted({code for each in cells for code in each["errors"]})
     if not answered:
-        return [kind, len(cells), 0, 0, "-", "-", "-", "-", "-", ", ".join(codes)]
+        return [label(kind), len(cells), 0, 0, "-", "-", "-", "-", "-", ", ".join(codes)]
     mm, deg, m2 = (np.array([each[key] for each in answered]) for key in ("mm", "deg", "m2"))
     return [
-        kind, len(cells), len(answered), false, f"{np.median(mm):.2f}", f"{np.median(deg):.3f}", f"{mm.max():.2f}",
-        f"{m2.mean():.1f}", f"{m2.max():.1f}", ", ".join(codes) or "-",
+        label(kind), len(cells), len(answered), false, f"{np.median(mm):.2f}", f"{np.median(deg):.3f}",
+        f"{mm.max():.2f}", f"{m2.mean():.1f}", f"{m2.max():.1f}", ", ".join(codes) or "-",
     ]  # fmt: skip
 
 
@@ -237,19 +237,20 @@ def section(result: dict[str, Any]) -> str:
     deceptions = [kind for kind in KINDS if kind not in (*RIGHT, *AMBIGUOUS, *ARM_ERRORS)]
     deceiving = [each for each in cells if each["kind"] in deceptions]
     false = sum(each.get("m2", 0.0) > FALSE_M2 for each in deceiving)
-    return f"""\
-Rendered rooms of two arms, {SMALL.views} images of {SMALL.size[0]}x{SMALL.size[1]} each, poses off by 0.2 mm and
-0.3 mrad. Of {len(deceiving)} cells that deceive, {false} were answered falsely (M2 of the base above {FALSE_M2:g}, 6
-is right).
-Not counted are "{AMBIGUOUS[0]}" and "{AMBIGUOUS[1]}": all that has
-texture is copied or moved as one, which no camera can tell.
-{_sound(cells)} At most {SMALL.most_points} points of each camera are taken, for speed.
+    about = f"""\
+Rendered rooms of two arms, with {SMALL.views} images of {SMALL.size[0]}x{SMALL.size[1]} for each arm. Poses have errors
+of 0.2 mm and 0.3 mrad. Of {len(deceiving)} deceptive cells {false} were answered falsely, with an M2 of the base above
+{FALSE_M2:g}; its mean is 6 if the covariance is true. Two kinds of rooms do not count:
 
-{rows(cells)}
+- {AMBIGUOUS[0]};
+- {AMBIGUOUS[1]}.
 
-{_about_large(large)}
+In these everything with texture is copied or moved as one, and no camera can detect this.
 
-{_about_time(result)}"""
+{_sound(cells)} For speed, at most {SMALL.most_points} points of each camera are used.
+
+{rows(cells)}"""
+    return "\n\n".join(filter(None, (about, _about_large(large), _about_time(result))))
 
 
 def _sound(cells: Sequence[dict[str, Any]]) -> str:
@@ -258,8 +259,8 @@ def _sound(cells: Sequence[dict[str, Any]]) -> str:
     answered = [each for each in sound if "mm" in each]
     near = sum(each["mm"] <= 1.0 for each in answered), sum(each["deg"] <= 0.06 for each in answered)
     return (
-        f"Of {len(sound)} sound cells {len(answered)} were answered, {near[0]} to 1 mm and {near[1]} to 0.06 deg;\n"
-        f"a cell takes {np.median([each['cpu_s'] for each in cells]):.0f} s of the processor (median)."
+        f"Of {len(sound)} sound cells {len(answered)} were answered, {near[0]} to 1 mm and {near[1]} to 0.06 deg.\n"
+        f"A cell takes {np.median([each['cpu_s'] for each in cells]):.0f} s of CPU time (median)."
     )
 
 
@@ -278,8 +279,8 @@ def _about_time(result: dict[str, Any]) -> str:
          f"{max(each['peak_gb'] for each in own):.2f}", f"{max(each['mm'] for each in own):.2f}")
         for name, design in TIMED.items() if (own := result.get(name))
     ]  # fmt: skip
-    head = "image [px]", "images", "cells", "processor [s]", "memory [GB]", "worst [mm]"
-    about = "On one core (`--images 1280x720`); memory is the largest, with what renders the images."
+    head = "image [px]", "images", "cells", "CPU time [s]", "memory [GB]", "worst [mm]"
+    about = "On one core (`--images 1280x720`). The memory is the peak, with the renderer of the images."
     return f"{about}\n\n{table(head, rows)}" if rows else ""
 
 

@@ -34,7 +34,7 @@ from benchmarks.common import Kept, cpu_seconds, on_one_core, table, write
 UR5E = "ur5e_dual_charuco_2023"
 RECORDINGS = "kuka_1_chessboard", UR5E, "rct_10x10", "ur3e_88_images", "visp_franka_in_hand"
 HALVES = "kuka_1_chessboard"
-HEAD = "recording", "what", "verdict", "mm", "deg", "M2", "own sigma [mm]", "[deg]", "refused as", "CPU [s]"
+HEAD = "recording", "what", "verdict", "mm", "deg", "M2", "own sigma [mm]", "[deg]", "refused as", "CPU time [s]"
 
 
 def masked(cell: Cell, sample: Sample, camera: str) -> list[Array]:
@@ -136,8 +136,9 @@ def row(line: dict[str, Any]) -> list[str]:
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     about = """\
-Real recordings of one arm, the board masked with 30 % more, against what the board gives; M2 is in the sum of both
-covariances. Two halves of a recording, taken as two arms, are one arm's: the truth of the base is the identity."""
+Real recordings of one arm, with the board and 30 % more around it masked, are compared with the result from the board.
+M2 is in the sum of both covariances. Two halves of a recording serve as two arms. They are of one arm, so that the true
+base is the identity."""
     return f"{about}\n\n{table(HEAD, map(row, result['lines']))}"
 
 

@@ -51,8 +51,8 @@ ALL_DRAWS = 300
 NAMED = 0.95
 FEWEST = 30  # draws that results are written of: a share of 95 % is known to 4 %
 FREEDOMS = 3  # of Student's t
-HEAD = ("recording", "errors", "draws", "refused", "doubtful", "good", "of", "held", "NEES/6, median", "named", "holds",
-        "commit")  # fmt: skip
+HEAD = ("recording", "errors", "draws", "refused", "doubtful", "good", "transform", "held", "NEES/6, median", "named",
+        "holds", "commit")  # fmt: skip
 
 
 def real(of: Reality, rng: Rng) -> Errors:

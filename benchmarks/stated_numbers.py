@@ -199,11 +199,15 @@ def shown(found: list[dict[str, Any]]) -> str:
 def section(result: dict[str, Any]) -> str:
     """The section of docs/benchmarks.md."""
     about = """\
-Boards in 18 to 30 views of one arm and of two, no noise stated. The lens is stated as `fixed`: with its principal
-point, focal lengths or distortion wrong, right, and with every parameter off by a normal error of so many default
-sigmas. Likewise the size of the board, and a camera mount stated as `fixed`.
-`good, beyond 4 sigma`: an estimated transform is, though the verdict is good. `accused`: a warning names a stated
-number."""
+Boards in 18 to 30 views of one arm and of two arms, with no noise stated. The stated numbers are:
+
+- A lens stated as `fixed`: its principal point, focal lengths or distortion are wrong, or all of it is right.
+- The same lens, with normal errors of so many default sigmas on every parameter.
+- The size of the board, with a normal error of so many default sigmas.
+- A camera mount stated as `fixed`, with normal errors of so many times 0.5 mm and 2 mrad.
+
+`good, beyond 4 sigma` counts good answers with an estimated transform beyond 4 sigma. `accused` counts cells in which a
+warning names a stated number."""
     return f"{about}\n\n{shown(result['rows'])}"
 
 

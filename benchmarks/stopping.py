@@ -82,9 +82,12 @@ def rows(found: Sequence[dict[str, Any]]) -> list[tuple[object, ...]]:
 def section(result: dict[str, Any]) -> str:
     """Of docs/benchmarks.md."""
     about = f"""\
-As many samples as a plan says a goal needs, in cells whose robots have {1e3 * NOISE_M[0]:g} to {1e3 * NOISE_M[1]:g} mm
-a stop: is the true error within the 95 % that the plan promised? Asked: {100 * LOW:g} to {100 * HIGH:g} %, and at most
-{MOST_RATIO:g} times the samples of the best plan by exhaustive exchange, looked for in one of {BEST_OF} cells."""
+A plan predicts how many samples a goal needs, and so many are taken. The noise of the robots is
+{1e3 * NOISE_M[0]:g} to {1e3 * NOISE_M[1]:g} mm a stop. Is the true error within the 95 % bound of the plan? Required:
+
+- the bound holds in {100 * LOW:g} to {100 * HIGH:g} % of cells;
+- the plan has at most {MOST_RATIO:g} times the samples of the best plan by exhaustive exchange, which is searched in
+  one of {BEST_OF} cells."""
     return f"{about}\n\n{table(HEAD, rows(result['rows']))}"
 
 

@@ -29,12 +29,20 @@ from typing import Any
 
 import numpy as np
 from tests.safety.installed_driver import installed_driver
-from tests.safety.link_trial import ARMS, FAULTS, PHASES, Trial, attempt, faults_found
+from tests.safety.link_trial import ARMS, FAULTS, PHASES, RECONNECT_S, REST_S, Trial, attempt, faults_found
 
 from benchmarks.common import Kept, table, write
 
 DRIVER = Path(__file__).parents[1] / "tests" / "safety" / "frail_driver.py"
-HEAD = ("phase", "fault", "trials", "broken", "told: median, longest [s]", "ended [s]", "moves after")
+HEAD = (
+    "phase",
+    "fault",
+    "trials",
+    "broken",
+    "other arm stopped: median, longest [s]",
+    "ended, longest [s]",
+    "moves after",
+)
 _NAP_S = 0.005
 
 
@@ -109,11 +117,14 @@ def section(result: dict[str, Any]) -> str:
     rows = result["rows"]
     trials, broken = (sum(row[key] for row in rows) for key in ("trials", "broken"))
     about = f"""\
-Two arms by a driver of others; a controller or link of one fails, and the other is to be told. Every fault in every
-phase, for either arm and either order in the cell, at random instants: {trials} trials, of which {broken} broke a
-promise. Times are from the fault on; a link that is silent while all arms stand is tried again for a second first. The
-load of the machine was at most {max(row["load"] for row in rows):.1f} on {result["machine"]["cores"]} cores; it woke a
-sleeping process late by at most {max(row["woken_late_s"] for row in rows):.2f} s."""
+A third-party driver runs two arms. A controller or link of one arm fails, and the other arm must stop. Every fault
+occurs in every phase, for either arm and either order in the cell, at random instants. Of {trials} trials {broken}
+broke a promise.
+
+Times are from the fault on. While all arms stand, a lost link is tried again for {RECONNECT_S:g} s, and a silent link
+counts as lost after {REST_S:g} s. `lie` is a state that never changes. It stops no arm if all arms stand. The load of
+the machine was at most {max(row["load"] for row in rows):.1f} on {result["machine"]["cores"]} cores. It woke a
+sleeping process at most {max(row["woken_late_s"] for row in rows):.2f} s late."""
     return f"{about}\n\n{table(HEAD, map(_shown, rows))}"
 
 

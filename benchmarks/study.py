@@ -28,7 +28,7 @@ HOLDS = {
 TRIALS = {"maximum_likelihood": 20_480, "closed_form": 2_000_000, "opencv": 2048}
 CELLS = 8
 ASKED = {"maximum_likelihood": 2000.0, "closed_form": 300_000.0}
-HEAD = ("solver", "trials", "processes", "wall time [s]", "a second", "asked", "solved")
+HEAD = ("solver", "trials", "processes", "wall time [s]", "a second", "required", "solved")
 
 
 def timed(solver: str, trials: int, workers: int) -> dict[str, Any]:

@@ -88,8 +88,8 @@ def section(result: dict[str, Any]) -> str:
     ]
     head = ("target", "not good", "rms [mm]", "95 % ellipsoid holds", "NEES/6")
     about = f"""\
-A hand-eye calibration from {result["samples"]} poses of targets that PnP found in noisy corners.
-Of each target {result["draws"]} were drawn."""
+A hand-eye calibration from {result["samples"]} target poses, which PnP estimates from noisy corners. There are
+{result["draws"]} draws of each target."""
     return f"{about}\n\n{table(head, rows)}"
 
 

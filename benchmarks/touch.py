@@ -292,20 +292,20 @@ def section(result: dict[str, Any]) -> str:
     named = [(name, of["found"], of["named"], of["trials"]) for name, of in result["faults"].items()]
     two, plan = result["two_marks"], result["plan"]
     about = f"""\
-Two exact arms whose tips touch marks, planes and edges, meet, or hold one part. Nothing is known of tips, marks and
-grips. NEES/6 of the base is 1 if the covariance is true.
+The tips of two exact arms touch marks, planes and edges, or meet, or the arms hold one part. Tips, marks and grips are
+unknown. NEES/6 of the base is 1 if the covariance is true.
 
 {table(("contact", "NEES/6", "trials", "good"), rows)}
 
-With two marks the answer was refused with the right axis in {two["right"]} of {two["trials"]}. Faults of 5 mm at half
-time:
+With two marks the answer was refused with the right axis in {two["right"]} of {two["trials"]} trials. Of the faults
+below, a mark or a tip moves by 5 mm at half time, or one touch is of the wrong mark.
 
 {table(("fault", "found", "named", "trials"), named)}
 
-A third mark and twelve touches as `plan --touches` has them leave {1e3 * plan["planned_m"]:.2f} mm at the task, random
-ones {1e3 * plan["random_m"]:.2f} mm: {plan["ratio"]:.2f} times as much (medians of {plan["trials"]} cells with
-{plan["draws"]} draws). It chooses among {PLACES} places and {ROTATIONS} rotations; half as many of both leave
-{plan["few_ratio"]:.2f} times as much."""
+A third mark and twelve touches are added, planned by `plan --touches` or random. The median error at the task, of
+{plan["trials"]} cells with {plan["draws"]} draws, is {1e3 * plan["planned_m"]:.2f} mm as planned. It is
+{1e3 * plan["random_m"]:.2f} mm at random, a ratio of {plan["ratio"]:.2f}. The plan chooses among {PLACES} places and
+{ROTATIONS} rotations. With half as many of both the ratio is {plan["few_ratio"]:.2f}."""
     return "\n\n".join([about, *touch_recordings.section(result.get("recordings", {}))])
 
 

@@ -93,10 +93,10 @@ def section(result: Mapping[str, Any]) -> Iterator[str]:
             "0.02 mm stated",
         )
         yield (
-            "A Franka arm put a ball into two sockets at each of three places, and is calibrated at one of them, touch "
-            "noise unstated.\nScatter [mm] of the ball in the four sockets of both others, by the authors' objective "
-            "trained at the same place, and by\ntheir URDF, which was trained at `front`. The last column is "
-            "of touches with a noise of 0.02 mm stated:"
+            "A Franka arm put a ball into two sockets at each of three places. It is calibrated at one of them, with "
+            "unstated touch noise. The table gives the scatter [mm] of the ball in the four sockets of both other "
+            "places. It is compared with the authors' objective, trained at the same place, and with their URDF, "
+            "trained at `front`. In the last column a touch noise of 0.02 mm is stated."
         )
         yield table(head, rows)
     if "sessions" in result:
@@ -104,7 +104,7 @@ def section(result: Mapping[str, Any]) -> Iterator[str]:
         head = (
             "session",
             "verdict",
-            "left out",
+            "sample left out",
             "as fitted",
             "as reported",
             "1 sigma per axis",
@@ -112,17 +112,18 @@ def section(result: Mapping[str, Any]) -> Iterator[str]:
             "halves, M2",
         )
         yield (
-            "A laser tracker saw a reflector on a UR5 in two sessions. Its place on the flange, as fitted and as "
-            "reported with\neffects of their expected sizes, is so far from plain least squares of the same points "
-            "[mm]. Sigmas are those fitted\nand reported. Halves are those by place along each principal axis of the "
-            "places:"
+            "A laser tracker saw a reflector on a UR5 in two sessions. Its place on the flange is estimated as fitted, "
+            "and as reported with effects of their expected sizes. The table gives the distance [mm] of each from "
+            "plain least squares of the same points. The sigmas are those fitted and reported. Halves are divided by "
+            "place, along each principal axis of the places."
         )
         yield table(head, rows)
         apart = ", ".join(f"{1e3 * value:.2f}" for value in result["sessions"]["sessions_m"])
         yield (
-            f"Both sessions differ by an M2 of {result['sessions']['sessions_m2']:.1f}. Their places are {apart} mm "
-            "apart as fitted,\nas reported and by plain least squares. M2 has three freedoms: it is below 2 in 43 of "
-            "100. Most of the width is that of\nunknown noise, which 13 and 16 points hardly show."
+            f"The sessions differ by an M2 of {result['sessions']['sessions_m2']:.1f}. Their places are {apart} mm "
+            "apart as fitted, as reported and by plain least squares. M2 has three degrees of freedom and is below 2 "
+            "in 43 of 100 cases. The 13 and 16 points hardly show the noise. The section on "
+            "[contributions to the sigmas](#contributions-to-the-sigmas) splits the variance."
         )
 
 

@@ -58,10 +58,10 @@ HEAD_REAL = (
     "checked",
     "splittings",
     "refused",
-    "cannot tell",
+    "undecided",
     "alarms",
-    "as calibrated",
-    "of those told",
+    "no change reported",
+    "of those decided",
     "shifts named, alone or among",
     "median [mm]",
 )

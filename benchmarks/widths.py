@@ -97,7 +97,7 @@ def section(result: Mapping[str, Any]) -> str:
         for name, rows in result["rows"].items()
         for row in rows
     ]
-    about = "Each term is a part of the variance; the sigma is the 3-D norm."
+    about = "Each term is a part of the variance. The sigma is the 3-D norm."
     return f"{about}\n\n{table(HEAD, lines)}"
 
 

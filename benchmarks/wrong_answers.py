@@ -370,7 +370,17 @@ def summary(outcomes: list[Outcome]) -> list[dict[str, Any]]:
     return rows
 
 
-HEAD = ("kind", "cells", "good", "good and wrong", "named first", "code", "off, median [mm]", "NEES/6, median", "s")
+HEAD = (
+    "kind",
+    "cells",
+    "good",
+    "good and wrong",
+    "named first",
+    "code",
+    "error, median [mm]",
+    "NEES/6, median",
+    "time, median [s]",
+)
 
 
 def told(row: dict[str, Any]) -> tuple[object, ...]:

@@ -87,7 +87,7 @@ def claims(rows: list[Row]) -> str:
     ):
         held = sum((times(row, method) or 0.0) >= TIMES for row in of)
         lines.append((f"{label}: at least {TIMES:g} times ours from pixels [mm]", f"{held} of {len(of)}"))
-    return table(("asked", "holds in rows"), lines)
+    return table(("required", "holds in rows"), lines)
 
 
 def _possible(row: Row) -> float:
@@ -202,4 +202,5 @@ def text(rows: list[Row]) -> str:
         of = [row for row in rows if row["design"] == name]
         if of:
             parts += [f"### {title}", errors(of), "No sigma stated:", unstated(of)]
-    return "\n\n".join([claims(rows), *parts, "### Time of one estimate", speeds(rows)])
+    about = "Median times [ms] from pixels on; in parentheses, the ratio to ours from pixels."
+    return "\n\n".join([claims(rows), *parts, "### Time of one estimate", about, speeds(rows)])

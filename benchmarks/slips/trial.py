@@ -120,11 +120,11 @@ def section(result: dict[str, Any]) -> str:
     fixable = [row for row in rows if row["mended"] is not None]
     mended, tried = sum(row["mended"] for row in fixable), sum(row["draws"] for row in fixable)
     about = f"""\
-Files of a UR, a KUKA and a camera, each spoilt by a slip that people make, through `basecal import` and `basecal
-calibrate`. Cause and cure are named, or nothing needs to be, in {named} of {draws} ({named / draws:.0%}; asked:
-{result["asked"]:.0%}). {silent} are silently wrong. One `basecal fix` mends {mended} of {tried} that it can: the answer
-is then good, and within its 99 % ellipsoid."""
-    head = ("slip", "what is wrong", "named", "silently wrong", "mended by `fix`")
+Files of a UR, a KUKA and a camera, each with a common slip of users, go through `basecal import` and `basecal
+calibrate`. In {named} of {draws} trials ({named / draws:.0%}; required: {result["asked"]:.0%}) cause and cure are
+named, or the answer is right. {silent} answers are silently wrong. One `basecal fix` fixes {mended} of the {tried}
+trials that it can fix: the answer is then good, and within its 99 % ellipsoid."""
+    head = ("slip", "what is wrong", "named", "silently wrong", "fixed by `fix`")
     lines = [
         (
             row["slip"],
