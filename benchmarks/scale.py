@@ -72,22 +72,25 @@ def page() -> str:
     dense = (COLUMNS * ROBOTS) ** 2 * BYTES / 1e9
     what = table(("what", "each, on one core", "core hours", "US dollars"), rows)
     measured = f"{ring['robots']} robots with {ring['samples']:,} samples took {ring['seconds']:.1f} s of a core"
-    whole = "; ".join(
-        f"{row['robots']} robots, noise {row['noise']}: {row['processor_s']:.0f} s, {row['peak_bytes'] / 1e9:.1f} GB"
-        for row in rings["rows"]
+    whole = table(
+        ("robots", "their noise", "time of a core", "largest memory"),
+        [
+            (row["robots"], row["noise"], f"{row['processor_s']:.0f} s", f"{row['peak_bytes'] / 1e9:.1f} GB")
+            for row in rings["rows"]
+        ],
     )
     took = f"{measured} and {ring['peak_bytes'] / 1e6:.0f} MB"
     return f"""\
 # Scale
 
-What a million cells or a thousand robots would cost, by what [benchmarks](benchmarks.md) measured; a command
-(`python -m benchmarks.scale`) makes this page of their results. A core hour is taken for {CORE_HOUR:g} US dollars:
-put in your own price.
+This page estimates the cost of a million cells or a thousand robots from what [benchmarks](benchmarks.md) measured.
+`python -m benchmarks.scale` makes it of their results. A core hour is taken for {CORE_HOUR:g} US dollars: put in your
+own price.
 
 {what}
 
-Cells, and the chunks of a study, know nothing of one another: twice the cores take half the time, until the disk is
-what is waited for. Images that no one has searched yet take longer than the calibration.
+Cells, and the chunks of a study, are independent of one another. Twice the cores take half the time, until the disk is
+the limit. Images that no one has searched yet take longer than the calibration.
 
 A ring of robots is one problem. {took}.
 The slopes of the logarithms are {", ".join(over)}: time over robots, each with as many samples,
@@ -101,14 +104,17 @@ every other, as `benchmarks.robots` asks for them.
   {CELLS * ROW_BYTES / 1e9:.0f} GB for a million. Then the files: two small ones for each cell. Give each hundred
   thousand cells a folder of their own.
 - **Many robots: the covariance of everything.** `basecal.solve` gives that of all unknowns together, {COLUMNS} for each
-  robot with a camera and a board: {dense:.1f} GB for a thousand, and it grows with the square.
+  robot with a camera and a board. It takes {dense:.1f} GB for a thousand robots, and grows with the square.
 - **Many robots: `calibration.json`.** It holds that covariance as text: some 80 MB for a hundred robots, and a file of
   more than 256 MB is not read back.
 - **Many robots: what `basecal calibrate` does besides.** The tests of conventions go pair by pair. Unstated noise is
   estimated by the views that each robot takes part in. Both grow as the robots do. The tests of residuals, and of
   held-out samples, invert the matrix of all unknowns once or a few times. Their time grows with the cube of the
-  unknowns, and is a small part for a hundred robots. Stops that several views share keep dense blocks. The whole
-  command, time of a core and largest memory: {whole}.
+  unknowns, and is a small part for a hundred robots. Stops that several views share keep dense blocks.
+
+The whole command took:
+
+{whole}
 """
 
 
