@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from basecal.accuracy.calibrate import calibrate
 from basecal.estimation.outliers import noise_and_outliers
 from basecal.estimation.outliers.noise_and_outliers import is_as_of_arms, solve_with_noise, with_noise
 from basecal.estimation.outliers.robust_solve import RobustSolution
@@ -30,6 +31,25 @@ def test_one_bumped_arm_is_left_out_and_noise_is_that_of_the_others():
     assert {o.sample for o in found.outliers} == {samples[5].sample}
     assert is_as_of_arms(found.solution)
     assert np.all(found.solution.noise.robots["eye"] < 1.5e-3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_gross_pose_does_not_hide_behind_the_noise_that_it_makes(seed: int) -> None:
+    """One flange of twelve is off by 100 mm, and nobody states the noise of poses, 0.5 mm and 2 mrad."""
+    rng = np.random.default_rng(seed)
+    s = simulate(Scenario(samples=12, target="pose", state_robot_noise=False), seed=seed)
+    samples = [replace(sample, observations=_unstated(sample.observations)) for sample in s.recording.samples]
+    eye = samples[4].robots["eye"]
+    way = rng.normal(size=3)
+    off = replace(eye, base_from_flange=eye.base_from_flange @ SE3.exp([*(0.1 * way / np.linalg.norm(way)), 0, 0, 0]))
+    bumped = [*samples[:4], replace(samples[4], robots={**samples[4].robots, "eye": off}), *samples[5:]]
+    for recorded, culprits in ((samples, set()), (bumped, {samples[4].sample})):
+        found = calibrate(s.cell, replace(s.recording, samples=tuple(recorded)))
+        assert {each.sample for each in found.outliers} == culprits
+
+
+def _unstated(observations):
+    return tuple(replace(each, sigma=None) for each in observations)
 
 
 @pytest.mark.parametrize("as_of_arms", [True, False])

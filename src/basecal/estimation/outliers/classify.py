@@ -27,7 +27,6 @@ from basecal.estimation.view.view_pose import refine_poses
 from basecal.geometry import BoolArray, Camera, IntArray
 
 CHANCE_OF_VIEW = 1e-4  # that a good view is left out: one recording of a hundred views in a hundred
-CHANCE_OF_SUSPECT = 1e-2  # that a good view is judged once more, by the noise of all others
 CHANCE_OF_POINT = 1e-6  # that a good point is left out: there are a hundred times as many points
 _CHANCE_AMONG_OUTLIERS = 1e-3  # that a good view is left out where many are bad: near outliers are likely there
 _MANY_OUT = 0.1  # share of views beyond which outliers are common

@@ -18,6 +18,7 @@ from basecal.estimation.noise.estimate import CONTRADICTED
 from basecal.geometry import Array, BoolArray, IntArray
 
 _SCALE_ROUNDS = 10
+_CHANCE_OF_SUSPECT = 1e-2  # that a good item is judged once more, by the noise of all others
 # The median uses as much of a sample's information as 0.4 of it would by its mean.
 _EFFICIENCY = 0.4
 _SHAPES = np.linspace(1.0, 15.0, 57)
@@ -40,9 +41,9 @@ class Scale:
     shape: float
     chance: float
 
-    def with_chance(self, chance: float) -> Scale:
-        """A copy by which a clean deviation counts as gross so often."""
-        return replace(self, chance=chance)
+    def for_suspects(self) -> Scale:
+        """A copy for items to be judged once more: exceeded more often, its shape not estimated from few squares."""
+        return replace(self, chance=_CHANCE_OF_SUSPECT, shape=np.inf)
 
     def limit(self, freedoms: IntArray) -> Array:
         """The squared deviation of so many freedoms that a clean one exceeds by this chance."""

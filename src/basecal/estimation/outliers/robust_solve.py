@@ -16,7 +16,6 @@ from basecal.errors import BasecalError
 from basecal.estimation.least_squares.studentized_residuals import judged_by_view, studentize_views
 from basecal.estimation.outliers.agreeing_samples import agreeing_samples
 from basecal.estimation.outliers.classify import (
-    CHANCE_OF_SUSPECT,
     Classification,
     classify_inliers,
     is_stated,
@@ -147,7 +146,7 @@ def leave_out_suspects(
     problem, state = whole.solution.problem, whole.solution.state
     every = all_inliers(problem)
     judgement = classify_inliers(problem, state, every)
-    suspect = judgement.view_scale.with_chance(CHANCE_OF_SUSPECT)
+    suspect = judgement.view_scale.for_suspects()
     kept = replace(every, views=tuple(~suspect.gross_mask(squares) for squares in judgement.views))
     left = inlier_problem(problem, kept)
     if kept.same_as(every) or sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
