@@ -116,3 +116,20 @@ def test_where_both_see_points_they_are_one(
     assert common_share(*ones, replace(join, sightings=quarter)) < 0.5
     none = tuple(each[:0] for each in join.sightings)
     assert common_share(*ones, replace(join, sightings=none)) == 0
+
+
+def test_places_count_equally_however_many_points_they_have(
+    scene: Scene, ones: tuple[OneCamera, OneCamera], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two equal objects have most of the points, and what is around them contradicts that they are one."""
+    monkeypatch.setattr(merging, "_CUBE_M", 0.25)
+    join, first, second = true_join(scene, ones), ones[0].fit, ones[1].fit
+    assert first is not None
+    assert second is not None
+    cubes = np.floor(first.state.points / 0.25).astype(np.int64)
+    _, number, count = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    largest = np.flatnonzero(number.ravel() == np.argmax(count))
+    shown = np.isin(join.sightings[1], largest)
+    assert common_share(*ones, join) > 0.9
+    of_one_object = tuple(each[shown] for each in join.sightings)
+    assert common_share(*ones, replace(join, sightings=of_one_object)) < 0.5

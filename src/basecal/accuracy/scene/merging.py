@@ -52,10 +52,10 @@ def shared_points(pictures: Pictures, tracks: Tracks, cameras: tuple[int, int]) 
 
 
 def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
-    """Share of points that equal one of the other camera, at places where both cameras have their own.
+    """Share of places at which most points of a camera equal one of the other, of those where both have their own.
 
-    Two equal objects, of which each camera sees one, fit; what is around them does not. The median over cubes, weighted
-    by the fewer points; 1 if there is no such cube.
+    Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
+    equally: objects have more texture than what is around them. 1 if there is no such cube.
     """
     assert first.fit is not None
     assert second.fit is not None
@@ -73,14 +73,11 @@ def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
         np.bincount(each[np.unique(shown)], minlength=count)
         for each, shown in zip(own, (point, of_second), strict=True)
     ]
-    fewer = np.minimum(*totals)
-    both = np.flatnonzero(fewer >= _FEWEST_IN_CUBE)
+    both = np.flatnonzero(np.minimum(*totals) >= _FEWEST_IN_CUBE)
     if not len(both):
         return 1.0
     share = np.maximum(*(f[both] / t[both] for f, t in zip(found, totals, strict=True)))
-    order = np.argsort(share)
-    weight = np.cumsum(fewer[both][order])
-    return float(share[order[np.searchsorted(weight, weight[-1] / 2)]])
+    return float(np.mean(share >= 0.5))
 
 
 def _count(one: OneCamera) -> int:
