@@ -302,8 +302,8 @@ def _shared_covariance(first: _Fold, second: _Fold, hessian: Array | scipy.spars
 def _whitening(fold: Array, full: Array) -> Array:
     """(m, n) which makes unit what a fold's change is expected to be, along the directions that can be compared.
 
-    Directions that the held-out samples do not see are left out. Directions that only they see are left out as well:
-    there a fold is too far from the full answer to be compared to first order.
+    Directions that the held-out samples do not see are left out. Directions that only they see are left out as well.
+    There a fold is too far from the full answer to be compared to first order.
     """
     unit = spectrum(full).inverse_root.T
     gain = scaled_spectrum(unit @ (fold - full) @ unit.T, _LEAST_GAIN)

@@ -62,9 +62,9 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     """The problem of a recording, and findings about samples that could not be used.
 
     Raises:
-        InputError: if a camera and the target it sees are on the same body; a camera with pixels has no lens;
-            parameters are requested of a robot that is not recorded by joints; or `correlated_px` is stated without
-            `pixel_px`.
+        InputError: if a camera and the target it sees are on the same body, or a camera with pixels has no lens. It is
+            also raised if parameters are requested of a robot that is not recorded by joints, or `correlated_px` is
+            stated without `pixel_px`.
     """
     samples = canonical_order(recording.samples)
     findings: list[Finding] = []

@@ -49,8 +49,9 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
         replace: Whether rows stand in for what is recorded.
 
     Raises:
-        InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
-            if it is to be by name and nothing that is recorded has one; if what it reports is recorded already.
+        InputError: if it is by order and there are more or fewer rows than samples, or if two rows belong to one
+            sample. It is also raised if it is to be by name and nothing recorded has one, or if the content is recorded
+            already.
     """
     rows, by = imports.rows, imports.by
     waiting = samples if replace else open_samples(rows, samples)

@@ -1,8 +1,8 @@
 """The lenses of a reconstruction of COLMAP: `cameras.txt` or `cameras.bin`.
 
-COLMAP counts pixels from the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0)
-here, so half a pixel is taken off the principal point. A model of one focal length has it twice, one of fewer radial
-terms has zeros for the others.
+COLMAP counts pixels from the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0) here.
+Half a pixel is therefore subtracted from the principal point. A model of one focal length has it twice, one of fewer
+radial terms has zeros for the others.
 Source: COLMAP's documentation, "Output Format", "Camera Models" and "Database Format"; src/colmap/sensor/models.h.
 """
 
