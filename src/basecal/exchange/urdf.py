@@ -73,8 +73,8 @@ def corrected_urdf(
         last = path_joint_names(text, base_link, flange_link)[-1]
         if last in chain.joint_names:
             raise InputError(
-                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}: "
-                "end the chain at a link behind a fixed joint"
+                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}. "
+                "End the chain at a link behind a fixed joint"
             )
         _move(by_name[last], tip_move)
     if note is not None:

@@ -117,7 +117,7 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
             if robot.chain is None or not recorded_by_joints(problem, name):
                 raise InputError(
                     f"robot {name!r}: to estimate {' and '.join(asked)}, its urdf and joints_rad in every sample are "
-                    "needed; set the status to fixed where poses are recorded"
+                    "needed. Set the status to fixed if poses are recorded"
                 )
             recorded = recorded_joints(problem, name)
             models[name] = robot_model(name, robot.chain, robot.parameters, recorded, free_ends(problem, name))

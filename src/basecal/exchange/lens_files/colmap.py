@@ -156,7 +156,7 @@ def _lens(entry: _Entry) -> StatedLens:
     width, height = entry.size_px
     return StatedLens(
         made_camera(entry.where, model.lens, [fx, fy, *centre, *terms], entry.size_px),
-        f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px; half a pixel taken off its principal "
-        "point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
+        f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px. Half a pixel is subtracted from its "
+        "principal point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
         str(entry.number),
     )
