@@ -37,7 +37,7 @@ def corrected_urdf(
 ) -> str:
     """A URDF whose robot stands at recorded joints where the calibrated one does.
 
-    An offset rotates what hangs on a joint about its axis. A link error moves an origin on its right before that:
+    An offset rotates what follows a joint about its axis. A link error moves an origin on its right before that:
     origin' = origin @ SE3.exp(link) @ turn(axis, offset). All else of the URDF stays as it is.
 
     Args:
