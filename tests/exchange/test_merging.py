@@ -86,7 +86,7 @@ def test_three_at_once(tmp_path: Path) -> None:
         (BASE + CAMERA + "noise: {pixel_px: 0.2}\n", "noise: .*a states nothing, .*b {'pixel_px': 0.2}"),
         (
             OTHER + "targets: {board: {on: world, mount: {status: fixed, t_m: [1, 0, 0], q_xyzw: [0, 0, 0, 1]}}}\n",
-            "targets.board is stated in the base of 'right', .* of .*a is 'left': merge .*b first, or make it free",
+            "targets.board is stated in the base of 'right'. .* of .*a is 'left': merge .*b first, or make it free",
         ),
     ],
 )

@@ -52,5 +52,5 @@ def test_poses_that_do_not_see_the_target_teach_nothing():
     sketch, taught = made()
     turned = {robot: type(state)(state.base_from_flange.inverse()) for robot, state in taught[0].items()}
     assert not make_feasibility_check(sketch)(Sample(0, robots=turned))
-    with pytest.raises(InputError, match="teach poses"):
+    with pytest.raises(InputError, match="Teach poses"):
         candidates(sketch, [turned], 5)

@@ -1,8 +1,8 @@
-"""Whether residuals are such as the stated sigmas say, and the answer as if those that are not so had not been stated.
+"""Stated sigmas that the residuals contradict, and the answer as if these had not been stated.
 
 If the sigmas are true, the squares of a part of the residuals, over their sigmas, have the mean n - gamma. gamma is the
-number of unknowns, errors of stops among them, that this part determines; as a chi-square of so many freedoms they
-scatter at least as much as they do. Source: docs/mathematics.md (5.1).
+number of unknowns, errors of stops among them, that this part determines. The squares scatter at most as a chi-square
+of n - gamma freedoms. Source: docs/mathematics.md (5.1).
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _FEWEST_FREEDOMS = 3.0  # with fewer a part of the residuals says nothing of its
 
 @dataclass(frozen=True)
 class ContradictedSigma:
-    """Sigmas that were stated, and are not so.
+    """Stated sigmas that the residuals contradict.
 
     Attributes:
-        model: The camera, or the robot, whose they are; "" of all together.
-        is_robot: Whether that is a robot, whose poses they are of.
+        about: The camera or the robot that has them; "" for all together.
+        of_robot: Whether that is a robot, and the sigmas are those of its poses.
         ratio: True sigma over the stated one, estimated.
         chance: Of residuals as small, or as large, where the sigmas are true.
     """

@@ -1,7 +1,7 @@
 """The verdict of a calibration, and of each transform: that of the findings that concern it.
 
-Findings concern all that they are about, and all that views tie to it: cameras, targets and robots that share views or
-a transform are one group. A finding that is about none of them concerns everything.
+A finding concerns all that it is about, and all that views tie to it. Cameras, targets and robots that share views or a
+transform are one group. A finding that is about none of them concerns everything.
 """
 
 from __future__ import annotations

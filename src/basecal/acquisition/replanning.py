@@ -1,7 +1,7 @@
-"""Planning anew after each sample: what is still to be taken so that a task is known as well as is needed.
+"""Planning after each sample: the samples that the required accuracy at a task still needs.
 
-What was taken is solved, so that its transforms and its noise take the place of what was guessed; what could not be
-taken, and what is near it, is not tried again. Source: docs/mathematics.md (15.1), (15.2).
+The samples taken are solved, and their transforms and noise replace the guesses. Samples that could not be taken, and
+those near them, are not tried again. Source: docs/mathematics.md (15.1), (15.2).
 """
 
 from __future__ import annotations

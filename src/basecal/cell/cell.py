@@ -199,7 +199,7 @@ class CellTarget:
         target: Its shape; None if it is seen only as poses.
         size_sigma: Sigma of its size as a share, 0 if shape and size are exact, infinite of poses up
             to scale; None if unstated.
-        contact: What a tip or a clamp meets in it, if that is no point: a plane z = 0, an edge or a hinge along z.
+        contact: What a tip or a clamp touches, if that is not a point: a plane z = 0, an edge or a hinge along z.
     """
 
     name: str

@@ -119,8 +119,8 @@ class Tolerance:
 
     Attributes:
         asked_m: What is needed [m].
-        expected_95_m: The distance that 95 of 100 meetings stay below [m], where nothing meets of position errors of
-            what was requested; None if that was not found.
+        expected_95_m: The distance that 95 of 100 meetings stay below [m]. If nothing meets, it is that of the position
+            errors of the requested transforms; None if these were not found.
         met: Whether that is within the tolerance and the verdict is good, without which it proves nothing.
     """
 

@@ -40,9 +40,9 @@ from camera views of targets.
 Start with `basecal demo`, or with `basecal new mycell`. Each verb has a page
 of its own: `basecal VERB --help`.
 
-Exit codes: 0 good or tolerance met; 1 doubtful; 2 wrong usage;
-3 unreadable input; 4 refused; 5 tolerance missed; 70 a fault of this program;
-130 interrupted."""
+Exit codes of a result: 0 good or tolerance met; 1 doubtful; 4 refused;
+5 tolerance missed. Exit codes of a failure: 2 wrong usage; 3 unreadable input;
+70 a fault of this program; 130 interrupted."""
 
 
 def build_app(words: Sequence[str] = ()) -> App:

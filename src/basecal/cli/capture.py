@@ -96,18 +96,18 @@ def capture(
 ) -> int:
     """Make a recording: send the arms, wait until all is still, look, and note.
 
-    The drivers of robots and cameras stand in cell.yaml (docs/data_format.md);
-    what they connect to is asked once.
-    Begin with the target in the image. Without --go nothing moves: it says
-    what it would do. Ctrl-C stops the arms. A capture that was cut off goes on
-    where it was when it is started again. One that is finished records nothing
-    again; --more records other samples beside those that are there.
+    The drivers of robots and cameras are stated in cell.yaml
+    (docs/data_format.md); what they connect to is asked once. Begin with the
+    target in the image. Without --go nothing moves: it prints what it would do.
+    Ctrl-C stops the arms. A capture that was cut off goes on where it was when it
+    is started again. One that is finished records nothing again; --more records
+    other samples beside those that are there.
 
-    With --tolerance and --task-point it plans while it captures: after each
-    sample anew, from all that was taken, until 95 % of errors at the task are
-    below the tolerance. What could not be taken is not tried again. With
-    --pattern shifts and a task the stations are those that lower the error
-    there the most, planned once: as many as a tolerance needs, or --samples.
+    With --tolerance and --task-point it plans while it captures. The plan is made
+    anew after each sample, from all that was taken, until 95 % of errors at the
+    task are below the tolerance. What could not be taken is not tried again. With
+    --pattern shifts and a task, the stations are those that lower the error there
+    the most. They are planned once: as many as a tolerance needs, or --samples.
 
     With --freedrive no arm is sent anywhere: you lead them. Held still for
     0.8 s at a new place, or at the space bar, a sample is taken; q ends.

@@ -13,10 +13,10 @@ from basecal.cli.terminal import print_json, quote_path, say_next, say_verdict
 def compare(*runs: Path, json: bool = False) -> int:
     """Report whether two runs or more agree, and what differs between them.
 
-    Every run is compared with the first: how far apart its transforms are, in
-    mm and in sigmas, which files it was made from have changed, and which
-    settings. A cell's folder represents its latest run. Errors of two runs
-    count as independent; those of the same samples differ by less.
+    Every run is compared with the first: how far apart its transforms are, in mm
+    and in sigmas. Input files and settings that have changed are listed. A cell's
+    folder represents its latest run. Errors of two runs count as independent;
+    those of the same samples differ by less.
 
     Ends with 0 if all agree within what their covariances explain, else
     with 1.

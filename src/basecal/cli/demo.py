@@ -35,12 +35,12 @@ def demo(
 ) -> int:
     """Run two simulated arms, capture, calibrate, and compare with the truth.
 
-    Two UR5e, a camera and a board run as a process of their own; the arms are
-    sent to 25 places, images are taken when all is still, and the board is
-    found in them. Mounts and base are unknown. With --led it is the paper's
-    sequence: from stations a light is shifted along its axes before a still
-    camera, seen on and off; its closed form and maximum likelihood stand
-    beside each other and the truth.
+    Two UR5e, a camera and a board run as a process of their own. The arms are
+    sent to 25 places, images are taken when all is still, and the board is found
+    in them. Mounts and base are unknown. With --led it is the paper's sequence:
+    from stations an LED is shifted along its axes before a still camera, seen on
+    and off. Its closed form and maximum likelihood are both compared with the
+    truth.
 
     For example:
 
@@ -50,7 +50,7 @@ def demo(
 
     Args:
         folder: Where to write the cell; one that an earlier demo made is written anew.
-        led: Shift a light as the paper does, instead of looking at a board.
+        led: Shift an LED as the paper does, instead of looking at a board.
         opens_page: Show the page in a browser.
         json: Print calibration and true error as JSON.
     """

@@ -32,8 +32,8 @@ def driver_check(
     Give a cell's folder and the robot or camera, or the name of a driver and
     its options. The arm stands still meanwhile: it measures rate, latency,
     stamps and noise. With --go the last joint turns by 3 deg at 5 deg/s. It is
-    stopped on the way, by an order and by the silence of a watchdog's
-    heartbeat: clear the arm, with a hand on the emergency stop.
+    stopped on the way, by an order and by the silence of a watchdog's heartbeat.
+    Keep clear of the arm, with a hand on the emergency stop.
 
     Ends with 0 if every promise that was measured holds, else with 1.
 

@@ -34,13 +34,13 @@ def export(
 ) -> int:
     """Write what a calibration found the way another program says it.
 
-    A transform a_from_b is the pose of b in a; --transform takes any two frames
+    A transform a_from_b is the pose of b in a. --transform takes any two frames
     that do not move against each other, such as the bases of any two robots, in
-    either direction. Without it, those that the cell is calibrated for are written.
-    Without --to each robot's own lines are, for the controller that wrote its
-    poses, in the frame that they were recorded in.
-    Numbers have the digits that their sigma justifies, and two more. A
-    calibration that is refused is not exported, and a doubtful one says so.
+    either direction. Without it, those that the cell is calibrated for are
+    written. Without --to each robot's own lines are, for the controller that
+    wrote its poses, in the frame that they were recorded in. Numbers have the
+    digits that their sigma justifies, and two more. A calibration that is refused
+    is not exported, and a doubtful one says so.
 
     For example:
 

@@ -106,7 +106,7 @@ def _warn_of_equal_targets(cell: Cell) -> None:
     for one, other in combinations(cell.targets.values(), 2):
         if one.target is not None and other.target is not None and are_indistinguishable(one.target, other.target):
             say(
-                f"basecal: warning: {one.name!r} and {other.name!r} look the same, both {one.target.kind}: give "
+                f"basecal: warning: {one.name!r} and {other.name!r} look the same, both {one.target.kind}. Give "
                 "them other counts in cell.yaml, or take --target charuco or apriltag, whose marks differ",
                 sys.stderr,
             )

@@ -50,9 +50,9 @@ def simulate(
 
     Writes cell.yaml, recording/samples.jsonl and truth.yaml.
 
-    With --process nothing is recorded: two UR5e, a camera and a target run as
-    a process that `basecal capture` and other programs talk to
-    (docs/capture.md), until Ctrl-C. The cell is made where there is none yet.
+    With --process nothing is recorded. Two UR5e, a camera and a target run as a
+    process that `basecal capture` and other programs talk to (docs/capture.md),
+    until Ctrl-C. The cell is made if there is none yet.
 
     For example:
 
@@ -75,13 +75,13 @@ def simulate(
         joints: Robots are arms of six axes that record joints, each with a URDF; for one or two robots.
         joint_offset_deg: How far the zero of each joint is off, one sigma; the cell does not state it.
         seed: Another number makes another cell.
-        images: Render what the cameras see, instead of giving the points' pixels; pixel-px then says nothing.
+        images: Render what the cameras see, instead of giving the points' pixels; pixel-px then has no effect.
         process: Run the cell; of the other options, --target, --seed and those below count.
         port: Where the process listens, on this machine alone; 0 takes a free one.
         speed: Seconds of the cell in a second; at 0 its time goes on only while somebody waits for it.
         fault: What is wrong with the running cell: NAME, NAME=SIZE or NAME=SIZE@MOVES; an unknown name lists them all.
-        renderer: What draws its images: mujoco (arms, table and clutter around the target; the extra sim), analytic
-            (the target alone), or auto: MuJoCo where it can.
+        renderer: What draws its images: mujoco (arms, table and clutter around the target; the extra sim) or analytic
+            (the target alone). With auto, MuJoCo draws if it can.
         until_eof: End the process when its standard input ends.
         json: Print what was written, or how the process is reached, as JSON.
     """

@@ -31,8 +31,8 @@ def study_paper(
     orthonormalising. The error against the length of the shifts is that of its
     closed form, of maximum likelihood and of the Cramer-Rao bound. The noise, and
     how often it is drawn, are those of a study's file that comes with this
-    program: with --output it is tried as any other, and its table and page are
-    written there.
+    program. With --output this file is tried like any other, and its table and
+    page are written there.
 
     For example:
 

@@ -28,13 +28,13 @@ def verify(
 ) -> int:
     """Check by one or a few new samples whether a cell is unchanged.
 
-    Says whether anything moved, what (a base, a camera, a target, the zero of a
-    joint) and by how much with its sigma. Also says which shift would have been
-    seen. SAMPLES is a file of lines as in recording/samples.jsonl, its images in
-    the recording's folder; or a folder that poses and images of the same robots
-    and cameras were imported into. Images are compared with the points of the
-    scene that a calibration by --scene kept. What was found is appended to the
-    cell's verifications.jsonl, which --history reports.
+    Reports whether anything moved, what (a base, a camera, a target, a joint
+    offset) and by how much with its sigma. Also reports which shift would have
+    been seen. SAMPLES is a file of lines as in recording/samples.jsonl, with its
+    images in the recording's folder. It may also be a folder that poses and
+    images of the same robots and cameras were imported into. Images are compared
+    with the points of the scene that a calibration by --scene kept. What was
+    found is appended to the cell's verifications.jsonl, which --history reports.
 
     Ends with 0 if nothing moved, with 1 if something did or if that cannot be
     determined: a scheduled check can raise an alarm. If nothing moved,

@@ -16,10 +16,10 @@ from basecal.errors import InputError
 def view(cell: Path, /, *, port: Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))] = 0) -> int:
     """Look through the runs of a cell on a local page.
 
-    A run is chosen, its samples are looked through one by one, and left out
-    or taken again: what comes out then stands there at once, beside how far
-    that is from the run. Nothing is written. The page is served to this
-    machine alone, to whoever has the address that is printed; Ctrl-C ends it.
+    A run is chosen, its samples are looked through one by one, and left out or
+    taken again. The new answer is shown at once, beside its difference from the
+    run. Nothing is written. The page is served to this machine alone, to whoever
+    has the address that is printed; Ctrl-C ends it.
 
     For example:
 

@@ -17,8 +17,8 @@ from basecal.geometry.rotation import cross_matrix
 def candidates(views: Views) -> Iterator[Candidates]:
     """Each robot, by a rotation of reach x down [rad/m].
 
-    Most of it is a tilt of the base, so that little is left to determine gravity's direction: along the axis of the
-    base, as of arms that stand or hang, or anywhere.
+    Most of it is a tilt of the base, so that little is left to determine gravity's direction. One candidate has gravity
+    along the axis of the base, as for arms that stand or hang, the other in any direction.
     """
     for robot in views.robots:
         moves = robot_moves(views, robot, _moves)

@@ -32,8 +32,8 @@ def words(effect: FoundEffect) -> Words:
     amount = format_with_sigma(abs(1e3 * effect.size[0]), 1e3 * effect.sigma)
     kind, way = "images" if effect.is_camera else "poses", "fall behind" if is_late(effect) else "run ahead of"
     what = (
-        f"The clock of {effect.about} drifts: its {kind} {way} the other devices by {amount} ms more at the last "
-        "sample than at the first."
+        f"The clock of {effect.about} drifts: its {kind} {way} the other devices by {amount} ms from first to last "
+        "sample."
     )
     return Words(
         "clock-offset", what, ("Synchronise the clocks, as by PTP or NTP, or record for a shorter time.", AGAIN)

@@ -1,7 +1,7 @@
 """Joint offsets: what is to be added to each recorded joint [rad], (n,).
 
-Up to the first joint that moved they turn the arm as its base does; the last one turns what the flange carries as the
-mounts do. If these are free, a free offset there is held at zero, which defines the other.
+Offsets up to the first joint that moved rotate the arm as its base does. The last one rotates what the flange carries
+as the mounts do. If these are free, a free offset there is held at zero, which defines the other.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Bend of a mount: the weight of a camera or a target turns what holds it on its flange.
 
-A turn of l x g, with g the direction of gravity in the flange: of a bracket whose load is at a lever, l is along that
-lever, as long as the turn where gravity is across it. To first order it is a tilt of the base. Source:
-docs/mathematics.md (11.4).
+The rotation is l x g, with g the direction of gravity in the flange. For a bracket whose load is at a lever, l is along
+that lever. Its length is the rotation under gravity perpendicular to the lever. To first order it is a tilt of the
+base. Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Play of a mount: a camera or a target slides in what holds it, or yields, by its weight.
 
-A shift of T g, with g the direction of gravity in the flange, of any linear T: a slide along an axis, a spring, a bend
-about a point beside the flange. A fall that is equal in all directions is left out: it is a shift of the base, which
-nothing shows. Source: docs/mathematics.md (11.4).
+The translation is T g, with g the direction of gravity in the flange and any linear T. Examples are a slide along an
+axis, a spring, and a bend about a point beside the flange. A fall that is equal in all directions is left out: it is a
+shift of the base, which nothing shows. Source: docs/mathematics.md (11.4).
 """
 
 from __future__ import annotations

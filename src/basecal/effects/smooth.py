@@ -1,8 +1,9 @@
 """Errors of an arm that are smooth in its pose: geometry, gears and sag, nearly equal at stops that are near one
 another.
 
-A Gaussian process over poses with a squared-exponential kernel in sqrt(|dp|^2 + (1 m * angle)^2), by its leading modes:
-it varies slowly, so that a dozen describe it. Source: Rasmussen & Williams 2006 (4.2), Williams & Seeger 2001 (modes).
+The model is a Gaussian process over poses with a squared-exponential kernel in sqrt(|dp|^2 + (1 m * angle)^2), by its
+leading modes. It varies slowly, so that a dozen modes describe it. Source: Rasmussen & Williams 2006 (4.2), Williams &
+Seeger 2001 (modes).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ Against = Literal["opencv"]
 
 @dataclass(frozen=True)
 class Settings:
-    """How to go about it.
+    """Settings of a calibration.
 
     Attributes:
         method: `maximum-likelihood`; `axis-shift`, the paper's closed form; or `scene`, from images of the static
@@ -31,12 +31,13 @@ class Settings:
         task_point: (x, y, z) [m] in the reference robot's base, about which the error is reported by source and place.
             The axis-shift method fits best there; for it the point is in the eye robot's base, and None is a mean of
             all stations.
-        task_box: With a task point: two opposite corners of the part of the workspace, (x, y, z, x, y, z) [m] there,
-            that is to be calibrated separately, too; the workspace is parted by where samples are where it is None.
+        task_box: With a task point: two opposite corners, (x, y, z, x, y, z) [m] in the same frame, of a part of the
+            workspace. This part is calibrated separately as well. If None, the workspace is divided by the places of
+            the samples.
         robot_noise: `estimated` if none is stated, together with all other noise, or `stated`: robots that state none
             are exact.
         station_choice: With a task point: the `nearest` station, or all of them `weighted` by distance.
-        certify: Prove that no other state fits better, or say why that cannot be proven.
+        certify: Prove that no other state fits better, or report why that cannot be proven.
         against: Other methods whose predictions of held-out views are reported beside the answer's; None for none.
         joins_scene: Whether the static scene takes part beside targets.
         stages: Where the time of each stage is counted; no part of what is asked.

@@ -36,8 +36,8 @@ def solve_batch(problem: Problem, starts: State, iterations: int = 100) -> Solut
     """Maximum likelihood and covariance downhill of a batch of starts, each as `solve` gives it alone.
 
     Args:
-        problem: One structure, what was seen with a leading batch axis; all sigmas stated, or none of one kind of
-            measurement, whose variance is then cost / dof, in each entry its own.
+        problem: One structure, in which all measurements have a leading batch axis. All sigmas are stated, or none of
+            one kind of measurement. The variance of that kind is then cost / dof, in each entry its own.
         starts: (b,), see `batch_of`.
         iterations: At most.
 

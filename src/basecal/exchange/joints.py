@@ -36,8 +36,8 @@ def read_joints(path: str, robot: str, chain: SerialChain, in_degrees: bool) -> 
         in_degrees: Whether they are in degrees, not radians.
 
     Raises:
-        DatasetError: naming the file and line, if it holds anything else; also where a joint cannot be where it is, and
-            in the other unit could.
+        DatasetError: naming the file and line, if it holds anything else, or if a joint is beyond its limits. It is
+            also raised if values that are stated in degrees look like radians.
     """
     table = read_text_table(read_table_text(path, "a table of joints"), path, chain.joint_names)
     if len(table.rows) > MOST_POSES:

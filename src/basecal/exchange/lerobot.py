@@ -1,8 +1,8 @@
 """LeRobot's recordings: joints of an episode, in degrees or normalised to a motor's range, the gripper left out.
 
-Source: huggingface.co, LeRobotDataset v2.1 and v3.0: meta/info.json and data/**/*.parquet with the columns
-observation.state, timestamp and episode_index; lerobot, motors_bus.py, `_normalize`: degrees are (ticks - middle of the
-range) * 360 / 4095, normalised ones are -100 to 100 over the range, turned round by `drive_mode`.
+A dataset has meta/info.json and data/**/*.parquet with the columns observation.state, timestamp and episode_index.
+Degrees are (ticks - middle of the range) * 360 / 4095. Normalised values are -100 to 100 over the range, with the sign
+reversed by `drive_mode`. Source: huggingface.co, LeRobotDataset v2.1 and v3.0; lerobot, motors_bus.py, `_normalize`.
 """
 
 from __future__ import annotations

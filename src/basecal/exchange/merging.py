@@ -140,7 +140,7 @@ def _entries(part: Part, first: Part) -> dict[tuple[str, str], tuple[Path, Any]]
         pose = entry if section == "bases" else entry.get("mount", {}) if entry.get("on") == WORLD else {}
         if is_other and pose.get("status", "free") != "free":
             raise InputError(
-                f"{part.folder}: {section}.{name} is stated in the base of {part.cell.reference!r}, and the reference "
+                f"{part.folder}: {section}.{name} is stated in the base of {part.cell.reference!r}. The reference "
                 f"of {first.folder} is {first.cell.reference!r}: merge {part.folder} first, or make it free"
             )
     said = {key: _free(entry) for key, entry in found.items() if key[0] != "bases" or entry["status"] != "free"}

@@ -109,8 +109,8 @@ def picture_size(path: Path) -> tuple[int, int] | None:
 def time_from_name(name: str) -> float | None:
     """The time [s] that is an image's name, such as 1682512345.123.png or 1682512345123456789.png; None of others.
 
-    Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds; fewer than
-    ten are seconds since some beginning of their own where there is a point.
+    Ten digits before the point are seconds since 1970, 13 milliseconds, 16 microseconds and 19 nanoseconds. Fewer than
+    ten, with a point, are seconds from an origin of their own.
     """
     stem = name.rpartition(".")[0]
     if not _STAMP.fullmatch(stem):

@@ -34,9 +34,9 @@ def static_transform_publisher(parent_from_child: SE3, frame_id: str, child_fram
 def ros_covariance(parent_from_child: PoseEstimate) -> Array:
     """Covariance of a pose as `geometry_msgs/PoseWithCovariance` has it, (6, 6) [m, rad].
 
-    Ours is along the axes of the child; that of ROS is of x, y, z of the child's origin in the parent, then of small
-    rotations. Their axes pass through that origin and are parallel to the parent's: both halves are turned, and no
-    lever arm enters.
+    Our covariance is along the axes of the child. The covariance of ROS is of x, y, z of the child's origin in the
+    parent, then of small rotations. Their axes pass through that origin and are parallel to the parent's. Both halves
+    are therefore rotated, and no lever arm enters.
 
     Source: geometry_msgs/PoseWithCovariance.msg, "fixed-axis representation".
     """

@@ -37,7 +37,7 @@ def corrected_urdf(
 ) -> str:
     """A URDF whose robot stands at recorded joints where the calibrated one does.
 
-    An offset turns what hangs on a joint about its axis, a link error moves an origin on its right before that:
+    An offset rotates what follows a joint about its axis. A link error moves an origin on its right before that:
     origin' = origin @ SE3.exp(link) @ turn(axis, offset). All else of the URDF stays as it is.
 
     Args:
@@ -73,8 +73,8 @@ def corrected_urdf(
         last = path_joint_names(text, base_link, flange_link)[-1]
         if last in chain.joint_names:
             raise InputError(
-                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}: "
-                "end the chain at a link behind a fixed joint"
+                f"the calibration moves the tip of the chain, and {flange_link!r} hangs on the turning joint {last!r}. "
+                "End the chain at a link behind a fixed joint"
             )
         _move(by_name[last], tip_move)
     if note is not None:

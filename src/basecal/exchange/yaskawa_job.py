@@ -1,7 +1,7 @@
 """Positions of a Yaskawa job (`.JBI`), as the rows of a table.
 
-Source: Yaskawa, Relative Job Function: positions follow `///RECTAN` as `C00000=X,Y,Z,Rx,Ry,Rz` [mm, deg], and
-`///PULSE` as pulses of motors; `///TOOL`, `///USER` and `///POSTYPE` are their frames; instructions follow `//INST`.
+Positions follow `///RECTAN` as `C00000=X,Y,Z,Rx,Ry,Rz` [mm, deg], and `///PULSE` as pulses of motors. Their frames are
+given by `///TOOL`, `///USER` and `///POSTYPE`. Instructions follow `//INST`. Source: Yaskawa, Relative Job Function.
 """
 
 from __future__ import annotations

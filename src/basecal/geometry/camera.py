@@ -25,8 +25,8 @@ class Camera:
         size_px: Width and height; None if not known.
 
     Raises:
-        InputError: if the model is not known; a parameter is not finite; a focal length or the size is not positive; or
-            the model has no such number of distortion terms.
+        InputError: if the model is not known, a parameter is not finite, or a focal length or the size is not positive.
+            It is also raised if the model has no such number of distortion terms.
     """
 
     model: str

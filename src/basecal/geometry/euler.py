@@ -10,8 +10,8 @@ from basecal.geometry.array import Array
 def rpy_of_rotation(rotation: Array) -> Array:
     """Angles about the fixed axes x, y, z, (..., 3, 3) to (..., 3) [rad], whose product is the rotation exactly.
 
-    Near a pitch of 90 deg yaw alone is ill-defined; the roll is what is left after it, where `SE3.rpy` finds each
-    alone, off by 1e-8 together. Source: Shoemake 1994.
+    Near a pitch of 90 deg yaw alone is ill-defined. The roll is what remains after the yaw. `SE3.rpy` finds each angle
+    alone, and their product is off by 1e-8 there. Source: Shoemake 1994.
     """
     r = rotation
     yaw = np.arctan2(r[..., 1, 0], r[..., 0, 0])

@@ -60,8 +60,8 @@ class Lens(Protocol):
         MODEL: What its model is called in files; two lenses of one model differ in their numbers of terms.
         TERM_NAMES: Of its distortion terms, in their order.
         TERMS: How many of them it may have.
-        TERM_SIGMAS: How large the terms of real lenses are, 1 sigma about zero, infinite if they may be anything: of
-            a lens with at most so many terms; with more, none is held.
+        TERM_SIGMAS: How large the terms of real lenses are, 1 sigma about zero, infinite if they may be anything. They
+            hold for a lens with at most so many terms. If a lens has more, all its terms may be anything.
         USUAL_TERMS: How many it has where nothing is said.
         USUAL_FOCAL_PX: Least and greatest focal length, in an image 1280 px wide, of one that a simulation draws.
     """

@@ -14,8 +14,8 @@ from basecal.geometry.se3 import SE3
 class PoseEstimate:
     """A mean and how sure it is, to first order.
 
-    The truth is `mean @ SE3.exp(xi)` with `xi` normal about 0 with `covariance`: it reads in the axes of b of an
-    `a_from_b`, free of the lever arm.
+    The truth is `mean @ SE3.exp(xi)` with `xi` normal about 0 with `covariance`. For an `a_from_b`, the covariance is
+    in the axes of b, free of the lever arm.
 
     Attributes:
         mean: One transform.

@@ -14,8 +14,8 @@ from basecal.geometry.rotation import cross_matrix, exp_coefficients, lengths, w
 def right_jacobian(xi: Array) -> Array:
     """The derivative d log(exp(xi)^-1 exp(xi + d)) / dd at 0, (..., 6) to (..., 6, 6).
 
-    Barfoot's (7.86) at -xi, with the products of cross-product matrices written out: hat(a) hat(b) is b a' - a'b I,
-    and hat(a) hat(b) hat(a) is -a'b hat(a).
+    This is Barfoot's (7.86) at -xi, with the products of cross-product matrices written out. hat(a) hat(b) is b a' -
+    a'b I, and hat(a) hat(b) hat(a) is -a'b hat(a).
     """
     v, w = xi[..., :3], xi[..., 3:]
     angle = lengths(w)

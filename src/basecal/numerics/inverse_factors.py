@@ -1,7 +1,7 @@
 """Inverses of the Cholesky factors of many small matrices at once.
 
-LAPACK is called for one matrix at a time, which costs more than the work where these are small: here each step of the
-factorisation is taken for all of them together, with the matrices along the last axis.
+LAPACK is called for one matrix at a time, and for small matrices the call costs more than the work. Here each step of
+the factorisation is taken for all of them together, with the matrices along the last axis.
 """
 
 from __future__ import annotations

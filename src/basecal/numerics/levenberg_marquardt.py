@@ -167,9 +167,9 @@ class _Ends(Generic[S, L]):
 def levenberg_marquardt(system: System[S, L], state: S, stop: Stop) -> Optima[S, L]:
     """The optima downhill of a batch of states.
 
-    A problem has converged in two cases. The rest after a step, by the rate at which steps shrink, is a small share of
-    the sigmas that the data leave. Or a step is rounding: it is below 1e-13 [m, rad], or the decrease that it promises
-    is below the rounding of the cost and no longer falls.
+    A problem has converged in two cases. In the first, the error left after a step is a small share of the sigmas that
+    the data leave. This error is estimated from the rate at which steps shrink. In the second, a step is rounding. It
+    is below 1e-13 [m, rad], or the decrease that it promises is below the rounding of the cost and no longer falls.
 
     Args:
         system: The problems.

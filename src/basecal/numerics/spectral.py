@@ -1,8 +1,8 @@
 """Rank, null space and pseudo-inverse: what of a matrix is information and what is rounding.
 
-Information matrices are scaled to a unit diagonal first, since metres, radians and pixels of a lens stand side by side:
-then eigenvalues compare what the data hold of combinations with what they hold of the unknowns themselves. Matrices
-whose units say what counts (shares of a variance, motions in radians) are not scaled, see `scaled_spectrum`.
+Information matrices are scaled to a unit diagonal first, since they combine metres, radians and pixels of a lens.
+Eigenvalues then compare the information about combinations with that about the unknowns themselves. Matrices whose
+units say what counts (shares of a variance, motions in radians) are not scaled, see `scaled_spectrum`.
 """
 
 from __future__ import annotations
@@ -89,8 +89,9 @@ class Spectrum:
     def add_ridge(self, share: float) -> Spectrum:
         """A copy with so small a share of the largest eigenvalue added to each: small information fades out.
 
-        Where eigenvalues lie about any limit, what is held by it hops from one matrix to its neighbour; the quotients
-        of these eigenvalues and the new ones are how much of each direction counts, and change as smoothly as they do.
+        If eigenvalues are near a limit, the directions that it admits change abruptly from one matrix to its neighbour.
+        The quotients of these eigenvalues and the new ones are the weights of the directions, and change as smoothly as
+        the eigenvalues.
         """
         values = np.maximum(self.values, 0.0)
         raised = values + share * np.maximum(values[..., -1:], _SMALLEST_DIVISOR)
@@ -181,8 +182,8 @@ class NullVector:
 def smallest_vectors(matrix: Array) -> Array:
     """The eigenvectors of the smallest eigenvalues of symmetric positive semidefinite matrices (..., k, k), (..., k).
 
-    By inverse iteration, squared, in half the time of the decomposition of many. Where the smallest eigenvalue is a
-    share r of the next, r^16 of the next vector is left; of two equal ones, some vector of both.
+    By inverse iteration, squared, in half the time of the decomposition of many. If the smallest eigenvalue is a share
+    r of the next, r^16 of the next vector is left. Two equal ones give some vector of both.
     """
     inverse = matrix.copy()
     diagonal = np.einsum("...ii->...i", inverse)  # a view

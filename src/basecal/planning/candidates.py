@@ -46,8 +46,8 @@ def candidates(sketch: Sketch, views: Sequence[Taught], count: int, seed: int = 
         found += _feasible(sketch, views, near, _draw_flanges(sketch, views, near, poses, rng))
     if not found:
         raise InputError(
-            "no sample near the taught poses is within the arms' limits, with the whole target in view and clear: "
-            "teach poses with the target in the middle of the image, half a metre to a metre away"
+            "no sample near the taught poses is within the arms' limits, with the whole target in view and clear. "
+            "Teach poses with the target in the middle of the image, half a metre to a metre away"
         )
     return [Sample(k, robots=sample.robots) for k, sample in enumerate(found[:count])]
 

@@ -1,8 +1,8 @@
 """Which of many samples say most about the task: greedy, with exchange, by their information alone.
 
-With C the covariance and U U' what a sample adds to its inverse, C falls by C U (I + U'C U)^-1 U'C (Woodbury): each
-candidate costs the inverse of a matrix as small as its own information. The criterion is trace(W C), A-optimality at
-the task. Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
+Let C be the covariance, and U U' the information that a sample adds to its inverse. C falls by C U (I + U'C U)^-1 U'C
+(Woodbury). Each candidate costs the inverse of a matrix as small as its own information. The criterion is trace(W C),
+A-optimality at the task. Source: Fedorov 1972 (exchange); docs/mathematics.md (15.1), (15.2).
 """
 
 from __future__ import annotations

@@ -50,8 +50,8 @@ class Plan:
     Attributes:
         samples: Where the robots shall be, in an order that makes their way short; touches say of what.
         needed: How many samples the tolerance needs beside those recorded; None if it is not reached, or not stated.
-        expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]; None if
-            even then a direction is open.
+        expected_m: The distance that 95 of 100 errors at the task stay below, with the samples taken [m]. None if a
+            direction is open even then.
         reachable: Whether the tolerance is; None if none is stated.
         recorded: How many samples are recorded already and count.
         budget: The error at the task by source, with the samples taken.

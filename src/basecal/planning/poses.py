@@ -47,7 +47,7 @@ def plan(
                 return ordered
             found = [sample for sample in ordered if sample.sample not in unclear]
     raise InputError(
-        f"only {len(found)} of {samples} poses are within the arms' limits, in view and clear: begin with the target "
+        f"only {len(found)} of {samples} poses are within the arms' limits, in view and clear. Begin with the target "
         "in the image's middle, 0.5 to 1 m away, and the arms far from their limits"
     )
 

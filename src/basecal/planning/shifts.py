@@ -62,8 +62,8 @@ def plan(
 def aim_camera(sketch: Sketch, sample: Sample) -> Sample | None:
     """The sample with its camera turned towards the target; None if the arm does not reach, or nobody carries it.
 
-    The closed form takes the camera's axis for the ray to the light: what it neglects grows with the angle between
-    them, however short the shifts are.
+    The closed form uses the camera's axis as the ray to the light. Its error grows with the angle between them, however
+    short the shifts are.
     """
     eye = sketch.camera.on
     if eye not in sketch.cell.robots:
@@ -103,10 +103,11 @@ def make_station(sketch: Sketch, origin: Sample, length_m: float) -> list[Sample
 
 
 def shift_length(sketch: Sketch, sample: Sample) -> float:
-    """The length of shifts to both sides [m] at which pixel noise and neglected depth turn the answer the least.
+    """The length of shifts to both sides [m] at which pixel noise and neglected depth rotate the answer the least.
 
-    Noise of s px turns the closed form by a = s d / (sqrt(2) f L) at depth d; the neglected change of depth, which to
-    first order cancels between the two sides, by (L / d)^2. Their sum is least at L = d (s / (2 sqrt(2) f))^(1/3).
+    Noise of s px rotates the closed form by a = s d / (sqrt(2) f L) at depth d. The neglected change of depth, which to
+    first order cancels between the two sides, rotates it by (L / d)^2. Their sum is least at L = d (s / (2 sqrt(2)
+    f))^(1/3).
     """
     depth = float(np.linalg.norm(sketch.camera_from_target(sample).translation))
     focal: Array = sketch.lens.focal

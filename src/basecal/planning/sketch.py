@@ -128,7 +128,7 @@ def sketch_cell(cell: Cell) -> Sketch:
     if not views and cell.sees_scene:
         raise InputError(
             "images of a scene are not planned: lead the arms yourself (`basecal capture CELL --freedrive`). Take 15 "
-            "with each arm, five of them of one spot from similar directions; rotate the flange by 20 deg about two "
+            "with each arm, five of them of one spot from similar directions. Rotate the flange by 20 deg about two "
             "axes, and do not aim all at one spot"
         )
     if not views:

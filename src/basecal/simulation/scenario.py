@@ -43,9 +43,10 @@ class Scenario:
             hand moves at each.
         layout: One of these. `dual` (robots eye and hand), `eye_in_hand` and `eye_to_hand` (robot arm, camera or target
             on world). `two_cameras` (robots left and right, board on world), `two_world_cameras` (robot arm holds the
-            board). `chain` (a ring of robots r1, r2, ...: each sees the target of the next, one pair after another),
-            `ring` (likewise, and each sees the next but one: loops), `grid` (robots in rows, each sees those to its
-            right and below); of a `ring` and a `grid` only the pair's robots are recorded in a sample.
+            board). `chain`: a ring of robots r1, r2, ..., in which each sees the target of the next, one pair after
+            another. `ring`: likewise, and each sees the next but one, which makes loops. `grid`: robots in rows, in
+            which each sees those to its right and below. In a sample of a `ring` or a `grid` only the pair's robots are
+            recorded.
         robots: How many robots are in a `chain`, `ring` or `grid`.
         stations: How many stations.
         base: What the cell states of the bases.

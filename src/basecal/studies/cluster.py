@@ -50,10 +50,11 @@ def _run_call(call: partial[bytes]) -> bytes:
 
 @cache
 def _keep_memory() -> None:
-    """Let malloc keep what arrays leave, as it does elsewhere.
+    """Let malloc keep the memory of freed arrays, as it does elsewhere.
 
-    Dask has its workers give memory back at once (MALLOC_TRIM_THRESHOLD_), which ends malloc's own fitting of its
-    thresholds: each array of some hundred kilobytes is then new pages, and these take as long as the numbers in them.
+    Dask has its workers return memory at once (MALLOC_TRIM_THRESHOLD_), which disables malloc's own adaptation of its
+    thresholds. Each array of some hundred kilobytes then takes new pages, and these take as long as the numbers in
+    them.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:

@@ -1,8 +1,8 @@
 """The paper's simulations beside ours: its tables, its noise, the order of orthonormalising, the length of the shifts.
 
 Source: "Base Calibration for Dual Robot System", section 4. The noise is read as multiplicative and Gaussian on each
-image coordinate of the light about the principal point: of the readings tried, the only one that explains Table 1.
-How often it is drawn, how large and from which seed stands in `paper.yaml`, a study as others are.
+image coordinate of the light about the principal point. Of the readings tried, only this one explains Table 1. Its
+size, its seed and the number of draws are stated in `paper.yaml`, a study like others.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ def detect(
     Args:
         cell: Its cameras and targets.
         recording: Its samples.
-        folder: The cell's folder, from which the images' paths count and where detections are kept in `derived/`;
-            the one that the recording was read from where None.
+        folder: The cell's folder, to which the images' paths are relative, and where detections are kept in `derived/`.
+            If None, the folder that the recording was read from.
         progress: Called after every sample, and once all that show nothing were looked at again for why.
 
     Raises:

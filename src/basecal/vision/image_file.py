@@ -69,8 +69,8 @@ def _similar_path(path: Path) -> str:
 def grey_image(data: bytes, size_px: tuple[int, int] | None) -> Image | str:
     """The image in the bytes of a file, (h, w) of uint8 or uint16, colour turned to grey, or why there is none.
 
-    Pixels are where the sensor gave them, whatever EXIF says of turning the image: that is for people who look at
-    it, a lens is calibrated as it stands on its sensor.
+    Pixels are where the sensor gave them, whatever rotation EXIF states. That rotation is for viewing the image,
+    whereas a lens is calibrated as it is mounted on its sensor.
 
     Args:
         data: What the file holds.

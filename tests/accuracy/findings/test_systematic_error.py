@@ -62,11 +62,11 @@ WORDS = {
     ),
     "camera drifts": (
         found("clock-drift", [-0.021], 1e-3, "wrist", "s", kind="camera"),
-        "The clock of wrist drifts: its images fall behind the other devices by 21.0 +/- 1.0 ms more at the last",
+        "The clock of wrist drifts: its images fall behind the other devices by 21.0 +/- 1.0 ms from first to last",
     ),
     "robot drifts": (
         found("clock-drift", [-0.021], 1e-3, "eye", "s"),
-        "The clock of eye drifts: its poses run ahead of the other devices by 21.0 +/- 1.0 ms more at the last",
+        "The clock of eye drifts: its poses run ahead of the other devices by 21.0 +/- 1.0 ms from first to last",
     ),
     "step": (
         found("base-moved", [3e-3, 4e-3, 0, 0, 0, np.radians(0.5)], 1e-3, "hand_base", since=12),

@@ -53,5 +53,5 @@ def test_a_robot_that_only_shifts_or_only_turns_absorbs_too(length_m, angle_rad)
     assert told(0.1, 0.151, noise) == (
         "Held-out views are off by 0.151 px and residuals are 0.100 px. Each stop in use has its own estimated pose "
         f"error (arm {1e3 * length_m:.2g} mm and {1e3 * angle_rad:.2g} mrad; eye 0.2 mm and 0.4 mrad; 1 sigma per "
-        "axis); that of a held-out stop is unknown. Expect the larger figure at a new pose."
+        "axis). The pose error of a held-out stop is unknown. Expect the larger figure at a new pose."
     )

@@ -36,7 +36,7 @@ def test_orientation_of_a_point_that_was_measured_as_poses_counts():
 @pytest.mark.parametrize("status", ["fixed", "prior"])
 def test_a_stated_mount_of_a_point_has_no_orientation_for_poses(status):
     """The error says what to leave out."""
-    with pytest.raises(InputError, match="leave out its `kind`"):
+    with pytest.raises(InputError, match="Leave out its `kind`"):
         build_problem(*_of_a_point(status))
 
 

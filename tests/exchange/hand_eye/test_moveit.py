@@ -53,7 +53,7 @@ def test_saved_samples(tmp_path: Path) -> None:
         np.testing.assert_allclose(record.base_from_flange.matrix, POSES[0].matrix, atol=1e-14)
         assert record.camera_from_target is not None
         np.testing.assert_allclose(record.camera_from_target.matrix, POSES[1].matrix, atol=1e-14)
-    with pytest.raises(InputError, match=r"samples.yaml does not say .* give --camera-on robot or --camera-on world"):
+    with pytest.raises(InputError, match=r"samples.yaml does not say .* Give --camera-on robot or --camera-on world"):
         read_moveit_samples(path, None)
 
 

@@ -29,7 +29,7 @@ def test_samples(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """They do not say what carries the camera, which is asked; told, both poses of each are in a cell."""
     words = ["import", "moveit-samples", str(tmp_path / "c"), saved(tmp_path / "s.yaml")]
     assert main(words) == 3
-    assert "give --camera-on robot or --camera-on world" in capsys.readouterr().err
+    assert "Give --camera-on robot or --camera-on world" in capsys.readouterr().err
     assert main([*words, "--camera-on", "world", "--robot", "arm"]) == 0
     assert [camera.on for camera in read_cell(tmp_path / "c").cameras.values()] == ["world"]
     sample = read_recording(tmp_path / "c").samples[2]

@@ -144,7 +144,7 @@ def test_boards_that_no_picture_tells_apart_are_refused(tmp_path: Path, capsys: 
     assert main([*second, "--target-name", "plate"]) == 3
     said = capsys.readouterr().err
     assert "no image distinguishes 'plate' from 'board'" in said
-    assert "else state its own dictionary" in said
+    assert "Otherwise state its own dictionary" in said
     assert [*read_cell(cell).targets] == ["board"]
     assert main([*second, "--target-name", "plate", "--dictionary", "DICT_5X5_50"]) == 0
     assert [*read_cell(cell).targets] == ["board", "plate"]

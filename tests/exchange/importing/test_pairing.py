@@ -49,7 +49,7 @@ def test_names_of_which_none_is_known_make_samples() -> None:
     folder = [Row(pictures={"two": Path(row.image or "")}, image=row.image) for row in others]
     assert pair(rows(*folder, by="image"), PICTURES, {}).numbers == (3, 4, 5)
     assert pair(rows(*folder), PICTURES, {}).numbers == (0, 1, 2)
-    with pytest.raises(InputError, match="what is recorded names no images to pair by: leave `--by name` away"):
+    with pytest.raises(InputError, match=r"the recording names no images to pair by\. Leave `--by name` away"):
         pair(rows(*folder, by="image"), [Sample(0), Sample(1), Sample(2)], {})
 
 

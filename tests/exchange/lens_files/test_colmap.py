@@ -37,7 +37,7 @@ def test_pixels_count_from_their_centres(tmp_path: Path) -> None:
     np.testing.assert_array_equal(lenses[2].camera.parameters, [2560.56, 2561.56, 1535.5, 1151.5])
     assert lenses[3].camera.size_px == (3072, 2304)
     np.testing.assert_array_equal(lenses[3].camera.distortion, [-0.0218531, 0, 0, 0])
-    assert "half a pixel" in lenses[1].what
+    assert "Half a pixel" in lenses[1].what
 
 
 # fx fy cx cy as OpenCV counts them, and OpenCV's terms, of each of COLMAP's models.

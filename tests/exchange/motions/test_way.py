@@ -32,6 +32,6 @@ def test_one_robot_or_all() -> None:
 def test_poses_have_no_joints() -> None:
     """Joints of a robot known by poses are refused with what would help; its poses are as planned."""
     way = of_poses()
-    with pytest.raises(InputError, match="add urdf"):
+    with pytest.raises(InputError, match="Add urdf"):
         way.joints("hand")
     assert np.allclose(way.pose("hand", way.samples[1]).translation, [0.4, 0, 0.1])

@@ -23,8 +23,8 @@ class Alias:
 class ArrayCalibration:
     """The answer to a calibration of arrays.
 
-    `found["cam2gripper"]` is a transform with its covariance (6, 6) [m, rad]; `found.R_cam2gripper` (3, 3) and
-    `found.t_cam2gripper` (3, 1) [m] are its mean as OpenCV has it. `a2b` is `b_from_a`.
+    `found["cam2gripper"]` is a transform with its covariance (6, 6) [m, rad]. `found.R_cam2gripper` (3, 3) and
+    `found.t_cam2gripper` (3, 1) [m] are its mean in the form of OpenCV. `a2b` is `b_from_a`.
 
     Attributes:
         calibration: All that came out, with verdict and findings.

@@ -1,7 +1,8 @@
 """Parts of a recording that can be held out: where an arm stands still, its samples stay together.
 
-Samples that share a stop share the error of the robot's pose: with some of them used and some held out, the held-out
-ones would be predicted too well. So stations come first, and finer parts only where stations are too few or too large.
+Samples that share a stop share the error of the robot's pose. If some of them were used and some held out, the held-out
+ones would be predicted too well. Stations therefore come first, and finer parts only if stations are too few or too
+large.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ class StationScores(NamedTuple):
             station's views alone. It is over its variance, robots' noise included, and per degree of freedom. The
             logarithm keeps a few stations that are predicted badly from outweighing all others.
         mean_square: Of all residuals over sigmas, robots' noise marginalised.
-        off_m: (views,) how far the target is off by a Newton step of the view alone [m]; NaN if it holds
-            neither a pose nor a point.
+        off_m: (views,) distance of the target from its prediction, by a Newton step of the view alone [m]. It is NaN if
+            the view holds neither a pose nor a point.
     """
 
     scores: Array

@@ -1,8 +1,9 @@
 """How well samples are predicted that were not used, and whether the answer stays where its covariance says.
 
-Every fold is fitted anew from the full answer, with the noise of the full answer, without the samples it holds out. Of
-nested data the difference of two estimates has the difference of their covariances: Cov(fold - full) = C_fold - C_full,
-and between folds Cov(j - full, k - full) = C_j (H_j + H_k - H) C_k - C_full, with H the information of all samples.
+Every fold is fitted anew from the full answer, with the noise of the full answer, without the samples it holds out. For
+nested data, the covariance of the difference of two estimates is the difference of their covariances: Cov(fold - full)
+= C_fold - C_full. Between folds it is Cov(j - full, k - full) = C_j (H_j + H_k - H) C_k - C_full, with H the
+information of all samples.
 Source: Hausman 1978; docs/mathematics.md (5.4).
 """
 
@@ -301,8 +302,8 @@ def _shared_covariance(first: _Fold, second: _Fold, hessian: Array | scipy.spars
 def _whitening(fold: Array, full: Array) -> Array:
     """(m, n) which makes unit what a fold's change is expected to be, along the directions that can be compared.
 
-    Those are left out which the held-out samples do not see, and those which only they see: there a fold is too far
-    from the full answer to be compared to first order.
+    Directions that the held-out samples do not see are left out. Directions that only they see are left out as well.
+    There a fold is too far from the full answer to be compared to first order.
     """
     unit = spectrum(full).inverse_root.T
     gain = scaled_spectrum(unit @ (fold - full) @ unit.T, _LEAST_GAIN)

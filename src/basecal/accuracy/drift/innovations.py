@@ -1,8 +1,8 @@
 """How far new views are from where a calibration predicts them, and how far they may be.
 
-Each view reports the tangent of its `camera_from_target` as much as its information H = S S': times S' that is a
-number of unit variance for each column. Predictions are uncertain by the calibration's covariance and by the errors of
-robots. Stops share these errors, and they are equal at poses near one another if that was found.
+Each view determines the tangent of its `camera_from_target` with the information H = S S'. S' times the tangent has one
+entry of unit variance for each column of S. Predictions are uncertain by the calibration's covariance and by the errors
+of robots. Stops share these errors, and they are equal at poses near one another if that was found.
 Source: docs/mathematics.md (13.1).
 """
 

@@ -1,9 +1,10 @@
 """Errors that the views of a camera share at each sample, estimated from the samples.
 
-Views count as independent but for robots and for what the calibration leaves open. Those of one camera may share more:
-a lens that is a little off where the targets were, an image that is blurred, a stand that shakes. Many samples
-show it, as what they say of that camera's place scatters by more than their covariance says. Where that is beyond
-chance, the camera's place counts as open by as much, in the new samples and in those that were calibrated.
+Views count as independent, except for the errors of robots and the uncertainty of the calibration. The views of one
+camera may share further errors: a lens that is slightly wrong at the targets' positions, image blur, or a shaking
+stand. Such errors show in many samples: their estimates of the camera's pose scatter by more than their covariance. If
+the excess is beyond chance, the camera's pose counts as uncertain by as much, in the new samples and in the calibrated
+ones.
 Source: the covariance of estimates from clusters, Liang & Zeger 1986; the largest eigenvalue of noise, Marchenko &
 Pastur 1967; docs/mathematics.md (13.5).
 """

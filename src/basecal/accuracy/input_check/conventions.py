@@ -96,8 +96,9 @@ def check_conventions(
         is_explained: Whether noise such as arms have explains the residuals of robots that were assumed exact.
 
     Returns:
-        An error for each hypothesis that explains the data better than the declared one, or as well where the declared
-        one cannot be; one `ambiguous-convention` for those that explain it as well. Nothing where no hypothesis does.
+        An error for each hypothesis that explains the data better than the declared one. If the declared one
+        contradicts a known fact, a hypothesis that explains the data equally well is an error, too. Otherwise such
+        hypotheses give an `ambiguous-convention`. If no hypothesis explains the data, there is one `poor-fit` at most.
     """
     declared = as_recorded(cell, recording, problem)
     if not has_many_robots(problem):

@@ -38,8 +38,8 @@ class HypothesisFit:
 
     Attributes:
         solution: The fit to the samples that agree with it.
-        off: (n,) how far each held-out view is from its prediction: thousands of pixels, or the angle and the length
-            over the distance to the target [rad].
+        off: (n,) error of each held-out view against its prediction. It is in thousands of pixels, or combines the
+            angle and the length over the distance to the target [rad].
         sample: (n,) numbers of their samples.
         in_pixels: Whether views are of pixels.
     """

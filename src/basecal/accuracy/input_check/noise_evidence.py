@@ -28,16 +28,16 @@ def noise_evidence(fit: HypothesisFit, baseline: HypothesisFit) -> Comparison | 
     hypothesis' noise starts from the declared one's. If both the arms and the images may be off, two noises explain
     the views. A gain of one over the other is then no gain of the hypothesis.
 
-    Of a lens or a transform that is free it is how far it is from the stated one, squared, in sigmas: views that
-    estimate their own lens say more than those that do not, and likelihoods that are restricted by other unknowns are
-    not compared.
+    For a lens or a transform that is freed, the evidence is its squared distance from the stated one, in sigmas.
+    Likelihoods are not compared in this case. Views that estimate their own lens hold more than those that do not, and
+    restricted likelihoods of different unknowns are not comparable.
 
     Args:
         fit: The hypothesis' fit.
         baseline: That of the declared one.
 
     Returns:
-        None where the two rest on different views.
+        None if the two rest on different views.
     """
     if _views(fit.solution) != _views(baseline.solution):
         return None

@@ -35,9 +35,9 @@ Fits = Mapping[tuple[str, str], LoopFit]
 def pairing_errors(
     baseline: Reading, lenses: Lenses, streams: list[str | None]
 ) -> list[tuple[ConventionHypothesis, Fits]]:
-    """The likeliest samples from which on one stream is paired one sample off, best first, and the fits that say so.
+    """The likeliest samples from which on one stream is paired one sample off, best first, and their fits.
 
-    One half of the recording is paired rightly throughout, as declared or as shifted: after a fit to that half, every
+    One half of the recording is paired correctly throughout, as declared or as shifted. After a fit to that half, every
     sample shows which of the two pairings it has.
     """
     count, known = len(baseline.order), known_transforms(baseline.problem)

@@ -23,8 +23,8 @@ class Comparison:
     Attributes:
         rival: Its name.
         gain: By how much it explains the data better: twice the log ratio of likelihoods, or of evidences.
-        log_chance: Logarithm of the chance of such a gain if the model in use is true: of a p-value, or of the inverse
-            of an e-value.
+        log_chance: Logarithm of the chance of such a gain if the model in use is true: a p-value, or the inverse of an
+            e-value.
         decision: Which of the two to believe.
     """
 

@@ -1,6 +1,6 @@
 """Models of equally many parameters, such as two shapes of noise, compared by their likelihoods.
 
-The mean ratio over the values of a number that the rival leaves open is an e-value: by Markov's inequality the chance
+The mean ratio over the values of a number that the rival leaves open is an e-value. By Markov's inequality, the chance
 that it exceeds c is at most 1 / c if the model in use is true. Source: Vovk and Wang 2021, arXiv:1912.06116.
 """
 

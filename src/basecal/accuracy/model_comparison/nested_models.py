@@ -1,7 +1,7 @@
 """Effects of which the model in use is the special case of size zero: score tests, and ratios of likelihoods.
 
-Source: Rao 1948, Wilks 1938; of noise that is estimated, Fisher 1925; of many tests, Benjamini & Hochberg 1995; of
-chances as evidence, Sellke, Bayarri & Berger 2001.
+Source: Rao 1948, Wilks 1938. Fisher 1925 treats estimated noise, Benjamini & Hochberg 1995 many tests. Sellke, Bayarri
+& Berger 2001 treat chances as evidence.
 """
 
 from __future__ import annotations

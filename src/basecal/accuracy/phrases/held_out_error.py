@@ -24,6 +24,6 @@ def explain_held_out_error(calibration: Calibration) -> str | None:
         return None
     return (
         f"Held-out views are off by {validation.rms_px:.3f} px and residuals are {residuals.rms_px:.3f} px. "
-        f"Each stop in use has its own estimated pose error ({'; '.join(robots)}; 1 sigma per axis); that of a "
-        "held-out stop is unknown. Expect the larger figure at a new pose."
+        f"Each stop in use has its own estimated pose error ({'; '.join(robots)}; 1 sigma per axis). The pose "
+        "error of a held-out stop is unknown. Expect the larger figure at a new pose."
     )

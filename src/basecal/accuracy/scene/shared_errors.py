@@ -1,8 +1,8 @@
-"""Errors that stops of a scene share: what pixels say of them, and what they move the answer by.
+"""Errors that stops of a scene share: their estimates from pixels, and their effect on the answer.
 
-Errors of stops are unknowns of their own. What stops share is tried about the optimum: g is the gradient to it, S its
-information once all else follows, and F its effect on the other columns. An error of mean zero and variance V moves the
-answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
+Errors of stops are unknowns of their own. Errors that stops share are evaluated about the optimum. g is the gradient to
+them, S their information once all else follows, and F their effect on the other columns. An error of mean zero and
+variance V moves the answer by F (S + V^-1)^-1 g. Source: Rao 1948 (scores).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Effects whose sizes are expected: by how much they move the answer, and what they leave uncertain in it.
 
-To first order about the solution. The sizes of one effect have one sigma, which is integrated over what it may be: if
-the data show that they are small, they leave little. With U and P of docs/mathematics.md (11.1) and S the variances of
-all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Fields of errors are eliminated first.
+To first order about the solution. The sizes of one effect have one sigma, which is integrated over its prior. If the
+data show that the sizes are small, they leave little uncertainty. With U and P of docs/mathematics.md (11.1) and S the
+variances of all sizes their precision is P + S^-1, about -(P + S^-1)^-1 U. Fields of errors are eliminated first.
 Source: docs/mathematics.md (11.4).
 """
 

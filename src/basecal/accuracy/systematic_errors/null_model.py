@@ -1,7 +1,7 @@
 """The null model of score tests: a solved problem with the random effects that stops share, by their likeliest kind.
 
-Its sigmas are those of single stops and views beside these effects: sigmas that were estimated without them absorb what
-stops share, and whatever an effect that is tested moves.
+Its sigmas are those of single stops and views, estimated beside these effects. Sigmas that were estimated without them
+absorb what stops share, and the motion by any effect under test.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Fields of errors of arms that record poses alone: smooth in the place, beside the repeatability.
 
-A stated repeatability says nothing of accuracy. Errors of an arm that is not calibrated are those of
-`effects.smooth_by_place`, by its modes at recorded poses; what lies beyond has errors of its own, of the same variance.
+A stated repeatability says nothing of accuracy. Errors of an uncalibrated arm are those of `effects.smooth_by_place`,
+by its modes at recorded poses. The part that no recorded pose shows has errors of its own, of the same variance.
 Source: docs/mathematics.md (11.4).
 """
 

@@ -63,8 +63,8 @@ def systematic_error(
         as_stated: The solution with the sigmas as stated, where its residuals contradict them.
 
     Returns:
-        The error that is least likely to be chance; one that may be chance, and predicts held-out blocks better, where
-        none is certain; None where there is none.
+        The error that is least likely to be chance. If none is certain, one that may be chance and predicts held-out
+        blocks better. None if there is none.
     """
     if not solution.converged or not np.isfinite(solution.cost) or not solution.problem.groups:
         return None
@@ -113,15 +113,15 @@ def _least_likely(situation: Situation, suspects: Sequence[Suspect], solution: S
 def running_error(solution: Solution, stamps: Mapping[int, float]) -> FoundEffect | None:
     """The likeliest systematic error while samples are still taken, its size and the answer's shift to first order.
 
-    Errors that all samples have enlarge the noise that is estimated with them: if none is certain, those of the effect
-    that the random effects show are looked for with the noise beside these.
+    Errors that all samples have enlarge the noise that is estimated with them. If no error is certain, the effect that
+    the random effects show is therefore tested with the noise beside these.
 
     Args:
         solution: The answer, with its noise and the random effects that stops share.
         stamps: Time of each sample by number [s].
 
     Returns:
-        The error that held-out blocks confirm; None where there is none, or robots' kinematics are estimated.
+        The error that held-out blocks confirm; None if there is none, or robots' kinematics are estimated.
     """
     if not solution.converged or not solution.problem.groups or solution.problem.models:
         return None

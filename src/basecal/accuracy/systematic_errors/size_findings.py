@@ -12,10 +12,10 @@ _CODES = "board-size", "length-scale"
 
 
 def deduplicate_size_findings(cell: Cell, findings: Sequence[Finding], error: FoundEffect | None) -> list[Finding]:
-    """The findings with one of lengths where two say the same.
+    """The findings, with one of lengths if two report the same.
 
-    The test of conventions takes robots for exact, and so gives a size that takes up some of their noise; that of
-    systematic errors estimates the noise with it.
+    The test of conventions assumes that robots are exact, so its size absorbs some of their noise. The test of
+    systematic errors estimates the noise with the size.
 
     Args:
         cell: As declared.

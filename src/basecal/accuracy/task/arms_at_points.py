@@ -1,7 +1,7 @@
-"""How the flange of an arm that is sent to a point moves with what is estimated of the arm's kinematics.
+"""How the flange of an arm that is sent to a point moves with the estimated kinematics of the arm.
 
-What is found of joints and links is not independent of where the base was found: a map of the base alone would count
-twice what an arm's offset does to both. Source: docs/mathematics.md (14.3).
+The estimates of joints and links are not independent of that of the base. A map of the base alone would count the
+effect of an arm's offset twice. Source: docs/mathematics.md (14.3).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def moved_by_kinematics(
         points_in_base_m: (n, 3) in its base [m].
 
     Returns:
-        (n, 6, k) in the axes of its base [m, rad], and the k columns of the problem they belong to; None of a robot of
-        which nothing is estimated.
+        (n, 6, k) in the axes of its base [m, rad], and the k columns of the problem they belong to. None if nothing of
+        the robot is estimated.
     """
     model = problem.robot_model(robot)
     recorded = recorded_joints(problem, robot)

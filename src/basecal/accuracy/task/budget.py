@@ -1,7 +1,7 @@
 """The variance at the task by source, and what halving each source brings.
 
 A covariance is homogeneous of degree one in the variances of its sources. It is therefore the sum of each variance
-times the derivative to it: C W_s C, with C the covariance and W_s a source's information about the unknowns and the
+times the derivative to it, C W_s C. C is the covariance, and W_s a source's information about the unknowns and the
 stops' errors. Source: Euler's theorem on homogeneous functions; docs/mathematics.md (14.1), (14.2).
 """
 

@@ -1,8 +1,8 @@
 """The error to be expected where two robots meet, over the workspace that they share.
 
-Both are sent to one point. The error of one flange relative to the other has three parts: the error of the base between
-them there; the uncertainty of the arms' kinematics, estimated or not; and each robot's own errors, of a single stop and
-smooth in its pose.
+Both are sent to one point. The error of one flange relative to the other has three parts. The first is the error of the
+base between them there. The second is the uncertainty of the arms' kinematics, estimated or not. The third is each
+robot's own errors, of a single stop and smooth in its pose.
 Source: docs/mathematics.md (14.3).
 """
 

@@ -169,7 +169,7 @@ def _central_quantile(covariances: Array) -> Array:
     """Quantile of a length with mean zero, to 1e-6.
 
     Along a direction u, uniform on the sphere, the vector is chi L u. chi has three degrees of freedom, and L L' is the
-    covariance: the probability is the mean over u of that of chi < length / |L u|.
+    covariance. The probability is the mean over u of that of chi < length / |L u|.
     """
     variances = np.maximum(np.linalg.eigvalsh(covariances), 0.0)
     largest = variances[:, -1]

@@ -1,7 +1,7 @@
 """Errors where flanges meet, by fields of errors of arms that record poses alone.
 
-Within the recorded poses they are known as far as the data show, with what the answer takes up of them; beyond, an arm
-is off by what arms are that are not calibrated. Source: docs/mathematics.md (14.3).
+Within the recorded poses the errors are known as far as the data show, with the part that the answer absorbs. Beyond
+them, an arm has the errors of an uncalibrated arm. Source: docs/mathematics.md (14.3).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Errors of an arm's joints and links that are not estimated, as its stops and its poses elsewhere share them.
 
 Each joint offset, and each shift and rotation of a link, is an independent error. Rotations share one sigma, and shifts
-another. What recorded poses show of them says how large they are, and with that what they may be in directions that no
-recorded pose shows: a mount takes up what shifts the flange by which it hangs, equally at all poses, and the answer
-fits as well; sent elsewhere, that flange is off.
+another. The recorded poses determine these sigmas, and with them the possible errors in directions that no recorded
+pose shows. For example, a mount absorbs an error that shifts its flange equally at all poses, and the answer fits as
+well. That flange is off by this error when it is sent elsewhere.
 Source: docs/mathematics.md (14.6).
 """
 

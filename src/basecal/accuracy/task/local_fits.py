@@ -2,8 +2,9 @@
 
 Errors of arms that are smooth in their poses are nearly the same in a part of the workspace. A calibration there may
 compensate them, but averages noise over fewer samples. Each part is fitted from all samples, those far from its middle
-counting little, and both fits predict samples of it that neither has used. Which of the two predicts these better hangs
-on a few samples' noise: a local fit is taken where it does, and is farther from that of all than noise explains.
+counting little, and both fits predict samples of it that neither has used. Which of the two predicts these better
+depends on the noise of a few samples. A local fit is therefore recommended if it predicts better, and differs from the
+fit of all by more than noise explains.
 Source: "Base Calibration for Dual Robot System" (local calibration); Hausman 1978 (of two estimates, one efficient
 where there is noise alone); docs/mathematics.md (14.4), (14.5).
 """

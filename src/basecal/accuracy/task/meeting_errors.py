@@ -1,8 +1,8 @@
 """How far flanges that were sent to one point are from where they should be to one another, by all that is unknown.
 
-Arms given by joints, of whose joints and links nothing is stated, have errors of these: models of them explain the
-views, and say what both flanges are off by elsewhere. Those of arms given by poses are smooth in these: a base takes
-up most of them, and counts with them. Source: docs/mathematics.md (14.3), (14.6).
+Arms given by joints have errors of joints and links if nothing is stated of these. Models of such errors explain the
+views, and give the errors of both flanges elsewhere. The errors of arms given by poses are smooth in the pose: a base
+absorbs most of them, and counts with them. Source: docs/mathematics.md (14.3), (14.6).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Errors of arms that record poses alone, as their stops and their poses elsewhere share them.
 
-A base takes up most of what is smooth in the place: at a recorded place base and error together are known far better
-than either alone. Beyond recorded poses an arm has errors of its own, of the same variance.
+A base absorbs most of an error that is smooth in the place. At a recorded place, base and error together are known far
+better than either alone. Beyond recorded poses an arm has errors of its own, of the same variance.
 Source: docs/mathematics.md (14.3).
 """
 

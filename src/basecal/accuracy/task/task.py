@@ -29,8 +29,8 @@ def base_transforms(cell: Cell) -> list[str]:
     names = placed_transforms(cell)
     if not names:
         raise InputError(
-            f"a task point is one in {cell.reference}_base, and nothing that is placed there is to be calibrated: "
-            "leave the task point out, or set the base, camera or target it is about to `status: free`"
+            f"a task point is in {cell.reference}_base, and nothing that is placed there is to be calibrated. "
+            "Leave the task point out, or set the base, camera or target that it concerns to `status: free`"
         )
     return names
 

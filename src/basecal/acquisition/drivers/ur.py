@@ -1,7 +1,7 @@
 """Universal Robots' controllers, over RTDE by ur-rtde: states with the controller's stamps, moves, leading by hand.
 
 States need only port 30004. Moves and freedrive run a program on the controller, which is sent there when the first of
-them is requested; that needs remote control, the dashboard (29999) and the ports for programs. The controller's
+them is requested. This needs remote control, the dashboard (29999) and the ports for programs. The controller's
 watchdog ends that program, and with it any motion, when this computer is silent for a third of a second.
 """
 

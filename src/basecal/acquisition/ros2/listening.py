@@ -48,8 +48,8 @@ def listen_to_topics(domain: int, listen_s: float) -> Bag:
         time.sleep(_POLL_S)
     if not listeners:
         raise DriverError(
-            f"nobody sends joint states, tf or images in domain {domain}: is ROS_DOMAIN_ID the same there, and does "
-            f"the network let DDS pass?"
+            f"nobody sends joint states, tf or images in domain {domain}. Is ROS_DOMAIN_ID the same there, and does "
+            "the network let DDS pass?"
         )
     topics = {name: Topic(name, offer.kind, counts[name]) for name, (offer, _) in listeners.items()}
 

@@ -96,8 +96,8 @@ class Stream:
         waited = f"for {STALE_S + self._wait_s:g} s"
         if came:
             return (
-                f"stale stamps: {came} messages came on {self._topic} {waited}, none newer than the last that was "
-                f"taken and with all that is needed; look at `ros2 topic echo {self._topic}`"
+                f"stale stamps: {came} messages came on {self._topic} {waited}. None is complete and newer than "
+                f"the last one taken. Look at `ros2 topic echo {self._topic}`"
             )
         if self._topic not in self._discovery.offers():
             return f"nobody sends {self._topic} any more: is its node still running, and the network plugged in?"

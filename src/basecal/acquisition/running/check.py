@@ -1,8 +1,8 @@
 """The running check: each sample against what the samples before it predict.
 
 A sample that disagrees is held back until the next one. If that one agrees, the image of the first belongs to another
-pose. If both disagree equally, something moved. Causes that last for the whole recording, such as a joint that is off,
-are those of the systematic errors; they are reported when two checks in a row find them.
+pose. If both disagree equally, something moved. Causes that last for the whole recording, such as a joint offset, are
+those of the systematic errors. They are reported if two checks in a row find them.
 """
 
 from __future__ import annotations

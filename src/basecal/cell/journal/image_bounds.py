@@ -64,7 +64,7 @@ def _cause(camera: CellCamera, pixels: Array) -> str:
     if lens is not None and np.linalg.norm(lens.center - middle) < np.linalg.norm(lens.center - middle[::-1]):
         # The lens's principal point suits the size as stated.
         return (
-            f"{reach}: u and v of the points look swapped, or width and height in both size_px and the camera matrix: "
+            f"{reach}: u and v of the points look swapped, or width and height in both size_px and the camera matrix. "
             "u counts along the width"
         )
     return f"{reach}: width and height look swapped, expected size_px: [{height}, {width}]"

@@ -93,8 +93,8 @@ def observation(
         if shape is not None and shape.is_point:
             raise place.error(
                 f"{field}.camera_from_target",
-                f"{target!r} is one point, which has no orientation: leave out its `kind` in cell.yaml and state its "
-                "mount with a rotation; what sees the point is another target",
+                f"{target!r} is one point, which has no orientation. Leave out its `kind` in cell.yaml and state its "
+                "mount with a rotation. Views of the point itself are of another target",
             )
         mean, sigma = pose(place, f"{field}.camera_from_target", data[kind], with_sigmas=True)
         return (camera, target), PoseObservation(camera, target, mean, sigma)

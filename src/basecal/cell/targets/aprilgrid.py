@@ -1,8 +1,8 @@
 """Kalibr's aprilgrid: a grid of AprilTags with a black square at each corner of each tag.
 
-As Kalibr has it: tag 0 is at the lower left of the upright print, numbers run along the rows of tags and rows count
-upwards; a tag's corners go round from its lower left against the clock. The frame is Kalibr's too: the origin at the
-lower left corner of tag 0, x along columns, y up along rows, z out of the print.
+Tags, corners and frame are those of Kalibr. Tag 0 is at the lower left of the upright print, numbers run along the rows
+of tags, and rows count upwards. The corners of a tag go round anticlockwise from its lower left. The origin of the
+frame is the lower left corner of tag 0. Its x is along columns, y up along rows, and z out of the print.
 Source: Kalibr's documentation of calibration targets and its printed boards, whose tags have two cells of black border.
 """
 

@@ -20,8 +20,8 @@ class Candidates:
         about: Of each, the robot, camera, target or transform that has it.
         since: Of each, the number of the first sample that has it; None if all samples do.
         unit: Unit of the sizes.
-        moves: By group of views, (n, b, 6, q): right tangents of `camera_from_target` by unit sizes, of b candidates;
-            None for a group that no candidate moves.
+        moves: By group of views, (n, b, 6, q) right tangents of `camera_from_target` by unit sizes of b candidates. It
+            is None for a group that no candidate moves.
         joint: Of each, the number of the joint that has it, from 0; empty if none has one.
     """
 

@@ -1,6 +1,6 @@
 """An effect: one thing of a cell that may differ from what is stated, with all that the program knows of it.
 
-Its faces are optional and typed. Unknown, random effect and candidate share the derivative, not the inference: an
+Its faces are optional and typed. Unknown, random effect and candidate share the derivative, not the inference. An
 effect that is estimated as an unknown of a robot is no random effect and no candidate of that robot.
 """
 

@@ -35,8 +35,8 @@ class ExpectedSize(NamedTuple):
         sigma: The middle of what their sigma may be, in the unit of the candidate.
         factor: Of a standard deviation of it; 1 if it is known.
         source: Of the numbers, or `assumed`.
-        is_stated: Whether the answer is that of size zero, as stated, with a covariance that covers the others; else it
-            is that of the size that is expected, given the data.
+        is_stated: Whether the answer is that of size zero, as stated, with a covariance that covers other sizes.
+            Otherwise the answer is that of the expected size, given the data.
     """
 
     sigma: float

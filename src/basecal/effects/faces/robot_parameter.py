@@ -97,7 +97,7 @@ class RobotParameter:
         one: One of them in words.
         derivative: Of `base_from_flange` to the values, right tangents, (..., m, 6, size), at a posture, as stated, at
             values.
-        columns: All of them that may be estimated, if they are not fixed, of a chain as stated; gauges are left out of
+        columns: All of them that may be estimated, if they are not fixed, for a chain as stated. Gauges are left out of
             free ones afterwards. Raises InputError if the robot lacks what they need; the message goes on from their
             name.
         report: A heading and lines of the values found of a robot.

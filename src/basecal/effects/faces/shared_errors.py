@@ -35,7 +35,7 @@ class SharedPrior(NamedTuple):
 
 KINEMATICS = SharedPrior(
     (8e-4, 5.0),
-    "1.2 mrad within a factor of 1.9 on fifteen arms of Universal Robots and two Motoman MA1400; 0.8 mrad for the "
+    "1.2 mrad within a factor of 1.9 on fifteen arms of Universal Robots and two Motoman MA1400. 0.8 mrad for the "
     "accuracy of 0.5 to 2 mm of arms as delivered (Nubiola & Bonev 2013)",
     is_over_stop=False,
     lever=(0.2, 2.0),

@@ -143,8 +143,8 @@ def robot_moves(views: Views, robot: str, move: Callable[[Views, int, str], Arra
 def mount_moves(views: Views, mount: str, move: Callable[[Array], Array]) -> Moves:
     """Moves of the groups that depend on a mount, by what gravity does to it.
 
-    A mount that is not fixed is as it stands under the mean of gravity in the recorded poses: what is equal in all of
-    them is no uncertainty of it.
+    A mount that is not fixed is its pose under the mean of gravity in the recorded poses. An effect that is equal in
+    all of them adds no uncertainty to it.
 
     Args:
         views: The views.

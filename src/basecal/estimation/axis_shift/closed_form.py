@@ -1,12 +1,12 @@
 """The paper's closed form: a light that one robot shifts, seen by a camera that stands still.
 
-A light G on the hand robot moves along three directions while the camera C stands still; the shifts of its image give
-`camera_from_light` in closed form, and with the two robots' poses the base. Numbers in brackets are the paper's
+A light G on the hand robot moves along three directions while the camera C stands still. The shifts of its image give
+`camera_from_light` in closed form, and the base follows with the two robots' poses. Numbers in brackets are the paper's
 equations. Image coordinates are undistorted pixels minus the principal point, v down.
 
-Source: "Base Calibration for Dual Robot System", section 2, eqs. (1)-(16). We differ: real shifts are neither equal nor
-along the axes, so the measured 3x3 matrix of shifts stands where the paper has L times the identity; with that matrix
-every formula is the paper's: docs/mathematics.md (1.1)-(1.7).
+Source: "Base Calibration for Dual Robot System", section 2, eqs. (1)-(16). We differ in one point: real shifts are
+neither equal nor along the axes. The measured 3x3 matrix of shifts therefore replaces the paper's L times the identity.
+With that matrix every formula is the paper's: docs/mathematics.md (1.1)-(1.7).
 """
 
 from __future__ import annotations
@@ -76,8 +76,9 @@ def estimate(light_px: Array, gradient: Array, focal_px: Array) -> ShiftEstimate
 def _nearest_rotations(raw: Array) -> Array:
     """The rotations nearest to rows k1, k2 of length one and k1 x k2, (..., 3, 3).
 
-    The third is across the others, so that these alone are turned in their plane, each by half of what their angle
-    lacks: their sum and their difference stay where they are. Where k1 and k2 are nearly parallel, rounding decides.
+    The third row is perpendicular to the others. Only these are therefore rotated in their plane, each by half of the
+    deviation of their angle from 90 deg. Their sum and their difference keep their directions. If k1 and k2 are nearly
+    parallel, rounding decides.
     """
     k1, k2 = raw[..., 0, :], raw[..., 1, :]
     total, apart = k1 + k2, k1 - k2

@@ -1,10 +1,11 @@
 """The least value of a form on products of unit quaternions, and a proof that it is the least.
 
-A form v'Mv on v = p (x) q (x) ... , each factor a unit vector of four numbers, does not change when a matrix is added
-that vanishes on all such products: exchanging the indices of one factor between row and column leaves vv' as it is. So
-the smallest eigenvalue of M + D, with any such D, is a lower bound; where one D lifts it to a value that is attained,
-that value is the least. D is found by Newton's method on a barrier, its steps by conjugate gradients. The bound is
-then taken from the eigenvalues of M + D alone, whatever led to D.
+The form is v'Mv on v = p (x) q (x) ... , with each factor a unit vector of four numbers. It does not change when a
+matrix is added that vanishes on all such products. Such matrices exist, since exchanging the indices of one factor
+between row and column leaves vv' unchanged. The smallest eigenvalue of M + D, with any such D, is therefore a lower
+bound. If one D lifts it to a value that is attained, that value is the least. D is found by Newton's method on a
+barrier, its steps by conjugate gradients. The bound is then taken from the eigenvalues of M + D alone, whatever led to
+D.
 
 Source: Lasserre 2001 (duals of moment relaxations); docs/mathematics.md (10.4).
 """

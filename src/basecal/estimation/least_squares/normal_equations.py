@@ -1,9 +1,9 @@
 """Normal equations of a whole problem, with the robots' pose errors eliminated.
 
 With H, g of each view and D the derivative of its `camera_from_target` to the unknowns: H = sum D'HD, g = sum D'g.
-The errors u of the stops, in sigmas, move a view by J. A stop that only one view has is eliminated there:
-H' = (I + H S)^-1 H and g' = (I + H S)^-1 (g - H J u) with S = JJ'. The others keep their 6-vectors and go by the
-Schur complement. Source: docs/mathematics.md (4.1)-(4.3).
+The errors u of the stops, in sigmas, move a view by J. A stop that only one view has is eliminated there. With S = JJ'
+this gives H' = (I + H S)^-1 H and g' = (I + H S)^-1 (g - H J u). The others keep their 6-vectors and go by the Schur
+complement. Source: docs/mathematics.md (4.1)-(4.3).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Normal equations of a cell of many robots, sparse by the graph of who sees whom.
 
-Each pair of camera and target ties at most two mounts, two bases and a lens: of a hundred robots a hundredth of the
-matrix is not zero, and factors of it hardly more.
+Each pair of camera and target ties at most two mounts, two bases and a lens. For a hundred robots, a hundredth of the
+matrix is not zero, and hardly more of its factors.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """How far each view, each shared stop and each point is from what all else predicts.
 
 g and H are the gradient and information of a view, with its private stops eliminated. P is the covariance that the
-unknowns give to its tangent. d^2 is the squared deviation from all other views: g'(H - H P H)^+ g if the view is part
-of the fit, and g'(H + H P H)^+ g if not. It is chi-square with rank(H) degrees of freedom if the noise is true. Source:
-Cook & Weisberg 1982 (studentised residuals); docs/mathematics.md (8.1), (8.2).
+unknowns give to its tangent. d^2 is the squared deviation from all other views. It is g'(H - H P H)^+ g if the view is
+part of the fit, and g'(H + H P H)^+ g if not. It is chi-square with rank(H) degrees of freedom if the noise is true.
+Source: Cook & Weisberg 1982 (studentised residuals); docs/mathematics.md (8.1), (8.2).
 """
 
 from __future__ import annotations

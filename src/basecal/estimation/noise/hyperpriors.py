@@ -1,11 +1,11 @@
 """Priors of sigmas: log-normal, about those of devices of their kind, and wide.
 
-Points in images: detectors find corners to 0.02 to 0.3 px (Geiger et al. 2012, Duda & Frese 2018); the error that all
+Points in images: detectors find corners to 0.02 to 0.3 px (Geiger et al. 2012, Duda & Frese 2018). The error that all
 points of a view of a board share is 1.1 to 5 times their scatter, on recordings of six real rigs.
-Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm: ABB IRB 120 0.01, UR3e and UR5e 0.03, Motoman MA1400 0.08, KUKA LBR
-iiwa and Franka 0.1 mm. Accuracy without calibration is 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach of 0.6 m 0.02 to
-3 mrad. Errors of joints are angles, so that those of a place are as large as its distance from the base makes them.
-Errors that stops share are expected in proportion to those of single stops, term by term.
+Arms: repeatability by ISO 9283 is 0.01 to 0.1 mm. ABB IRB 120 has 0.01 mm, UR3e and UR5e 0.03 mm, Motoman MA1400
+0.08 mm, KUKA LBR iiwa and Franka 0.1 mm. Accuracy without calibration is 0.5 to 2 mm (Nubiola & Bonev 2013): at a reach
+of 0.6 m 0.02 to 3 mrad. Errors of joints are angles, so that those of a place are as large as its distance from the
+base makes them. Errors that stops share are expected in proportion to those of single stops, term by term.
 Stamps: cameras that are triggered and stamped by their own clock jitter by microseconds. Those stamped on arrival at a
 computer jitter by 0.1 to 5 ms (Furgale et al. 2013 and the drivers of ROS).
 """

@@ -231,8 +231,8 @@ def _draw_nodes(posterior: SigmaPosterior) -> tuple[Array, Array]:
 def _root(covariance: Array) -> Array:
     """A matrix whose rows' outer products add up to a covariance, (k, k).
 
-    Where residuals are zero to the last bit, sigmas differ so much in how well they are known that rounding takes the
-    last of it: then by eigenvalues, what is rounding left out.
+    If residuals are zero to the last bit, the variances of the sigmas differ so much that rounding makes the covariance
+    indefinite. The root is then taken by eigenvalues, without those that are rounding.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariance).T)

@@ -5,8 +5,9 @@ is their information and g their gradient at the state. Minus twice the logarith
 
     sum n_f log sigma_f^2 + cost + log det M - g' M^-1 g
 
-Its slope needs no differences: a sigma is stationary where the squares expected of what goes by it, given all data, are
-as many as its freedoms. Nor does its curvature: the mean of what is observed and what is expected of it has no traces.
+Its slope needs no differences. A sigma is stationary if the expected sum of the squares that it scales, given all data,
+equals its degrees of freedom. Its curvature needs neither differences nor traces: the traces cancel in the mean of the
+observed and the expected one.
 Source: Patterson & Thompson 1971, Harville 1977, Dempster, Laird & Rubin 1977 (the slope), Gilmour, Thompson & Cullis
 1995 (the average information).
 """
@@ -162,8 +163,8 @@ class Posterior:
     def average_information(self) -> Array:
         """(k, k) the mean of the observed and the expected second derivative of the value to the logarithms.
 
-        4 (S - V' M^-1 V), with a column of V for each sigma: the mean errors that it scales, or the gradient at the
-        mean of the part that goes by it; S holds their sums of squares.
+        The mean is 4 (S - V' M^-1 V). V has a column for each sigma: the mean errors that it scales, or the gradient at
+        the mean of the part that it scales. S holds their sums of squares.
         """
         k = len(self.logs)
         columns, errors = np.zeros((k, len(self.mean_columns))), np.zeros((k, *self.mean_errors.shape))

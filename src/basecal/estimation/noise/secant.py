@@ -1,9 +1,9 @@
 """A curvature that is right on average, corrected by how the slope did change over the last steps.
 
-The average information holds what is observed of a sigma to within what data scatter; if errors of two robots have
-nearly the same effect, it is off by up to a factor of two. Steps by it alone then oscillate. Each pair of a step and of
-the change of the slope over it is a symmetric correction of rank one. Source: Broyden 1967; Conn, Gould & Toint 1991
-(when to leave one out).
+The average information equals the observed one to within the scatter of the data. If errors of two robots have nearly
+the same effect, it is off by up to a factor of two. Steps by it alone then oscillate. Each pair of a step and of the
+change of the slope over it is a symmetric correction of rank one. Source: Broyden 1967; Conn, Gould & Toint 1991 (when
+to leave one out).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Estimates of each view alone, by the sigma that it scales with, and their degrees of freedom.
 
-A view of many points holds its own estimate of its pose and, where that is free, of the lens. Only this counts: what
-is left of the points about it is noise of single points, of which hundreds say nothing about what they share
-(blur, print, lens). The estimate of a view counts as many freedoms as its information has.
+A view of many points holds its own estimate of its pose and, where that is free, of the lens. Only this estimate
+counts. The residuals of the points about it are noise of single points. Hundreds of them say nothing about what the
+points share (blur, print, lens). The estimate of a view counts as many freedoms as its information has.
 """
 
 from __future__ import annotations

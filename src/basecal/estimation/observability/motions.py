@@ -2,8 +2,8 @@
 
 Consider a twist of a robot's base. If every recorded pose of the flange maps it to the same twist there, it cannot be
 distinguished from a change of the flange's mount. A robot that stands still has all six such twists, and one that only
-translates three. One that rotates about a single axis has at least the translation along it. Poses that keep to this
-but for as little as their own noise show no more: what they seem to say of such a twist is their noise.
+translates three. One that rotates about a single axis has at least the translation along it. Poses that deviate from
+this by no more than their own noise show no more. What they seem to say of such a twist is their noise.
 """
 
 from __future__ import annotations

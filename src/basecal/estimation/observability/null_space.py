@@ -33,8 +33,9 @@ class NullDirection:
     Attributes:
         kind: What moves.
         names: The unknowns that move, that which moves most first.
-        twists_in_parent: (k, 6) [m, rad] how the first one's frame moves in the axes of its parent and about the
-            parent's origin; of a rotation one, or three where every rotation is open; (0, 6) of what is no transform.
+        twists_in_parent: (k, 6) [m, rad] how the first one's frame moves, in the axes of its parent and about the
+            parent's origin. A rotation has one twist, or three if every rotation is open. The shape is (0, 6) for all
+            that is not a transform.
         robot: Whose kinematics move; empty if it is none.
         parameters: What kind of them move; empty if none do.
         joint: Which joint of it, from 0; None if it is none.

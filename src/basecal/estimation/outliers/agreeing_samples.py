@@ -20,8 +20,8 @@ _FARTHEST = 1e15  # misfits beyond are alike [sigma]
 def agreeing_samples(problem: Problem, states: Iterable[State]) -> tuple[int, ...]:
     """Numbers of the samples that a state explains far better than the rest, by the state that explains them best.
 
-    Between the last of them and the first of the rest misfits in sigmas grow by a factor of five at least; none if
-    no state shows such a gap among the middle half of the samples.
+    Between the last of them and the first of the rest, misfits in sigmas grow by a factor of five at least. None are
+    returned if no state shows such a gap between 30 % and 80 % of the samples.
     """
     found: tuple[float, tuple[int, ...]] = (np.inf, ())
     numbers, row = np.unique(np.concatenate([g.sample for g in problem.groups]), return_inverse=True)

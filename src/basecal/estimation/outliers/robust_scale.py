@@ -1,9 +1,9 @@
 """The scale of squared deviations of which some are gross, and the limit beyond which one is.
 
 The scale is the median of d^2 over its chi-square's median, taken again over what lies within the limit until that
-settles. Where sigmas are stated they are taken at their word unless the bulk contradicts them, and never made smaller.
-Noise that was not stated spreads over a view's directions unevenly, so that six freedoms may scatter like two: then
-how many it is comes from the median over the lower fifth, which few outliers reach.
+settles. Stated sigmas are used as they are if the bulk of the deviations is consistent with them, and are never made
+smaller. Unstated noise spreads unevenly over a view's directions, so that six freedoms may scatter like two. Their
+effective number then follows from the median over the lower quintile, which few outliers reach.
 """
 
 from __future__ import annotations

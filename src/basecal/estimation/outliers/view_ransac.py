@@ -1,8 +1,9 @@
 """Which points of a view agree with one another, and with where the view should be.
 
-Each view is fitted to subsets of its points, alone or with a prior of its pose, all views and subsets side by side; of
-all fits the one that explains most counts: least sum of squares, those beyond the limit counting as the limit. Source:
-Fischler & Bolles 1981, Torr & Zisserman 2000 (the truncated cost).
+Each view is fitted to subsets of its points, alone or with a prior of its pose, all views and subsets side by side. The
+fit that explains most is taken: the one with the least sum of squares, where squares beyond the limit count as the
+limit.
+Source: Fischler & Bolles 1981, Torr & Zisserman 2000 (the truncated cost).
 """
 
 from __future__ import annotations

@@ -62,9 +62,9 @@ def build_problem(cell: Cell, recording: Recording) -> tuple[Problem, list[Findi
     """The problem of a recording, and findings about samples that could not be used.
 
     Raises:
-        InputError: if a camera and the target it sees are on the same body; a camera with pixels has no lens;
-            parameters are requested of a robot that is not recorded by joints; or `correlated_px` is stated without
-            `pixel_px`.
+        InputError: if a camera and the target it sees are on the same body, or a camera with pixels has no lens. It is
+            also raised if parameters are requested of a robot that is not recorded by joints, or `correlated_px` is
+            stated without `pixel_px`.
     """
     samples = canonical_order(recording.samples)
     findings: list[Finding] = []
@@ -117,7 +117,7 @@ def _models(cell: Cell, problem: Problem) -> dict[str, RobotModel]:
             if robot.chain is None or not recorded_by_joints(problem, name):
                 raise InputError(
                     f"robot {name!r}: to estimate {' and '.join(asked)}, its urdf and joints_rad in every sample are "
-                    "needed; set the status to fixed where poses are recorded"
+                    "needed. Set the status to fixed if poses are recorded"
                 )
             recorded = recorded_joints(problem, name)
             models[name] = robot_model(name, robot.chain, robot.parameters, recorded, free_ends(problem, name))

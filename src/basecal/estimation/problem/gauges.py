@@ -1,8 +1,8 @@
-"""Which changes of a robot's parameters its recorded joints do not determine from changes of what else is unknown.
+"""Changes of a robot's parameters that its recorded joints do not distinguish from changes of other unknowns.
 
-A joint that never moved turns the arm as its base does, and so does the next one after it; the last joint turns what
-the flange carries as its mounts do; a turn about a joint's own axis is that joint's offset. Which of these a recording
-leaves open is seen in where the flange went, not in the arm. Source: docs/mathematics.md, "Gauges".
+A joint that never moved rotates the arm as its base does, and so does the next one after it. The last joint rotates
+what the flange carries as its mounts do. A rotation about a joint's own axis is that joint's offset. The poses of the
+flange show which of these a recording leaves open; the arm alone does not. Source: docs/mathematics.md, "Gauges".
 """
 
 from __future__ import annotations

@@ -25,8 +25,9 @@ def point_mounts(cell: Cell, groups: Sequence[ViewGroup]) -> frozenset[str]:
     for target in sorted(posed):
         if target in seen or cell.targets[target].mount.status != "free":
             raise InputError(
-                f"target {target!r} is one point, which has no orientation, and is observed by `camera_from_target`: "
-                "leave out its `kind` and state its mount with a rotation; what sees the point is another target"
+                f"target {target!r} is one point, which has no orientation, and is observed by `camera_from_target`. "
+                "Leave out its `kind` and state its mount with a rotation. Views of the point itself are of another "
+                "target"
             )
     return frozenset(map(cell.mount_name, (points - posed) | _tips(groups)))
 

@@ -329,6 +329,6 @@ def check_carriers(cell: Cell, camera: str, target: str) -> None:
         idle = set(cell.robots) - carriers
         right = f" (on: {idle.pop()}?)" if len(idle) == 1 else ""
         raise InputError(
-            f"camera {camera!r} and target {target!r} are both on {on!r}: no robot moves one against the other; "
-            f"set the `on` of one of them to what carries it{right}"
+            f"camera {camera!r} and target {target!r} are both on {on!r}: no robot moves one against the other. "
+            f"Set the `on` of one of them to what carries it{right}"
         )

@@ -1,8 +1,8 @@
 """Estimated parameters of a robot's own kinematics, of any kind.
 
-A robot given by joints stands where its chain, moved by its parameters, stands at the recorded joints, shifted by them.
-Ends of an arm cannot be distinguished from what they hang on; where both sides of such a pair are free, the arm's side
-is held at zero, which defines the other.
+The pose of a robot given by joints is that of its chain, with the parameters applied to the chain and to the recorded
+joints. Ends of an arm cannot be distinguished from what they are attached to. If both sides of such a pair are free,
+the arm's side is held at zero, which defines the other.
 Source: docs/mathematics.md (9.1).
 """
 

@@ -35,9 +35,9 @@ def usual_sigmas(camera: Camera) -> Array:
 def likely_sigmas(lens: Intrinsics, camera: Camera, covariance: Array) -> Array:
     """Sigmas of the errors of a stated lens, given the data, (4 + k,): the usual ones or larger.
 
-    The errors of each block are Student's t: a normal whose variance is estimated by the mean of the squares that are
-    expected of them, given the data. Estimate and covariance follow from those with the present sigmas to first order,
-    all else as it is. Source: Dempster, Laird & Rubin 1977 (expectation maximisation).
+    The errors of each block are Student's t. This is a normal whose variance is estimated by the mean of the squares
+    that are expected of the errors, given the data. Estimate and covariance follow from those with the present sigmas
+    to first order, all else as it is. Source: Dempster, Laird & Rubin 1977 (expectation maximisation).
 
     Args:
         lens: With the sigmas in use.

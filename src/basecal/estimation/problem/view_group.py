@@ -56,8 +56,8 @@ class ViewGroup:
         camera: Name of the camera.
         target: Name of the target.
         ends: Where the camera is, and where the target is; `eye` and `hand`.
-        sample: (n,) sample numbers. With this and all other arrays goes a leading batch axis, (b, n), if each entry of
-            a batch has views of its own; then no stop has noise.
+        sample: (n,) sample numbers. This and all other arrays have a leading batch axis, (b, n), if each entry of a
+            batch has views of its own. In this case no stop has noise.
         measurement: What was seen.
         readings: All that may have been seen, if views can be read in several ways; see `readings`.
         half_turn: `target_from_turned` if the target looks the same turned by half a turn.

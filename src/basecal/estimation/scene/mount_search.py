@@ -1,9 +1,9 @@
 """A camera's mount without a guess, from pairs of image points and recorded poses alone.
 
-With d the directions of a pair turned into the base, (d_i x d_j) . [(t_j - t_i) + (R_j - R_i) p] = 0 for poses (R, t)
-of the flange: linear in the position p of the camera on the flange, in metres, once its rotation is known. Rotations
-are searched on a grid, and the best are refined by Sampson distances. No point is needed, a plane is no degeneracy, and
-recorded poses that are wrong leave residuals of many pixels.
+With d the directions of a pair rotated into the base, (d_i x d_j) . [(t_j - t_i) + (R_j - R_i) p] = 0 for poses (R, t)
+of the flange. This is linear in the position p of the camera on the flange, in metres, once its rotation is known.
+Rotations are searched on a grid, and the best are refined by Sampson distances. No point is needed, a plane is no
+degeneracy, and recorded poses that are wrong leave residuals of many pixels.
 """
 
 from __future__ import annotations

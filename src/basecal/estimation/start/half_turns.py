@@ -1,7 +1,7 @@
 """Which views of a grid that looks the same turned by half a turn were read from its other end.
 
-Where one robot alone moved between two views, it and the target turned by the same angle, whatever the mounts are:
-views are read so that angles agree over all pairs. If no pair decides, each is read so that it turns least against the
+If one robot alone moved between two views, it and the target rotated by the same angle, whatever the mounts are. Views
+are read so that angles agree over all pairs. If no pair decides, each is read with the least rotation against the
 first.
 """
 

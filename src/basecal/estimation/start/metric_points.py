@@ -1,7 +1,7 @@
 """A start from points measured in 3-D of which a view shows too few for a pose: touches, and reflectors of a tracker.
 
 A view says that a point carried at one end of its loop coincides with one carried at the other. Each body (a base, or a
-tracker) alone gives its tips and the marks in its own axes, by linear least squares; marks that two bodies share, and
+tracker) alone gives its tips and the marks in its own axes, by linear least squares. Marks that two bodies share, and
 points seen from both sides, place one body after another. Source: Horn 1987 (absolute orientation).
 """
 

@@ -1,8 +1,9 @@
 """Nearest rotations of many matrices at once, several times faster than by their singular values.
 
 s, t, u are the singular values, with u below zero where the determinant d is. a = s^2 + t^2 + u^2 and b = (st)^2 +
-(tu)^2 + (us)^2. The largest sum l = s + t + u is the largest root of (l^2 - a)^2 = 4 b + 8 d l; then the rotation is
-((k + a) M + l cof(M) - M M' M) / (k l - d), k = (l^2 - a) / 2. Source: Markley 1993 (fast optimal attitude matrix).
+(tu)^2 + (us)^2. The largest sum l = s + t + u is the largest root of (l^2 - a)^2 = 4 b + 8 d l. The rotation is then
+((k + a) M + l cof(M) - M M' M) / (k l - d), with k = (l^2 - a) / 2. Source: Markley 1993 (fast optimal attitude
+matrix).
 """
 
 from __future__ import annotations

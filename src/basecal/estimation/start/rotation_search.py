@@ -1,9 +1,9 @@
 """Rotations of A X B = Y C Z where no closed form determines them: the best cells of a grid, refined in turn.
 
-Of two of the three rotations the third that fits best is the one nearest to a weighted mean over the samples:
-X to that of A'YCZB', Y of AXBZ'C', Z of C'Y'AXB. All three are sums over products of entries of A, C and B. The moments
-sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, therefore represent its samples. Loops with the same unknowns go side by
-side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
+Given two of the three rotations, the third that fits best is the one nearest to a weighted mean over the samples. X is
+nearest to that of A'YCZB', Y to that of AXBZ'C', and Z to that of C'Y'AXB. All three are sums over products of entries
+of A, C and B. The moments sum w^2 A (x) C (x) B, (9, 9, 9) of one loop, therefore represent its samples. Loops with the
+same unknowns go side by side. The sixty rotations of the icosahedron cover all rotations within 45 degrees.
 """
 
 from __future__ import annotations
@@ -215,8 +215,9 @@ def _best_of_grid(loops: _Loops, max_count: int) -> dict[str, Array]:
 def _sum_of_singular_values(matrix: Array) -> Array:
     """Nuclear norms of (..., 3, 3), tenfold faster than by their singular values s, t and u.
 
-    (s + t + u)^2 == s^2 + t^2 + u^2 + 2 p and p^2 == (st)^2 + (tu)^2 + (us)^2 + 2 stu (s + t + u), p = st + tu + us:
-    the entries' squares give the first sum of squares, those of the cofactors the second, the determinant stu.
+    With p = st + tu + us, these hold: (s + t + u)^2 == s^2 + t^2 + u^2 + 2 p and p^2 == (st)^2 + (tu)^2 + (us)^2 + 2
+    stu (s + t + u). The squares of the entries give the first sum of squares, those of the cofactors the second, and
+    the determinant is stu.
     """
     rows = np.moveaxis(matrix, (-2, -1), (0, 1)).copy()
     cofactors = cross_rows(rows)

@@ -1,7 +1,7 @@
 """The measurement of `camera_from_target` by one view: cost, gradient and information.
 
-With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view says
-`cost = r'r`, `gradient = J'r` and `information = J'J`; a few columns more stand for the lens where it is free.
+With residuals r(delta) of `camera_from_target @ SE3.exp(delta)`, already divided by their sigmas, a view gives
+`cost = r'r`, `gradient = J'r` and `information = J'J`. A few more columns represent the lens if it is free.
 Source: docs/mathematics.md (2.1), (2.2), (2.7).
 """
 

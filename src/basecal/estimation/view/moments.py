@@ -1,9 +1,9 @@
 """Gradient and information of views from moments of their targets' points, without a Jacobian.
 
 A residual of the point p moves by J = P R [I, -hat(p)]. P is its derivative to the point in the camera, R the rotation
-of `camera_from_target`. So J'J is linear in R'P'PR and quadratic in h = (1, x, y, z) of the point, and J'r linear in
-both R'P'r and h: sums over points of (P'P)_ij h_a h_b and (P'r)_i h_a are all that is needed of them. These are
-products with matrices that depend on the target alone; the rotation follows, once a view.
+of `camera_from_target`. J'J is therefore linear in R'P'PR and quadratic in h = (1, x, y, z) of the point. J'r is linear
+in both R'P'r and h. Only the sums over points of (P'P)_ij h_a h_b and (P'r)_i h_a are needed. These are products with
+matrices that depend on the target alone; the rotation follows, once a view.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FIRST, _SECOND = np.array(_MONOMIALS).T
 
 @dataclass(frozen=True, eq=False)
 class Monomials:
-    """Products of 1, x, y and z of a target's points, but for those that are zero: of a board in a plane four of ten.
+    """Non-zero products of 1, x, y and z of a target's points. Four of the ten are zero for a plane board.
 
     Attributes:
         values: (p, k), the `linear` first of them with 1.

@@ -1,8 +1,8 @@
 """Errors of a pose that was found from a flat target's points, as they go with its distance, size and tilt.
 
 A target seen from the front holds its tilt by perspective alone, a tenth as well as one seen aslant. The covariance is
-the inverse of the information of four corners of a square, seen by a pinhole: their size is what has to be known.
-Seen nearly from the front a target tilted the other way has its corners at almost the same places, so poses are
+the inverse of the information of four corners of a square, seen by a pinhole. Only the size of the square has to be
+known. Seen nearly from the front a target tilted the other way has its corners at almost the same places, so poses are
 compared by these.
 """
 

@@ -125,8 +125,8 @@ def _squared_misses(bearings: Array, homogeneous: Array) -> Array:
 def _mirror_normal(camera_from_plane: SE3) -> SE3:
     """The pose whose normal is mirrored at the line of sight: it looks the same through a long lens.
 
-    It is reached by a half turn about the normal n, then one about the line of sight s: (2 s s' - I) (2 n n' - I).
-    A plane at the camera's centre has no line of sight: its pose is kept.
+    It is reached by a half turn about the normal n, then one about the line of sight s. Its rotation matrix is (2 s s'
+    - I) (2 n n' - I). A plane at the camera's centre has no line of sight: its pose is kept.
     """
     normal, at = camera_from_plane.rotation[..., 2], camera_from_plane.translation
     length = lengths(at)[..., None]

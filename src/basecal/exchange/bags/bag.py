@@ -1,7 +1,7 @@
 """A bag of ROS 1, or of ROS 2 in sqlite3 or MCAP: its topics, and its messages one after the other.
 
-Messages are read by the definitions of the standard packages, which are the same in all releases for the types below;
-definitions in the bag, of whatever else was recorded, are not needed.
+Messages are read by the definitions of the standard packages, which are the same in all releases for the types below.
+The definitions in the bag, of any other recorded type, are not needed.
 """
 
 from __future__ import annotations

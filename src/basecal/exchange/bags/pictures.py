@@ -99,8 +99,8 @@ def _netpbm(image: Any, place: str) -> PictureFile:
 def _brightness(mosaic: NDArray[np.integer[Any]]) -> NDArray[np.uint32]:
     """Grey (h, w) of single colours side by side, a quarter red, half green and a quarter blue at every pixel.
 
-    The binomial weights of a 3 x 3 neighbourhood give each colour that share wherever it stands, whatever the order of
-    the mosaic; they are symmetric, so that an edge stays where it is and is a little blurred.
+    The binomial weights of a 3 x 3 neighbourhood give each colour that share at every pixel, whatever the order of the
+    mosaic. They are symmetric, so that an edge stays in its place and is a little blurred.
     """
     wide = np.pad(mosaic.astype(np.uint32), 1, mode="reflect")  # which keeps the order of the colours
     rows = wide[:-2] + 2 * wide[1:-1] + wide[2:]

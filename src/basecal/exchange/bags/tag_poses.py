@@ -1,8 +1,8 @@
 """Poses of AprilTags as ROS 1's detector has them: `apriltag_ros/AprilTagDetectionArray`, before that apriltags2_ros.
 
 It gives the pose of each tag in the rectified image's camera by the tag's size that its settings had, and no corners.
-A tag's frame has x to its right, y up and z out of it, seen as AprilTag prints it; that is half a turn from how OpenCV
-draws it. Source: apriltag_ros/msg/AprilTagDetection.msg; apriltag_ros/src/common_functions.cpp, `detectTags`.
+A tag's frame has x to its right, y up and z out of it, as AprilTag prints it. This is half a turn from how OpenCV draws
+it. Source: apriltag_ros/msg/AprilTagDetection.msg; apriltag_ros/src/common_functions.cpp, `detectTags`.
 """
 
 from __future__ import annotations

@@ -56,8 +56,8 @@ def corrected_text(cell: Cell, folder: Path, calibration: Calibration, name: str
     source = f"sha256:{hashlib.sha256(text).hexdigest()}"
     if calibration.inputs.get(robot.urdf) != source:
         raise InputError(
-            f"{robot.urdf} is not the file that was calibrated: it may hold the correction already, and twice is "
-            "wrong; calibrate again, or put the file back that was calibrated"
+            f"{robot.urdf} is not the file that was calibrated. It may hold the correction already, and twice is "
+            "wrong. Calibrate again, or restore the file that was calibrated"
         )
     note = f"made by basecal {program_version()} of {source}: {applied_kinds(calibration, name)} applied"
     return corrected_urdf(text, robot.base_link, robot.flange_link, turns, moves, note)

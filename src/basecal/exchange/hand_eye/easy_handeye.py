@@ -1,12 +1,13 @@
 """Files of easy_handeye (ROS 1) and easy_handeye2 (ROS 2): `.samples`, and calibrations (`.yaml`, `.calib`).
 
 Metres and quaternions x, y, z, w, as ROS has them. `tracking` is camera_from_target in both arrangements. `robot` is
-base_from_flange with the eye in hand, but its inverse with the eye on the base: the program so solves both by one
-equation, and here it is turned back. A calibration is flange_from_camera in the first, base_from_camera in the second.
-The `.samples` of easy_handeye2 leave the arrangement empty; the equation is the same, so that no number shows it
-either. It is taken from the first of these: the user; the file; a calibration of its name beside it; the file's name,
-if it holds the words of the program's own examples (`eih`, `eob`). easy_handeye keeps no file of its samples: what its
-service take_sample or get_sample_list answered (hand_world_samples, camera_marker_samples) is read.
+base_from_flange with the eye in hand, but its inverse with the eye on the base. The program thereby solves both by one
+equation; here the inverse is undone. A calibration is flange_from_camera in the first, base_from_camera in the second.
+The `.samples` of easy_handeye2 leave the arrangement empty. The equation is the same, so that no number shows it
+either. The arrangement is taken from the user, from the file, or from a calibration of its name beside it, in this
+order. Otherwise it is taken from the file's name, if that holds the words of the program's own examples (`eih`, `eob`).
+easy_handeye keeps no file of its samples: what its service take_sample or get_sample_list answered (hand_world_samples,
+camera_marker_samples) is read.
 Source: HandeyeSampler and HandeyeCalibration of IFL-CAMP/easy_handeye and marcoesposito1988/easy_handeye2.
 """
 

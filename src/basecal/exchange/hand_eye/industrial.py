@@ -1,9 +1,9 @@
 """Data sets of ROS-Industrial's industrial_calibration and of robot_cal_tools: images, poses and what is known.
 
 A list of `image` and `pose`, files beside it: under `data` in the first, alone in the second. A pose is x, y, z [m] and
-qx, qy, qz, qw: from the base to the flange, which carries the camera, or the target where `static_camera` is true. The
-lens is a pinhole without distortion, whose images' size the file leaves open. Rows and columns of a ChArUco board are
-squares, its dictionary a number of OpenCV's; those of a grid of circles are circles.
+qx, qy, qz, qw, from the base to the flange. The flange carries the camera, or the target if `static_camera` is true.
+The lens is a pinhole without distortion, whose images' size the file leaves open. Rows and columns of a ChArUco board
+are squares, its dictionary a number of OpenCV's; those of a grid of circles are circles.
 Source: industrial_calibration's docs/extrinsic_hand_eye_calibration.md and examples; robot_cal_tools' rct_examples.
 """
 

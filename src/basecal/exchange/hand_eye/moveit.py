@@ -50,8 +50,8 @@ def read_moveit_samples(path: str | Path, camera_on_robot: bool | None) -> HandE
             pairs.append((entry.find("effector_wrt_world").pose(), entry.find("object_wrt_sensor").pose()))
     if camera_on_robot is None:
         raise InputError(
-            f"{path} does not say whether the camera is on the robot (eye-in-hand) or beside it (eye-to-hand): "
-            "give --camera-on robot or --camera-on world"
+            f"{path} does not say whether the camera is on the robot (eye-in-hand) or beside it (eye-to-hand). "
+            "Give --camera-on robot or --camera-on world"
         )
     arrangement = "camera on the robot" if camera_on_robot else "target on the robot"
     return HandEyeRecord(

@@ -33,11 +33,11 @@ def read_colmap(
     """The lens of a camera from a reconstruction of COLMAP; with --target, how it stood to what it saw.
 
     With --target the reconstruction is a target that stands still, and is seen
-    only as poses: images.txt or images.bin says from where each image was taken.
-    Their unit is not known (`scale: free` in cell.yaml); `basecal calibrate` finds
-    it by how the arms moved. Images are paired with samples by their names, or in
-    the order of their names. Two arms whose images are in one reconstruction are
-    two cameras of it and one target.
+    only as poses. images.txt or images.bin states from where each image was
+    taken. The unit is not known (`scale: free` in cell.yaml); `basecal calibrate`
+    finds it by how the arms moved. Images are paired with samples by their names,
+    or in the order of their names. Two arms whose images are in one
+    reconstruction are two cameras of it and one target.
 
     Reads cameras.txt or cameras.bin: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL,
     RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE and

@@ -38,10 +38,10 @@ def read_images(
     """Copy one camera's images into a recording; several cameras by several calls.
 
     Image i, in the order of their names (2.png before 10.png), belongs to
-    sample i; where a table had a column `image`, its names say which. Where
+    sample i. If a table had a column `image`, its names determine the samples. If
     nothing is recorded, each image makes a sample. A camera that is not in the
-    cell is added to it, with a free lens. So is the target that the images show,
-    where it is described here.
+    cell is added to it, with a free lens. The target that the images show is
+    added as well, if it is described here.
 
     For example:
 

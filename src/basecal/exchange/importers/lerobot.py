@@ -50,13 +50,13 @@ def read_lerobot(
 ) -> Imported:
     """Import a robot's joints from an episode that LeRobot recorded (v2 or v3).
 
-    The gripper is left out, the other motors are found by the names of the
-    URDF's joints, or taken in order. Of each second the frame in which the motors
-    moved least makes a sample; where samples with times wait for the robot, the
-    frames nearest to these join them. Values are degrees
-    (`use_degrees=true`), or normalised to -100 to 100, which needs the arm's
-    calibration file. With --camera its film is read too. Of two arms in one
-    dataset --motors chooses one.
+    The gripper is left out, the other motors are found by the names of the URDF's
+    joints, or taken in order. Of each second, the frame in which the motors moved
+    least makes a sample. If samples with times wait for the robot, the frames
+    nearest to these join them. Values are degrees (`use_degrees=true`), or
+    normalised to -100 to 100, which needs the arm's calibration file. With
+    --camera its film is read too. Of two arms in one dataset --motors chooses
+    one.
 
     For example:
 

@@ -27,11 +27,10 @@ def read_opencv(
 ) -> Imported:
     """The lens of a camera from a file that a script wrote with OpenCV.
 
-    Reads FileStorage (.yml, .xml, .json) and NumPy archives (.npz): a camera
-    matrix and distortion coefficients under the usual names (camera_matrix,
-    cameraMatrix, mtx, K; distortion_coefficients, distCoeffs, dist, D). It
-    stands in for the intrinsics in cell.yaml; the size must be that of the
-    recorded images.
+    Reads FileStorage (.yml, .xml, .json) and NumPy archives (.npz). The camera
+    matrix is called camera_matrix, cameraMatrix, mtx or K, the distortion
+    coefficients distortion_coefficients, distCoeffs, dist or D. The lens replaces
+    the intrinsics in cell.yaml; the size must be that of the recorded images.
 
     For example:
 

@@ -29,11 +29,11 @@ def read_points(
 ) -> Imported:
     """Import points that an instrument measured: reflectors or markers on a robot.
 
-    The file is a table with a header: x, y, z with their unit, such as `x_mm` or
-    `y [inch]`, and a column `target` where there are several reflectors. Rows
-    belong to the samples that are there in order, unless a column `sample` or
-    `stamp_s` says otherwise; rows of one sample are joined. Nothing need be known
-    of where the instrument or the reflectors are.
+    The file is a table with a header. Its columns are x, y, z with their unit,
+    such as `x_mm` or `y [inch]`, and `target` if there are several reflectors.
+    Rows belong to the samples that are there in order, unless a column `sample`
+    or `stamp_s` says otherwise; rows of one sample are joined. Nothing need be
+    known of where the instrument or the reflectors are.
 
     For example:
 

@@ -45,19 +45,21 @@ def read_poses(
     on: str | None = None,
     target_on: str | None = None,
 ) -> Imported:
-    """Import robots' flange poses as their controllers write them, a robot at a time;
-    or make a recording of matrices of all robots and of a target at once.
+    """Import robots' flange poses as their controllers write them, a robot at a time.
+
+    Alternatively, make a recording of matrices of all robots and of a target at
+    once.
 
     A file of one robot is a table with or without a header. Commas, semicolons,
     tabs or spaces separate its columns. It may also hold poses as they are
     pasted from a controller: p[...], {X ..., A ...}, [[...],[...]]. Rows belong
     to the samples that are there in order, unless a column `image`, `sample` or
-    `stamp_s` says otherwise; where nothing is recorded they make the samples. A
+    `stamp_s` states otherwise. If nothing is recorded, they make the samples. A
     robot that is recorded is never overwritten. With --camera and --target
     instead of --robot the table is of the target's poses in the camera. With
-    --streams rows keep the times they have and make lines of their own: devices
-    that recorded each at its own rate, by its own clock; `basecal calibrate`
-    finds by how much the clocks differ.
+    --streams rows keep the times they have and make lines of their own. This is
+    for devices that recorded each at its own rate, by its own clock.
+    `basecal calibrate` finds by how much the clocks differ.
 
     For example:
 

@@ -126,8 +126,8 @@ def _check_marks(folder: str | Path, name: str, kind: str, fields: Mapping[str, 
             continue
         if is_indistinguishable(of_kind, fields, other.target.options):
             raise InputError(
-                f"no image distinguishes {name!r} from {other.name!r} of cell.yaml, which has the same marks: if "
-                f"they are one target omit --target, else state its own dictionary, family, number or counts"
+                f"no image distinguishes {name!r} from {other.name!r} of cell.yaml, which has the same marks. If "
+                "they are one target, omit --target. Otherwise state its own dictionary, family, number or counts"
             )
 
 

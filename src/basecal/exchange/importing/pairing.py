@@ -49,8 +49,9 @@ def pair(imports: Imported, samples: Sequence[Sample], names: Mapping[str, int],
         replace: Whether rows stand in for what is recorded.
 
     Raises:
-        InputError: if it is by order and there are more or fewer rows than samples, or two rows belong to one sample;
-            if it is to be by name and nothing that is recorded has one; if what it reports is recorded already.
+        InputError: if it is by order and there are more or fewer rows than samples, or if two rows belong to one
+            sample. It is also raised if it is to be by name and nothing recorded has one, or if the content is recorded
+            already.
     """
     rows, by = imports.rows, imports.by
     waiting = samples if replace else open_samples(rows, samples)
@@ -143,8 +144,8 @@ def _check_times(imports: Imported, samples: Sequence[Sample]) -> None:
     stamps = [sample.stamp_s for sample in samples if sample.stamp_s is not None]
     if rows and stamps and min(rows) <= max(stamps) and min(stamps) <= max(rows):
         raise InputError(
-            f"{imports.source}: its times lie within those that are recorded, by which streams are joined: "
-            "import into another folder, or shift them"
+            f"{imports.source}: its times lie within those that are recorded, by which streams are joined. "
+            "Import into another folder, or shift them"
         )
 
 
@@ -175,7 +176,7 @@ def _pair_by_name(imports: Imported, samples: Sequence[Sample], samples_by_name:
         return numbers
     if not samples_by_name:
         raise InputError(
-            f"{imports.source}: what is recorded names no images to pair by: leave `--by name` away to pair in "
+            f"{imports.source}: the recording names no images to pair by. Leave `--by name` away to pair in "
             "order, or import tables with a column `image` into another folder"
         )
     first = max(sample.sample for sample in samples) + 1
@@ -188,8 +189,8 @@ def _pair_by_order(imports: Imported, samples: Sequence[Sample]) -> list[int | N
         gaps = missing_numbers([row.image for row in imports.rows if row.image is not None])
         counts = f"{list_names(gaps)} missing in the numbering of its images; {counts}" if gaps else counts
         raise InputError(
-            f"{counts} without it: row i belongs to sample i; where it does not, a column `image` or `sample` of a "
-            "table says so, and --by name of images; --session if it was recorded apart, --still for one row"
+            f"{counts} without it. Row i belongs to sample i, unless a table's column `image` or `sample`, or --by "
+            "name of images, states otherwise. Give --session if it was recorded apart, --still for one row"
         )
     return [sample.sample for sample in samples]
 

@@ -18,7 +18,7 @@ Kind = Literal[TargetKindName, "pose"]
 
 _HEADER_LINES = """\
 # What exists in the cell, what is known of it, and what is requested. Lengths in m, angles in rad unless the key says
-# otherwise. A transform a_from_b is where b stands in a; each has a status: free (asked), prior (with sigma_t_m and
+# otherwise. A transform a_from_b is the pose of b in a. Each has a status: free (requested), prior (with sigma_t_m and
 # sigma_r_rad) or fixed. A pose has t_m and one of q_xyzw, rotvec_rad, rpy_deg; or is a 4x4 matrix.
 schema: basecal/cell/1
 """

@@ -1,8 +1,8 @@
 """The lens in a `camera_info` file of ROS, and in a `sensor_msgs/CameraInfo` that `topic echo` printed.
 
 The terms of `plumb_bob` and `rational_polynomial` are in OpenCV's order (k1 k2 p1 p2 k3 ...), those of `equidistant`
-are the fisheye's; the centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: images that are
-binned or cropped afterwards have another one.
+are the fisheye's. The centre of the top-left pixel is (0, 0). The matrix is of the whole sensor: images that are binned
+or cropped afterwards have another one.
 Source: REP 104; sensor_msgs/CameraInfo and sensor_msgs/distortion_models; camera_calibration_parsers of image_common.
 """
 

@@ -1,8 +1,8 @@
 """The lenses of a reconstruction of COLMAP: `cameras.txt` or `cameras.bin`.
 
-COLMAP counts pixels from the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0)
-here, so half a pixel is taken off the principal point. A model of one focal length has it twice, one of fewer radial
-terms has zeros for the others.
+COLMAP counts pixels from the corner of the image: the centre of the top-left pixel is (0.5, 0.5) there and (0, 0) here.
+Half a pixel is therefore subtracted from the principal point. A model of one focal length has it twice, one of fewer
+radial terms has zeros for the others.
 Source: COLMAP's documentation, "Output Format", "Camera Models" and "Database Format"; src/colmap/sensor/models.h.
 """
 
@@ -156,7 +156,7 @@ def _lens(entry: _Entry) -> StatedLens:
     width, height = entry.size_px
     return StatedLens(
         made_camera(entry.where, model.lens, [fx, fy, *centre, *terms], entry.size_px),
-        f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px; half a pixel taken off its principal "
-        "point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
+        f"camera {entry.number} of COLMAP, {entry.model}, {width} x {height} px. Half a pixel is subtracted from its "
+        "principal point, since COLMAP's top-left pixel has its centre at (0.5, 0.5)",
         str(entry.number),
     )

@@ -1,7 +1,7 @@
 """Files of OpenCV's FileStorage, YAML, XML and JSON, as plain data.
 
-Its YAML begins with `%YAML:1.0`, which no standard knows, and tags matrices `!!opencv-matrix`; its XML has one element
-a field, a matrix being rows, cols, dt and data. Source: OpenCV's modules/core/src/persistence*.cpp.
+Its YAML begins with `%YAML:1.0`, which no standard knows, and tags matrices `!!opencv-matrix`. Its XML has one element
+a field, and a matrix has rows, cols, dt and data. Source: OpenCV's modules/core/src/persistence*.cpp.
 """
 
 from __future__ import annotations

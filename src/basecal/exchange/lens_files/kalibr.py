@@ -1,9 +1,9 @@
 """Kalibr's chain of cameras, and its description of a target.
 
-`pinhole` with `radtan` has terms k1 k2 p1 p2 in OpenCV's order, with `equidistant` the fisheye's four; `T_cn_cnm1` is
-camera n from camera n - 1, metres. Where the IMU stands (`T_cam_imu`, `timeshift_cam_imu`) is nothing a cell holds.
-Corners are found by OpenCV, so the centre of the top-left pixel is (0, 0). A checkerboard is counted by inner corners;
-an asymmetric grid of circles has circle c of row r at ((2 c + r mod 2) spacing, r spacing), as OpenCV's.
+`pinhole` with `radtan` has terms k1 k2 p1 p2 in OpenCV's order, with `equidistant` the fisheye's four. `T_cn_cnm1` is
+camera n from camera n - 1, in metres. A cell holds nothing of the IMU (`T_cam_imu`, `timeshift_cam_imu`). Corners are
+found by OpenCV, so the centre of the top-left pixel is (0, 0). A checkerboard is counted by inner corners. An
+asymmetric grid of circles has circle c of row r at ((2 c + r mod 2) spacing, r spacing), as in OpenCV.
 Source: Kalibr's wiki, "yaml formats", "supported models" and "calibration targets"; GridCalibrationTargetCirclegrid.
 """
 

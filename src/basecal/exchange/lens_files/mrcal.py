@@ -1,8 +1,9 @@
 """The lens in a `.cameramodel` of mrcal: a Python literal, read as data.
 
-The parameters are fx fy cx cy and OpenCV's terms in OpenCV's order; mrcal's converters from and to ROS and OpenCV leave
-them as they are, so the centre of the top-left pixel is (0, 0). Extrinsics are of the rig it was calibrated in, which a
-cell does not know. Source: mrcal's "cameramodel" documentation and its `cameramodel.py`, older names of keys included.
+The parameters are fx fy cx cy and OpenCV's terms in OpenCV's order. The converters of mrcal from and to ROS and OpenCV
+leave them unchanged, so the centre of the top-left pixel is (0, 0). Extrinsics are of the rig it was calibrated in,
+which a cell does not know. Source: mrcal's "cameramodel" documentation and its `cameramodel.py`, older names of keys
+included.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A program of URScript for one arm, that waits at each sample until somebody goes on.
 
-`movej` takes joints [rad], or a pose of the flange, of which the controller finds the joints: the tool has to be the
-flange itself then, which `set_tcp` sees to.
+`movej` takes joints [rad], or a pose of the flange, for which the controller finds the joints. In the second case the
+tool has to be the flange itself, which `set_tcp` ensures.
 """
 
 from __future__ import annotations

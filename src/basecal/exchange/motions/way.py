@@ -69,7 +69,7 @@ class Way:
         chain = self.robots[robot].chain
         if chain is None or not self.has_joints(robot):
             raise InputError(
-                f"{robot} is planned by poses, its joints are not known: add urdf, base_link and flange_link to "
+                f"{robot} is planned by poses, its joints are not known. Add urdf, base_link and flange_link to "
                 "cell.yaml and teach poses by joints, or take `--to csv` or `--to ur-script`"
             )
         return chain.joint_names

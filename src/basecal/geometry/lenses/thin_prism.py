@@ -1,6 +1,6 @@
 """The pinhole's lens with four terms s1 s2 s3 s4 more, of a sensor or elements that stand askew: OpenCV's thin prism.
 
-With s = a^2 + b^2 the image of (a, b, 1) is the pinhole's plus (s1 s + s2 s^2, s3 s + s4 s^2); its derivative is not
+With s = a^2 + b^2 the image of (a, b, 1) is the pinhole's plus (s1 s + s2 s^2, s3 s + s4 s^2). Its derivative is not
 symmetric. Source: Weng, Cohen & Herniou 1992, doi:10.1109/34.159901, in OpenCV's order.
 """
 

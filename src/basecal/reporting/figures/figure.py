@@ -30,7 +30,7 @@ class Figure:
 
 
 def bar(x: float, width: float, share: float, label: str, sample: int | None = None, kind: str = "view") -> str:
-    """A bar that fills a share of the height, at most all of it, and says what it is; one of a sample can be chosen."""
+    """A bar that fills a share of the height, at most all of it, with a label. A bar of a sample can be chosen."""
     height = min(max(HEIGHT * share, 0.5), HEIGHT)
     title = element("title", text(label))
     place = {"x": f"{x + 0.05 * width:.2f}", "width": f"{0.9 * width:.2f}"}

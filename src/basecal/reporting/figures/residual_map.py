@@ -58,7 +58,7 @@ def residual_map(camera: str, size_px: tuple[int, int] | None, views: Sequence[P
     )
     caption = (
         f"{len(pixels)} points. Shade: rms per coordinate, full at {top:g} px. Arrow: mean from where points were seen "
-        f"towards where they are predicted, {three_digits(longer / grid.scale)} times as long; arrows that agree with "
+        f"towards where they are predicted, {three_digits(longer / grid.scale)} times as long. Arrows that agree with "
         "their neighbours are a pattern that the lens model does not have."
     )
     return Figure(f"{camera}, residuals over the image", svg, caption)

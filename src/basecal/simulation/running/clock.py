@@ -8,8 +8,8 @@ import time
 class Clock:
     """Seconds since the cell began to run.
 
-    With a `speed` of 0 time goes on only while somebody waits, by exactly as much: what a cell does then depends on
-    what it is asked alone, not on how busy the machine is.
+    With a `speed` of 0 time advances only while somebody waits, by exactly as much. The behaviour of a cell then
+    depends on its requests alone, not on the load of the machine.
 
     Attributes:
         speed: Seconds of the cell in a second on the wall.

@@ -1,7 +1,7 @@
 """A cell as MuJoCo draws it: every rigid piece a body that is put where it is, nothing that MuJoCo would move.
 
-All is grey but the paper of targets, which has no blue: what shows it is reported by its colour, in the same image as
-its brightness.
+Everything is grey except the paper of targets, which has no blue. The pixels that show the paper are therefore known by
+their colour, in the same image as its brightness.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A fleet worked through, here or on a cluster; what has not changed since is not calibrated again.
+"""Calibrate a fleet, here or on a cluster; cells that have not changed since are not calibrated again.
 
-Nothing is written among the cells but what `basecal detect` keeps there: rows and calibrations stand in a folder of
+Nothing is written among the cells except what `basecal detect` keeps there. Rows and calibrations are in a folder of
 their own, each whole or not at all.
 """
 

@@ -1,7 +1,7 @@
 """How much of each pixel closed outlines cover: exact for straight edges, without sampling.
 
-Every edge is cut at the borders of pixels. A piece adds its height to all pixels right of it, and to its own the part
-right of it; a running sum along rows then gives the covered area. What adjoining outlines share cancels.
+Every edge is cut at the borders of pixels. A piece adds its height to all pixels right of it, and to its own pixel the
+part right of it. A running sum along rows then gives the covered area. What adjoining outlines share cancels.
 Source: the accumulation buffer of R. Levien, "font-rs", written for arrays.
 """
 
@@ -16,7 +16,7 @@ def coverage(outlines: Array, size_px: tuple[int, int]) -> Array:
     """Area of each pixel inside closed outlines that do not overlap, (h, w), in [0, 1].
 
     Args:
-        outlines: (m, 2, 2) edges, start and end in pixels, the centre of the top-left pixel is (0, 0); together they
+        outlines: (m, 2, 2) edges, start and end in pixels; the centre of the top-left pixel is (0, 0). Together they
             are closed, and clockwise on the screen.
         size_px: Width and height.
     """

@@ -1,13 +1,13 @@
 """Ideal corners under a Gaussian point spread, as functions of place, with their derivatives.
 
-Parameters of a corner, (n, 6): its place x, y [px]; the directions of its two lines [rad]; the logarithm of the point
-spread's sigma; and how much the camera has sharpened the image, 0 for not at all. The sides of a line are given by the
-signed distance to the right of its direction.
+A corner has six parameters, (n, 6). The first four are its place x, y [px] and the directions of its two lines [rad].
+The others are the logarithm of the point spread's sigma, and the sharpening of the image by the camera, 0 for none. The
+sides of a line are given by the signed distance to the right of its direction.
 
-A wedge is the chance that a place, moved by the point spread, is to the right of both lines: the normal distribution
-function Phi2(a, b; r) of both distances in sigmas, with the cosine r between the lines. Its derivatives are
-phi(a) Phi((b - r a) / sqrt(1 - r^2)) to a, likewise to b, and the density phi2(a, b; r) to r (Price's theorem).
-A saddle is 4 Phi2(a, b; r) - 2 Phi(a) - 2 Phi(b) + 1.
+A wedge is the chance that a place, moved by the point spread, is to the right of both lines. This is the normal
+distribution function Phi2(a, b; r) of both distances in sigmas, with the cosine r between the lines. Its derivatives
+are phi(a) Phi((b - r a) / sqrt(1 - r^2)) to a, likewise to b, and the density phi2(a, b; r) to r (Price's theorem). A
+saddle is 4 Phi2(a, b; r) - 2 Phi(a) - 2 Phi(b) + 1.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def _sides(q: Array, xy: Array) -> _Sides:
 class _Scaled(NamedTuple):
     """Distances from both lines in sigmas of the point spread, (n, p), their cosine and 1 / sigma [1/px], (n, 1).
 
-    Where the spread is not within its bounds, `bounded`, it is held there, (n, 1): an edge between two pixels would
-    else be anywhere between their middles.
+    `bounded`, (n, 1), is true if the spread is within its bounds. Otherwise the spread is held at a bound, since an
+    edge between two pixels could be anywhere between their middles.
     """
 
     first: Array
@@ -168,8 +168,9 @@ def _chain_slopes(sides: _Sides, slopes: _Slopes, free: int) -> Array:
 def _overlap(sides: _Scaled) -> Array:
     """The normal probability that two correlated numbers are both positive, beyond the product, (n, p).
 
-    Its derivative to the correlation is the density (Price's theorem); the integral over it by Gauss-Legendre in the
-    arc's sine, which is smooth up to correlation one. Source: Drezner & Wesolowsky 1990.
+    Its derivative to the correlation is the density (Price's theorem). The density is integrated by Gauss-Legendre
+    quadrature over the arcsine of the correlation, in which it is smooth up to correlation one. Source: Drezner &
+    Wesolowsky 1990.
     """
     product, squares = sides.first * sides.second, 0.5 * (sides.first**2 + sides.second**2)
     total = np.zeros_like(product)

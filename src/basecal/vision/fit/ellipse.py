@@ -17,8 +17,9 @@ _DIFFERENCE_STEP = 1e-5  # of a logarithm: curvature and rounding leave ten digi
 class Ellipse:
     """A disc's image: 1 inside, 0 outside; see `Shape`.
 
-    Parameters: x, y [px]; a, b, c of the symmetric matrix exp(a, b; b, c) that takes the unit circle to the outline
-    [px]; the logarithm of the point spread's sigma, (n, 6).
+    It has six parameters, (n, 6). The first two are the centre x, y [px]. The next three are a, b, c of the symmetric
+    matrix exp(a, b; b, c) that takes the unit circle to the outline [px]. The last is the logarithm of the point
+    spread's sigma.
     """
 
     def __call__(self, q: Array, xy: Array) -> Array:

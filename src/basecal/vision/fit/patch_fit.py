@@ -1,7 +1,7 @@
 """Least squares of a shape to many small pieces of an image at once.
 
-A piece is `gain * shape(q, xy) + offset (+ slope. xy)`: the shape's own parameters q are what is sought, gain,
-offset and slope are the light's and solved for along the way. Each piece is a problem of its own.
+A piece is `gain * shape(q, xy) + offset (+ slope. xy)`. The shape's own parameters q are sought. Gain, offset and slope
+belong to the illumination, and are solved for along the way. Each piece is a problem of its own.
 Source: Golub & Pereyra 1973 (variable projection), in Kaufman's form.
 """
 

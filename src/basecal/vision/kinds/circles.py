@@ -1,7 +1,7 @@
 """Grids of circles: OpenCV finds the grid, an ellipse is then fitted to each disc's edge.
 
-A disc's centre is not at the centre of the ellipse it is seen as: the difference follows from how the grid lies in
-the image and is taken off. Source: Heikkila 2000, doi:10.1109/34.879788. As with a chessboard, ids may count from
+The centre of a disc is not at the centre of its ellipse in the image. The difference follows from how the grid lies in
+the image, and is subtracted. Source: Heikkila 2000, doi:10.1109/34.879788. As with a chessboard, ids may count from
 either end where half a turn leaves the grid as it is.
 """
 
@@ -156,8 +156,8 @@ def _windows(image: Image, start: Array, axes: Array, target: Target) -> tuple[A
 def _eccentricity(plane: Array, shape: Array, spacing: float) -> tuple[Array, Array]:
     """How far the centres of ellipses are from the images of the discs' centres, (n, 2) [px], in two parts.
 
-    In perspective, where in the axes of the grid around each disc a circle of radius r has the dual conic
-    diag(r^2, r^2, -1); and by how the lens bends the grid beyond that.
+    The first part is that of perspective. In the axes of the grid around each disc, a circle of radius r has the dual
+    conic diag(r^2, r^2, -1). The second is due to the distortion of the grid by the lens beyond that.
     """
     pixels_from_plane, bend = local_homographies(plane, shape[:, :2], spacing)
     jacobian = pixels_from_plane[:, :2, :2] - pixels_from_plane[:, :2, 2:] * pixels_from_plane[:, 2:, :2]
