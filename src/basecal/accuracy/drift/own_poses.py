@@ -1,8 +1,8 @@
 """Views linearised about the pose that they show themselves, if they are far from where a calibration predicts them.
 
-About a prediction that is far off, the first order of a view is not valid, and points that the prediction has outside
-the lens hold no information. A view's own pose has all of it. The tangent from the prediction to that pose is linear in
-the shift of one frame, however large the shift is.
+The first order of a view is not valid about a prediction that is far off. Points that the prediction has outside the
+lens hold no information. A view's own pose has all of it. The tangent from the prediction to that pose is linear in the
+shift of one frame, however large the shift is.
 """
 
 from __future__ import annotations
@@ -37,39 +37,39 @@ def first_order(linear: ViewInformation) -> ViewTangents:
     return ViewTangents(-step[..., 0], linear.information)
 
 
-def view_tangents(measurement: PixelMeasurement, predicted: SE3, camera: Camera) -> ViewTangents:
+def view_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera) -> ViewTangents:
     """How far views are off their prediction: to first order if that is valid, else by their own poses.
 
     Args:
         measurement: n views.
-        predicted: (n,) `camera_from_target`.
+        prediction: (n,) `camera_from_target`.
         camera: The lens.
     """
-    linear = measurement.linearise(predicted, camera, False)
+    linear = measurement.linearise(prediction, camera, False)
     near = first_order(linear)
-    rows = np.flatnonzero(~_is_first_order(measurement, predicted, camera, near) | ~np.isfinite(linear.cost))
+    rows = np.flatnonzero(~_is_first_order(measurement, prediction, camera, near) | ~np.isfinite(linear.cost))
     if not len(rows):
         return near
     tangent, information = near.tangent.copy(), near.information.copy()
-    tangent[rows], information[rows] = _far_tangents(measurement.take(rows), predicted[rows], camera)
+    tangent[rows], information[rows] = _far_tangents(measurement.take(rows), prediction[rows], camera)
     return ViewTangents(tangent, information)
 
 
-def _is_first_order(measurement: PixelMeasurement, predicted: SE3, camera: Camera, linear: ViewTangents) -> BoolArray:
+def _is_first_order(measurement: PixelMeasurement, prediction: SE3, camera: Camera, linear: ViewTangents) -> BoolArray:
     """Whether the first order reaches a view's optimum."""
-    reached = measurement.linearise(predicted @ SE3.exp(linear.tangent), camera, False)
+    reached = measurement.linearise(prediction @ SE3.exp(linear.tangent), camera, False)
     gain = -np.sum(first_order(reached).tangent * reached.gradient, axis=-1)
     return np.asarray(np.isfinite(reached.cost) & (gain < _SAME_CHI2))
 
 
-def _far_tangents(measurement: PixelMeasurement, predicted: SE3, camera: Camera) -> ViewTangents:
-    """By the views' own poses; by the directions of points about the prediction, if these hold no pose."""
+def _far_tangents(measurement: PixelMeasurement, prediction: SE3, camera: Camera) -> ViewTangents:
+    """Tangents to the views' own poses; by directions of points about the prediction if these hold no pose."""
     chords = _bearings(measurement, camera)
-    coarse = first_order(chords.linearise(predicted, None, False))
+    coarse = first_order(chords.linearise(prediction, None, False))
     if len(measurement.points_in_target) < FEWEST_POINTS:
         return coarse
-    own = _own_poses(measurement, chords, predicted, camera)
-    tangent = (predicted.inverse() @ own.camera_from_target).log()
+    own = _own_poses(measurement, chords, prediction, camera)
+    tangent = (prediction.inverse() @ own.camera_from_target).log()
     transport = right_jacobian(tangent)  # the own pose errs in its own axes
     return ViewTangents(
         np.where(own.has_pose[:, None], tangent, coarse.tangent),
@@ -83,14 +83,14 @@ class _OwnPoses(NamedTuple):
     has_pose: BoolArray
 
 
-def _own_poses(measurement: PixelMeasurement, chords: BearingMeasurement, predicted: SE3, camera: Camera) -> _OwnPoses:
+def _own_poses(measurement: PixelMeasurement, chords: BearingMeasurement, prediction: SE3, camera: Camera) -> _OwnPoses:
     """The pose that fits each view best, from its prediction and from its closed forms, (n,)."""
     closed = view_poses(measurement.points_in_target, chords.bearings_in_camera, chords.weight > 0, chords)
-    starts = [predicted, closed.camera_from_target[:, 0], closed.camera_from_target[:, 1]]
+    starts = [prediction, closed.camera_from_target[:, 0], closed.camera_from_target[:, 1]]
     ends = [refine_poses(measurement, start, camera, _REFINEMENT_STEPS) for start in starts]
     cost = np.stack([np.nan_to_num(end.cost, nan=np.inf, posinf=np.inf) for end in ends])
     choice = np.argmin(cost, axis=0)
-    rows: IntArray = choice * len(predicted) + np.arange(len(predicted))
+    rows: IntArray = choice * len(prediction) + np.arange(len(prediction))
     poses = concatenate([end.camera_from_target for end in ends])[rows]
     information = np.concatenate([end.information for end in ends])[rows]
     return _OwnPoses(poses, information, closed.has_pose & np.isfinite(cost.min(0)))

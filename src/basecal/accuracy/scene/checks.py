@@ -29,7 +29,7 @@ _FEWEST_OF_EACH = 4  # views of each camera that show some of them
 _LEAST_SCORE = 30.0  # standard deviations of a count
 _LEAST_RATIO = 2.5  # of points found over those found by chance
 _RIVAL_SHARE = 1 / 3  # of the score of the best that no other transform may have
-_LEAST_COMMON = 2 / 3  # of places that both see; right rooms have 0.79 to 1, equal groups of objects 0.4 to 0.58
+_LEAST_COMMON = 0.45  # of places; right rooms have 1, with each box moved 0.6, two equal groups of objects 0.13 to 0.29
 _LEAST_KEPT = 0.5  # share of the points found in both scenes that one adjustment keeps
 _WEAK_M, _WEAK_RAD = 0.01, np.radians(0.5)  # sigma along an axis that is worth a warning
 _STILL_CHANCE = 1e-3  # of errors that follow time so closely in a scene that is still
@@ -89,7 +89,7 @@ def join_findings(
         join: How they join; None if they do not.
         shared_count: Points that both see.
         of_each: Views of each that show some of them.
-        common: Share of places at which most points are one, of those where both cameras have their own.
+        common: Share of places of the first camera's scene that the second shows, of those within its images.
     """
     first, second = names
     if join is None or join.score < _LEAST_SCORE or join.found < _LEAST_RATIO * join.by_chance:
@@ -101,7 +101,7 @@ def join_findings(
         do = "Remove repeated objects, or add different ones around them.", SAME_SPOT
         yield Finding("scene-rival", "error", names, what, do, "Some objects of the scene look the same.")
     elif common < _LEAST_COMMON:
-        what = f"The points of {first} and {second} are the same at {common:.0%} of the places that both see."
+        what = f"{second} shows the scene of {first} at {common:.0%} of the places in its view."
         yield Finding("scene-rival", "error", names, what, (SAME_SPOT,), _MISTAKEN)
     elif shared_count < _FEWEST_SHARED or min(of_each) < _FEWEST_OF_EACH:
         what = f"{first} and {second} share {shared_count} points, in {of_each[0]} and {of_each[1]} images."

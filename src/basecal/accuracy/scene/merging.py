@@ -12,11 +12,12 @@ from scipy.sparse.csgraph import connected_components
 from basecal.accuracy.scene.joining import Join
 from basecal.accuracy.scene.one_camera import OneCamera
 from basecal.accuracy.scene.pictures import Pictures
+from basecal.estimation.scene.base import project_points
 from basecal.estimation.scene.views import FEWEST_VIEWS, Tracks
 from basecal.geometry import IntArray
 
-_CUBE_M = 0.1  # [m] sides of the cubes in which points of two cameras are compared
-_FEWEST_IN_CUBE = 4  # points of each camera
+_CUBE_M = 0.15  # [m] sides of the cubes that are places
+_FEWEST_IN_CUBE = 4  # points of a place
 
 
 def merged_tracks(pictures: Pictures, ones: Sequence[OneCamera], joins: Sequence[tuple[int, int, Join]]) -> Tracks:
@@ -52,32 +53,22 @@ def shared_points(pictures: Pictures, tracks: Tracks, cameras: tuple[int, int]) 
 
 
 def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
-    """Share of places at which most points of a camera equal one of the other, of those where both have their own.
+    """Share of places of the first camera's scene that the second shows, of those predicted within its images.
 
     Two equal objects, of which each camera sees one, fit; what is around them does not. Places are cubes, which count
-    equally: objects have more texture than what is around them. 1 if there is no such cube.
+    equally, as objects have more texture than what is around them. 1 if no cube has enough points.
     """
     assert first.fit is not None
     assert second.fit is not None
-    view, point, feature = join.sightings
-    known = second.points_by_feature()
-    seen = zip(view.tolist(), feature.tolist(), strict=True)
-    of_second = np.array([known[key] for key in seen if key in known], dtype=np.int64)
-    points = first.fit.state.points, join.second_from_first.inverse() @ second.fit.state.points
-    cubes = [np.floor(each / _CUBE_M).astype(np.int64) for each in points]
-    _, number = np.unique(np.concatenate(cubes), axis=0, return_inverse=True)
-    count = int(number.max()) + 1
-    own = np.split(number.ravel(), [len(cubes[0])])
-    totals = [np.bincount(each, minlength=count) for each in own]
-    found = [
-        np.bincount(each[np.unique(shown)], minlength=count)
-        for each, shown in zip(own, (point, of_second), strict=True)
-    ]
-    both = np.flatnonzero(np.minimum(*totals) >= _FEWEST_IN_CUBE)
-    if not len(both):
-        return 1.0
-    share = np.maximum(*(f[both] / t[both] for f, t in zip(found, totals, strict=True)))
-    return float(np.mean(share >= 0.5))
+    points, fit = first.fit.state.points, second.fit
+    camera_from_second = fit.state.world_from_camera(fit.views).inverse()
+    pixels = project_points(points, camera_from_second @ join.second_from_first, fit.state.lenses[0])
+    predicted = np.flatnonzero(np.isfinite(pixels).all(-1).sum(0) >= FEWEST_VIEWS)
+    found = np.isin(predicted, join.sightings[1])
+    cubes = np.floor(points[predicted] / _CUBE_M).astype(np.int64)
+    _, number, total = np.unique(cubes, axis=0, return_inverse=True, return_counts=True)
+    share = np.bincount(number.ravel(), found, len(total))[total >= _FEWEST_IN_CUBE] / total[total >= _FEWEST_IN_CUBE]
+    return float(np.mean(share >= 0.5)) if len(share) else 1.0
 
 
 def _count(one: OneCamera) -> int:

@@ -41,7 +41,7 @@ class Scale:
     shape: float
     chance: float
 
-    def for_suspects(self) -> Scale:
+    def suspect_scale(self) -> Scale:
         """A copy for items to be judged once more: exceeded more often, its shape not estimated from few squares."""
         return replace(self, chance=_CHANCE_OF_SUSPECT, shape=np.inf)
 

@@ -130,23 +130,23 @@ def judge_again(
 
 
 def leave_out_suspects(
-    whole: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
+    robust: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
-    """What is left without views that stand out, though none is gross; None if none does or no answer is left.
+    """Leave out views that stand out, though none is gross; None if none does or no answer is left.
 
     A gross view enlarges the noise that is estimated with it, and hides behind it. The views that stand out are to be
     judged once more, by the noise of all others.
 
     Args:
-        whole: Nothing is left out of it.
+        robust: The solution of all views.
         recorded_problem: All that was seen, as it was recorded.
         cell: What exists and what is known.
         settings: How to solve.
     """
-    problem, state = whole.solution.problem, whole.solution.state
+    problem, state = robust.solution.problem, robust.solution.state
     every = all_inliers(problem)
     judgement = classify_inliers(problem, state, every)
-    suspect = judgement.view_scale.for_suspects()
+    suspect = judgement.view_scale.suspect_scale()
     kept = replace(every, views=tuple(~suspect.gross_mask(squares) for squares in judgement.views))
     left = inlier_problem(problem, kept)
     if kept.same_as(every) or sum(int(g.measurement.equations().sum()) for g in left.groups) <= left.width:
@@ -156,7 +156,7 @@ def leave_out_suspects(
     except (BasecalError, np.linalg.LinAlgError):
         return None
     end = Consensus(problem, kept, solution, judgement)
-    return _make_result(cell, recorded_problem, end) if is_answer(end, whole.solution) else None
+    return _make_result(cell, recorded_problem, end) if is_answer(end, robust.solution) else None
 
 
 def _ends(
