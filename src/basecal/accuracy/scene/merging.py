@@ -62,7 +62,8 @@ def common_share(first: OneCamera, second: OneCamera, join: Join) -> float:
     assert second.fit is not None
     points, fit = first.fit.state.points, second.fit
     camera_from_world = fit.state.world_from_camera(fit.views).inverse()
-    pixels = project_points(points, camera_from_world @ join.second_from_first, fit.state.lenses[0])
+    transform = join.second_from_first  # of both cameras' worlds
+    pixels = project_points(points, camera_from_world @ transform, fit.state.lenses[0])
     predicted = np.flatnonzero(np.isfinite(pixels).all(-1).sum(0) >= FEWEST_VIEWS)
     found = np.isin(predicted, join.sightings[1])
     cubes = np.floor(points[predicted] / _CUBE_M).astype(np.int64)
