@@ -49,8 +49,8 @@ def solve_with_noise(
     """The solution of all but the gross outliers, with the most likely unstated sigmas.
 
     Noise is estimated of all views first: outliers make it larger, yet stand out among the others. The noise is
-    estimated again without those that stand out, and all views are judged by it, until none changes sides. Where the first noise
-    is more than arms have, what agrees as if robots were exact goes before it.
+    estimated again without those that stand out, and all views are judged by it, until none changes sides. Where the
+    first noise is more than arms have, what agrees as if robots were exact goes before it.
 
     Args:
         cell: What exists and what is known.
