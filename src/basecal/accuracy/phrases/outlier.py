@@ -11,7 +11,7 @@ from basecal.cell import Outlier
 from basecal.estimation.outliers.left_out import LeftOut
 
 _LARGEST_SIGMAS = 1000.0  # sigmas, beyond which the number says no more
-_LISTED = 5  # outliers that a finding lists, the first with its cause
+_SHOWN_OUTLIERS = 5  # outliers that a finding lists, the first with its cause
 
 Images = Mapping[tuple[int, str], str]
 
@@ -31,9 +31,9 @@ def list_outliers(outliers: Sequence[LeftOut], images: Images) -> str:
     """Sentences about excluded items: the reason of the first, and the sizes of the next few."""
     places = [name_sample(o.sample, images.get((o.sample, o.camera))) for o in outliers]
     sentences = [f"At {places[0]}, {outlier_reason(outliers[0])}."]
-    for place, outlier in zip(places[1:_LISTED], outliers[1:_LISTED], strict=False):
+    for place, outlier in zip(places[1:_SHOWN_OUTLIERS], outliers[1:_SHOWN_OUTLIERS], strict=False):
         sentences.append(f"S{place[1:]}: {_size(outlier)}.")
-    if len(outliers) > _LISTED:
+    if len(outliers) > _SHOWN_OUTLIERS:
         sentences.append("Those that follow are under `outliers` of calibration.json.")
     return " ".join(sentences)
 
