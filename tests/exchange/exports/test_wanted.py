@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from export_example import BASE, wanted
-
 from basecal.cell import Cell, Robot
+from export_example import BASE, wanted
 
 
 def test_own_frames_are_those_of_the_name():
