@@ -139,8 +139,8 @@ class Validation:
         rms_px: Of a coordinate, held out [px]; None without pixels.
         target_m: Rms distance of `camera_from_target` from where the view alone has it [m]; None if it has none.
         target_rad: Likewise its rms angle [rad].
-        base_change: Mean over folds of the squared change of the requested transforms, in units of its expectation by
-            the covariance: 1 where that is true; None if nothing asked is free.
+        base_change: Mean over folds of the squared change of the requested transforms over its expectation by the
+            covariance, 1 if that is true. None if nothing asked is free.
         rivals: The answer and other methods on the same views; none if they were not requested.
     """
 
@@ -284,8 +284,8 @@ class Calibration:
     def between(self, robot: str, other_robot: str) -> PoseEstimate:
         """`<robot>_base_from_<other>_base` of any two robots, by what both share too.
 
-        The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other's base; bases that the same
-        views place stand to each other better than each does to the reference's.
+        The covariance (6, 6) [m, rad] is in the right tangent, in the axes of the other's base. If the same views
+        place both bases, their pose to each other is better known than that of each to the reference's.
 
         Raises:
             FrameNotFound: if there is no such robot, or its base was not found.

@@ -28,7 +28,7 @@ _STOP_ROUNDS = 4  # Gauss-Newton steps for the stops' errors, which converge qua
 class Evaluation:
     """The views whose transforms and lens a calibration knows, and the state that it puts them in.
 
-    The errors of the robots' stops, which a calibration does not hold, are the most probable ones at its transforms, by
+    A calibration does not hold the errors of the robots' stops. They are the most probable ones at its transforms, by
     the views that are no outliers.
     """
 

@@ -39,8 +39,7 @@ PLAUSIBLE_PX = 3.0  # residual that a detector may have [px]
 def agreeing_points(problem: Problem, state: State, suspects: list[IntArray], cell: Cell) -> tuple[BoolArray, ...]:
     """Points of suspect views that agree with the rest of their view, and all points of others, (n, p), by group.
 
-    A lens that is free may have been bent by wrong poses: where points scatter as if it were, that of the views alone
-    is tried, too.
+    Wrong poses may have bent a lens that is free. If points scatter so, the lens of the views alone is tried, too.
     """
     if not any(map(len, suspects)):
         return all_inliers(problem).points

@@ -131,20 +131,20 @@ def judge_again(
 
 
 def leave_out_suspects(
-    whole: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
+    previous: RobustSolution, recorded_problem: Problem, cell: Cell, settings: Settings = STATED
 ) -> RobustSolution | None:
-    """What is left without views that stand out, though none is gross; None if none does or no answer is left.
+    """The solution without views that stand out, though none is gross; None if none does or no answer is left.
 
     A gross view enlarges the noise that is estimated with it, and hides behind it. The views that stand out are to be
     judged once more, by the noise of all others.
 
     Args:
-        whole: Nothing is left out of it.
+        previous: Nothing is left out of it.
         recorded_problem: All that was seen, as it was recorded.
         cell: What exists and what is known.
         settings: How to solve.
     """
-    problem, state = whole.solution.problem, whole.solution.state
+    problem, state = previous.solution.problem, previous.solution.state
     every = all_inliers(problem)
     judgement = classify_inliers(problem, state, every)
     suspect = judgement.view_scale.with_chance(CHANCE_OF_SUSPECT)
@@ -157,7 +157,7 @@ def leave_out_suspects(
     except (BasecalError, np.linalg.LinAlgError):
         return None
     end = Consensus(problem, kept, solution, judgement)
-    return _make_result(cell, recorded_problem, end) if is_answer(end, whole.solution) else None
+    return _make_result(cell, recorded_problem, end) if is_answer(end, previous.solution) else None
 
 
 def _ends(
